@@ -1,0 +1,49 @@
+"""Natural frequencies of hydraulic booms, and the cylinders and pins that raise them.
+
+    import armdesign as ad
+
+    machine = ad.load("excavator_20t")
+    workspace = ad.Workspace.grid(machine)
+    print(ad.frequency_map(machine, workspace).worst)
+    design = ad.optimize(machine, workspace)
+
+Names load on first use, so that importing the package costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armdesign import formulas as formulas
+    from armdesign.errors import ArmDesignError as ArmDesignError
+    from armdesign.machine import Machine as Machine
+    from armdesign.machine import load as load
+    from armdesign.modes import Modes as Modes
+    from armdesign.modes import natural_modes as natural_modes
+    from armdesign.poses import Poses as Poses
+
+_HOME = {
+    "ArmDesignError": "errors",
+    "Machine": "machine",
+    "load": "machine",
+    "Modes": "modes",
+    "natural_modes": "modes",
+    "Poses": "poses",
+}
+
+__all__ = [*_HOME, "formulas"]
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(importlib.import_module(f"armdesign.{_HOME[name]}"), name)
+    if name == "formulas":
+        return importlib.import_module("armdesign.formulas")
+    raise AttributeError(f"module 'armdesign' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

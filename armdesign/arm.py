@@ -1,0 +1,241 @@
+"""The arm: rigid links and joints of a URDF. The only door to Pinocchio.
+
+The URDF has been reduced to the joints that are coordinates (``urdf.py``), so nq = nv = n.
+Pinocchio gives inertia, gravity and its derivative pose by pose; placements are batched numpy (axis 0 = pose).
+
+The world is the frame of the URDF's root link: z up, gravity along −z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdesign.units import GRAVITY
+from armdesign.urdf import read_urdf, rotations
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPoses:
+    """What the bare links contribute at n poses; it depends on neither pins, cylinders nor payload."""
+
+    q: Array  # (n, nq) [rad, m]
+    mass_matrix: Array  # (n, nq, nq)
+    gravity_torque: Array  # (n, nq)
+    gravity_stiffness: Array  # (n, nq, nq), ∂g/∂q
+    rotation: Array  # (n, nq, 3, 3) joint frames in the world
+    translation: Array  # (n, nq, 3) [m]
+    axis: Array  # (n, nq, 3) joint axes in the world
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, rows: Any) -> RigidPoses:
+        """The poses ``rows`` selects (slice, mask or indices)."""
+        return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class PointMotion:
+    """A point of a link as seen from another link, in world components.
+
+    position (n, 3) [m]; jacobian (n, k, 3) = ∂/∂q_j; hessian (n, k, k, 3) = ∂²/∂q_j∂q_k over the k joints asked for.
+    """
+
+    position: Array
+    jacobian: Array
+    hessian: Array
+
+
+class Arm:
+    """The moving links of a URDF.
+
+    Args:
+        urdf: text of the URDF.
+        joints: coordinates, in the order of q.
+        frozen: value of other joints [rad or m]; 0 where none is given.
+        source: file name for messages.
+
+    Raises:
+        MachineFileError: XML, link, joint or inertia that cannot be used.
+    """
+
+    def __init__(self, urdf: str, joints: list[str], frozen: dict[str, float], source: str) -> None:
+        self.source = source
+        self.xml, self.joints, self.links = read_urdf(urdf, joints, frozen, source)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joint names in the order of q."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def limits(self) -> Array:
+        """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
+        return np.array([[joint.lower, joint.upper] for joint in self.joints])
+
+    @cached_property
+    def _chains(self) -> list[tuple[int, ...]]:
+        """For each joint, the joints from the root to it."""
+        chains: list[tuple[int, ...]] = [()] * len(self.joints)
+        for index in self._order:
+            parent = self.joints[index].parent
+            chains[index] = (*(chains[parent] if parent >= 0 else ()), index)
+        return chains
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Joints sorted so that each comes after its parent."""
+        order: list[int] = []
+        while len(order) < len(self.joints):
+            order += [
+                index
+                for index, joint in enumerate(self.joints)
+                if index not in order and (joint.parent < 0 or joint.parent in order)
+            ]
+        return order
+
+    def chain(self, link: str) -> tuple[int, ...]:
+        """Joints from the root to a link, root first."""
+        joint = self.links[link].joint
+        return self._chains[joint] if joint >= 0 else ()
+
+    def path(self, start: str, end: str) -> list[tuple[int, int]]:
+        """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
+        up, down = self.chain(start), self.chain(end)
+        common = sum(1 for _ in _common_prefix(up, down))
+        return [(j, -1) for j in reversed(up[common:])] + [(j, 1) for j in down[common:]]
+
+    # ---------------------------------------------------------------------------------------------- placements
+
+    def placements(self, q: Array) -> tuple[Array, Array, Array]:
+        """Joint frames in the world at q (n, nq): rotation, translation and joint axis."""
+        n, nq = q.shape
+        rotation, translation = np.empty((n, nq, 3, 3)), np.empty((n, nq, 3))
+        for index in self._order:
+            joint = self.joints[index]
+            angle = q[:, index] if joint.revolute else np.zeros(n)
+            local = joint.rotation @ rotations(joint.axis, angle)
+            offset = np.broadcast_to(joint.translation, (n, 3))
+            if not joint.revolute:
+                offset = offset + np.outer(q[:, index], joint.rotation @ joint.axis)
+            if joint.parent < 0:
+                rotation[:, index], translation[:, index] = local, offset
+            else:
+                before = rotation[:, joint.parent]
+                rotation[:, index] = before @ local
+                translation[:, index] = translation[:, joint.parent] + np.einsum("nij,nj->ni", before, offset)
+        axis = np.stack([rotation[:, i] @ joint.axis for i, joint in enumerate(self.joints)], axis=1)
+        return rotation, translation, axis
+
+    def link_rotation(self, poses: RigidPoses, link: str) -> Array:
+        """Orientation of a link frame in the world (n, 3, 3)."""
+        body = self.links[link]
+        if body.joint < 0:
+            return np.broadcast_to(body.rotation, (len(poses), 3, 3))
+        return np.asarray(poses.rotation[:, body.joint] @ body.rotation)
+
+    def point(self, poses: RigidPoses, link: str, at: Array) -> Array:
+        """World position (n, 3) [m] of a point given in a link's frame."""
+        body = self.links[link]
+        local = body.translation + body.rotation @ at
+        if body.joint < 0:
+            return np.broadcast_to(local, (len(poses), 3))
+        return np.asarray(poses.translation[:, body.joint] + poses.rotation[:, body.joint] @ local)
+
+    def motion(
+        self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
+    ) -> PointMotion:
+        """A point of ``link`` and its first two derivatives by ``joints``, as an observer on ``seen_from`` sees it.
+
+        A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one shifts it; of two
+        joints the nearer to the observer acts last: ∂²P/∂q_j∂q_k = ω_j × ∂P/∂q_k.
+        """
+        position = self.point(poses, link, at)
+        n, k = len(position), len(joints)
+        jacobian, hessian = np.zeros((n, k, 3)), np.zeros((n, k, k, 3))
+        path = [(j, sign) for j, sign in self.path(seen_from, link) if j in joints]
+        for j, sign in path:
+            axis = sign * poses.axis[:, j]
+            lever = position - poses.translation[:, j]
+            jacobian[:, joints.index(j)] = np.cross(axis, lever) if self.joints[j].revolute else axis
+        for near, (j, sign) in enumerate(path):
+            if not self.joints[j].revolute:
+                continue
+            axis = sign * poses.axis[:, j]
+            for k_joint, _ in path[near:]:
+                a, b = joints.index(j), joints.index(k_joint)
+                hessian[:, a, b] = hessian[:, b, a] = np.cross(axis, jacobian[:, b])
+        return PointMotion(position, jacobian, hessian)
+
+    def direction(self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]) -> PointMotion:
+        """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
+        origin = self.motion(poses, link, np.zeros(3), seen_from, joints)
+        tip = self.motion(poses, link, local, seen_from, joints)
+        return PointMotion(
+            tip.position - origin.position, tip.jacobian - origin.jacobian, tip.hessian - origin.hessian
+        )
+
+    def pitch(self, poses: RigidPoses, link: str) -> Array:
+        """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""
+        rotation = self.link_rotation(poses, link)
+        forward = np.cross(rotation[:, :, 1], [0.0, 0.0, 1.0])
+        return np.arctan2(rotation[:, 2, 0], np.einsum("ni,ni->n", rotation[:, :, 0], forward))
+
+    # ------------------------------------------------------------------------------------------------ Pinocchio
+
+    @cached_property
+    def _pinocchio(self) -> tuple[Any, Any, Array]:
+        """Model, scratch data and, for each coordinate of ours, its index in the model."""
+        import pinocchio
+
+        model = pinocchio.buildModelFromXML(self.xml)
+        index = np.array([model.joints[model.getJointId(name)].idx_v for name in self.names])
+        return model, model.createData(), index
+
+    def rigid_poses(self, q: Array) -> RigidPoses:
+        """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
+        import pinocchio
+
+        model, data, index = self._pinocchio
+        n, nq = q.shape
+        mass, gravity, stiffness = np.empty((n, nq, nq)), np.empty((n, nq)), np.empty((n, nq, nq))
+        ordered = np.empty_like(q)
+        ordered[:, index] = q
+        for row in range(n):
+            mass[row] = pinocchio.crba(model, data, ordered[row])
+            gravity[row] = pinocchio.computeGeneralizedGravity(model, data, ordered[row])
+            stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, ordered[row])
+        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)  # crba fills the upper triangle only
+        pick = np.ix_(np.arange(n), index, index)
+        return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
+
+    def point_mass(self, poses: RigidPoses, link: str, at: Array, mass: float) -> tuple[Array, Array, Array]:
+        """What a point mass [kg] on a link adds to M, g and ∂g/∂q: m JᵀJ, m g ∂z/∂q, m g ∂²z/∂q²."""
+        joints = tuple(range(len(self.joints)))
+        motion = self.motion(poses, link, at, self.root, joints)
+        return (
+            mass * np.einsum("nji,nki->njk", motion.jacobian, motion.jacobian),
+            mass * GRAVITY * motion.jacobian[:, :, 2],
+            mass * GRAVITY * motion.hessian[:, :, :, 2],
+        )
+
+    @property
+    def root(self) -> str:
+        """Name of the root link: the world."""
+        return next(iter(self.links))
+
+
+def _common_prefix(a: tuple[int, ...], b: tuple[int, ...]) -> list[int]:
+    shared = []
+    for x, y in zip(a, b, strict=False):
+        if x != y:
+            break
+        shared.append(x)
+    return shared

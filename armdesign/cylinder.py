@@ -1,0 +1,164 @@
+"""The hydraulic cylinder: areas, oil spring, static pressures, buckling.
+
+All formulas are elementwise on arrays; areas and volumes are those of all parallel cylinders of a function together.
+They accept complex numbers, so that a complex step gives their exact derivative.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.fluid import bulk_modulus
+
+STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fluid:
+    """Oil: bulk modulus without air [Pa], entrained air (volume share at atmospheric pressure), density [kg/m³]."""
+
+    bulk_modulus: float
+    air: float = 0.0
+    density: float = 870.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supply:
+    """Pump pressure and return pressure [Pa], flow [m³/s]."""
+
+    pressure: float
+    return_pressure: float
+    flow: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """A hydraulic function: ``count`` equal double-acting cylinders that share pins, valve and hoses.
+
+    Lengths [m], volumes [m³]; bore, rod, stroke and closed length are those of one cylinder, volumes of all together.
+    """
+
+    name: str
+    count: int = 1
+    bore: float
+    rod: float
+    stroke: float
+    closed_length: float
+    cap_dead_volume: float
+    annulus_dead_volume: float
+    cap_hose_volume: float = 0.0
+    annulus_hose_volume: float = 0.0
+    hose_modulus: float = 700e6
+    compliance: float = 0.0  # [m/N] in series with the oil, all together
+
+    @property
+    def bore_area(self) -> float:
+        """A1, all together [m²]."""
+        return self.count * math.pi / 4 * self.bore**2
+
+    @property
+    def annulus_area(self) -> float:
+        """A2, all together [m²]."""
+        return self.count * math.pi / 4 * (self.bore**2 - self.rod**2)
+
+    @property
+    def open_length(self) -> float:
+        """Pin-to-pin length with the rod out [m]."""
+        return self.closed_length + self.stroke
+
+    @property
+    def dead_length(self) -> float:
+        """What head, piston and eyes take: closed length − stroke [m]."""
+        return self.closed_length - self.stroke
+
+    def volumes(self, extension: Any) -> tuple[Any, Any]:
+        """Oil in cap and annulus chamber [m³] at an extension [m]: A1 s + Vd1, A2 (S − s) + Vd2."""
+        return (
+            self.bore_area * extension + self.cap_dead_volume,
+            self.annulus_area * (self.stroke - extension) + self.annulus_dead_volume,
+        )
+
+    def stiffness(self, extension: Any, force: Any, fluid: Fluid, return_pressure: float) -> Any:
+        """Oil stiffness [N/m] at an extension [m] under a static force [N, + pushes], valve closed."""
+        return stiffness(self, self.bore_area, self.annulus_area, extension, self.stroke, force, fluid, return_pressure)
+
+
+def stiffness(
+    cylinder: Cylinder,
+    bore_area: Any,
+    annulus_area: Any,
+    extension: Any,
+    stroke: Any,
+    force: Any,
+    fluid: Fluid,
+    return_pressure: float,
+) -> Any:
+    """Stiffness [N/m] of a cylinder like ``cylinder`` but with other areas [m²] and stroke [m]; complex-safe.
+
+    Each chamber has its own bulk modulus at its static pressure when the oil carries air.
+    """
+    beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
+    if fluid.air > 0:
+        pressures = static_pressures(force, bore_area, annulus_area, return_pressure)
+        beta = tuple(bulk_modulus(p, fluid.bulk_modulus, fluid.air) for p in pressures)  # type: ignore[assignment]
+    return oil_stiffness(
+        bore_area,
+        annulus_area,
+        (bore_area * extension + cylinder.cap_dead_volume) / beta[0] + cylinder.cap_hose_volume / cylinder.hose_modulus,
+        (annulus_area * (stroke - extension) + cylinder.annulus_dead_volume) / beta[1]
+        + cylinder.annulus_hose_volume / cylinder.hose_modulus,
+        cylinder.compliance,
+    )
+
+
+def oil_stiffness(
+    bore_area: Any, annulus_area: Any, cap_capacity: Any, annulus_capacity: Any, compliance: float = 0.0
+) -> Any:
+    """Stiffness of two trapped chambers [N/m]: k = A1²/C1 + A2²/C2, in series with a structural compliance.
+
+    Without hoses C = V/β, which gives k_h = β (A1²/V1 + A2²/V2) (Pencelli et al. 2019, eq. 12 without its factor 2).
+
+    Args:
+        bore_area: A1 [m²].
+        annulus_area: A2 [m²].
+        cap_capacity: C1 = V1/β1 + V_hose/β_hose [m³/Pa].
+        annulus_capacity: C2 [m³/Pa].
+        compliance: of pins, brackets and links in series [m/N].
+    """
+    oil = bore_area**2 / cap_capacity + annulus_area**2 / annulus_capacity
+    return oil / (1 + compliance * oil)
+
+
+def static_pressures(force: Any, bore_area: Any, annulus_area: Any, return_pressure: float) -> tuple[Any, Any]:
+    """Pressures of cap and annulus chamber [Pa] under a static force [N, + pushes]: F = A1 p1 − A2 p2.
+
+    The chamber that carries the load takes what the other, at return pressure, leaves to it.
+    """
+    cap = (force + annulus_area * return_pressure) / bore_area
+    annulus = (bore_area * return_pressure - force) / annulus_area
+    pushes = np.real(cap) >= return_pressure
+    return np.where(pushes, cap, return_pressure), np.where(pushes, return_pressure, annulus)
+
+
+def softest_extension(bore_area: float, annulus_area: float, stroke: float) -> float:
+    """Extension of least oil stiffness without dead volume [m]: s* = S √A1/(√A1 + √A2), where k = β(√A1 + √A2)²/S."""
+    root_1, root_2 = math.sqrt(bore_area), math.sqrt(annulus_area)
+    return stroke * root_1 / (root_1 + root_2)
+
+
+def holding_force(bore_area: Any, annulus_area: Any, supply: Supply, pushes: Any) -> Any:
+    """Largest static force [N] of supply pressure against return pressure, pushing or pulling."""
+    push = supply.pressure * bore_area - supply.return_pressure * annulus_area
+    pull = supply.pressure * annulus_area - supply.return_pressure * bore_area
+    return np.where(pushes, push, pull)
+
+
+def euler_safety(bore: Any, rod: Any, open_length: Any, supply_pressure: float) -> Any:
+    """Euler buckling load of the rod over the supply's thrust: π² E I/(L² p A), I = π d⁴/64, L pin to pin, rod out."""
+    inertia = math.pi * rod**4 / 64
+    thrust = supply_pressure * math.pi / 4 * bore**2
+    return math.pi**2 * STEEL_MODULUS * inertia / (open_length**2 * thrust)

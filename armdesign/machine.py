@@ -1,0 +1,480 @@
+"""The machine: an arm, its cylinders, oil, supply and load cases, as one immutable value.
+
+A machine is made from its file's text and knows it: ``replace`` edits the text at key paths and reads it again, ``save``
+writes it. So whatever a machine answers, its file answers too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdesign import machine_file
+from armdesign.arm import Arm, RigidPoses
+from armdesign.cylinder import Cylinder, Fluid, Supply
+from armdesign.errors import ArmDesignError, MachineFileError, PoseError
+from armdesign.linkage import Actuation, FourBar, Linkage, Pin
+from armdesign.machine_file import CylinderSection, MachineSection, PinSection
+from armdesign.poses import Poses, is_singular, static_forces
+from armdesign.ranges import joint_ranges
+from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
+
+Array = NDArray[np.float64]
+
+STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """A load case: a point mass [kg] on a link; ``pitch`` [rad] limits the poses at which the link holds it."""
+
+    name: str
+    mass: float = 0.0
+    link: str | None = None
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pitch: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Machine:
+    """A hydraulic boom machine.
+
+    Attributes:
+        name: short name, also of files written about it.
+        arm: rigid links and joints.
+        cylinders: hydraulic functions, in the order of the file.
+        linkages: the pins of each cylinder, same order.
+        payloads: all load cases, in the order of the file.
+        payload: the load case at work.
+        fluid: the oil.
+        supply: the pump.
+        tool: the point whose position is reported.
+        section: the machine file as read.
+        text: its text.
+        urdf_text: text of its URDF.
+        source: where it came from, for messages.
+    """
+
+    name: str
+    arm: Arm
+    cylinders: tuple[Cylinder, ...]
+    linkages: tuple[Linkage, ...]
+    payloads: tuple[Payload, ...]
+    payload: Payload
+    fluid: Fluid
+    supply: Supply
+    tool: Pin
+    section: MachineSection
+    text: str
+    urdf_text: str
+    source: Path
+
+    @classmethod
+    def from_text(cls, text: str, urdf_text: str, source: Path, arm: Arm | None = None) -> Machine:
+        """The machine that a machine file's and a URDF's text describe.
+
+        Args:
+            text: TOML.
+            urdf_text: URDF.
+            source: path of the machine file, for messages and the URDF's place.
+            arm: the arm if it has been read already.
+
+        Raises:
+            MachineFileError: anything in them that no machine can have.
+        """
+        section = machine_file.parse(text, source.name)
+        arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf)
+        machine = _assemble(section, arm, text=text, urdf_text=urdf_text, source=source)
+        _check(machine)
+        return machine
+
+    # ------------------------------------------------------------------------------------------------ variants
+
+    def with_payload(self, payload: str | float) -> Machine:
+        """The same machine under another load case (its name), or with another mass [kg] in its place.
+
+        A mass takes the place of the case at work; if that has none, of the first case that has.
+        """
+        if isinstance(payload, str):
+            named = {case.name: case for case in self.payloads}
+            if payload not in named:
+                raise ArmDesignError(f"{self.name}: payload {payload}", "no such load case", _choose(payload, named))
+            return dataclasses.replace(self, payload=named[payload])
+        if not (math.isfinite(payload) and payload >= 0):
+            raise ArmDesignError(f"{self.name}: payload", f"{payload:g} kg is not allowed", "give a mass in [0, ∞) kg")
+        placed = next((case for case in (self.payload, *self.payloads) if case.link is not None), None)
+        if placed is None and payload > 0:
+            raise ArmDesignError(f"{self.name}: payload", "no load case says where a mass sits", "add link and at_mm to one")
+        case = placed or self.payload
+        return dataclasses.replace(self, payload=dataclasses.replace(case, name=f"{payload:g} kg", mass=float(payload)))
+
+    def replace(self, changes: Mapping[str, Any]) -> Machine:
+        """The machine with other numbers at key paths of its file, in the file's units.
+
+        Example: ``machine.replace({"cylinder.boom.bore_mm": 130.0})``.
+
+        Raises:
+            MachineFileError: a path or value that the file cannot have.
+        """
+        text = machine_file.write(self.text, dict(changes), self.source.name)
+        section = machine_file.parse(text, self.source.name)
+        same_arm = (section.joints, section.frozen, section.urdf) == (
+            self.section.joints,
+            self.section.frozen,
+            self.section.urdf,
+        )
+        machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
+        return machine.with_payload(self.payload.name) if self.payload in self.payloads else machine
+
+    def save(self, path: str | Path) -> Path:
+        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""
+        target = Path(path)
+        if target.suffix != ".toml":
+            raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
+        urdf = target.parent / self.section.urdf
+        urdf.parent.mkdir(parents=True, exist_ok=True)
+        if urdf.exists() and urdf.read_text(encoding="utf-8") != self.urdf_text:
+            raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
+        urdf.write_text(self.urdf_text, encoding="utf-8")
+        target.write_text(self.text, encoding="utf-8")
+        return target
+
+    # --------------------------------------------------------------------------------------------------- poses
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joint names in the order of q."""
+        return self.arm.names
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Joint ranges (nq, 2) [rad, m]: what the strokes allow, cut by the URDF's limits."""
+        return joint_ranges(self.arm, self.linkages, self.cylinders, 0.0, self.source.name)
+
+    def range_within(self, end_margin: float) -> Array:
+        """Joint ranges (nq, 2) in which every cylinder keeps a share of its stroke free at both ends."""
+        return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, self.source.name)
+
+    def rigid_poses(self, q: ArrayLike) -> RigidPoses:
+        """What the bare links contribute at q (n, nq); reuse it for other pins, cylinders and payloads."""
+        return self.arm.rigid_poses(self._checked(q))
+
+    def margins(self, q: ArrayLike | RigidPoses) -> Array:
+        """Share of its stroke that each cylinder has left to its nearer end (n, nc); negative when out of stroke.
+
+        −inf where a four-bar does not close. Never raises for a pose.
+        """
+        rigid = q if isinstance(q, RigidPoses) else self._kinematics(self._checked(q))
+        with np.errstate(invalid="ignore"):
+            lengths = np.stack([linkage.length(rigid) for linkage in self.linkages], axis=1)
+        extension = (lengths - self._closed) / self._strokes
+        return np.nan_to_num(np.minimum(extension, 1 - extension), nan=-np.inf)
+
+    def holds(self, q: ArrayLike | RigidPoses, payload: Payload | None = None) -> NDArray[np.bool_]:
+        """Whether the load case exists at each pose (n,): the pitch of its link lies in the case's range."""
+        case = payload or self.payload
+        rigid = q if isinstance(q, RigidPoses) else self._kinematics(self._checked(q))
+        if case.pitch is None or case.link is None:
+            return np.ones(len(rigid), dtype=bool)
+        low, high = case.pitch
+        beyond = np.mod(self.arm.pitch(rigid, case.link) - low + 1e-9, 2 * math.pi)  # 1e-9 rad: the limit itself counts
+        return np.asarray(beyond <= high - low + 2e-9)
+
+    def at(self, q: ArrayLike | RigidPoses) -> Poses:
+        """Everything at joint positions q (n, nq) [rad, m] (or one pose (nq,)) under the load case at work.
+
+        Raises:
+            PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
+        """
+        rigid = q if isinstance(q, RigidPoses) else self.rigid_poses(q)
+        poses = self.evaluate(rigid)
+        self._refuse_unreachable(poses)
+        return poses
+
+    def evaluate(self, rigid: RigidPoses) -> Poses:
+        """As ``at``, without its checks: what cannot be is inf or NaN there."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            actuation = [linkage.actuation(rigid) for linkage in self.linkages]
+        moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
+        lengths = np.stack([a.length for a in actuation], axis=1)
+        mass, gravity, gravity_stiffness = self.loaded(rigid)
+        forces = static_forces(moment_arms, gravity, self._areas)
+        extension = lengths - self._closed
+        stiffness = [
+            cylinder.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply.return_pressure)
+            for i, cylinder in enumerate(self.cylinders)
+        ]
+        return Poses(
+            q=rigid.q,
+            mass_matrix=mass,
+            gravity_torque=gravity,
+            gravity_stiffness=gravity_stiffness,
+            lengths=lengths,
+            moment_arms=moment_arms,
+            moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
+            extensions=extension / self._strokes,
+            cylinder_forces=forces,
+            oil_stiffness=np.stack(stiffness, axis=1),
+            tool=np.array(self.arm.point(rigid, self.tool.link, np.array(self.tool.at))),
+            shared=self.shared,
+        )
+
+    def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
+        """M, g and ∂g/∂q with the payload at work (it weighs nothing where its mass is 0)."""
+        base = (rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)
+        if self.payload.mass == 0 or self.payload.link is None:
+            return base
+        added = self.arm.point_mass(rigid, self.payload.link, np.array(self.payload.at), self.payload.mass)
+        return base[0] + added[0], base[1] + added[1], base[2] + added[2]
+
+    @cached_property
+    def shared(self) -> tuple[tuple[int, ...], ...]:
+        """For each cylinder, the cylinders that share a joint with it, itself included."""
+        own = [set(linkage.joints) for linkage in self.linkages]
+        return tuple(tuple(j for j, other in enumerate(own) if mine & other) for mine in own)
+
+    @cached_property
+    def _closed(self) -> Array:
+        return np.array([cylinder.closed_length for cylinder in self.cylinders])
+
+    @cached_property
+    def _strokes(self) -> Array:
+        return np.array([cylinder.stroke for cylinder in self.cylinders])
+
+    @cached_property
+    def _areas(self) -> Array:
+        return np.array([cylinder.bore_area for cylinder in self.cylinders])
+
+    def _kinematics(self, q: Array) -> RigidPoses:
+        """Placements only, for questions of geometry."""
+        n, nq = q.shape
+        empty = np.zeros((n, 0, 0))
+        return RigidPoses(q, empty, np.zeros((n, 0)), empty, *self.arm.placements(q))
+
+    def _checked(self, q: ArrayLike) -> Array:
+        nq = len(self.joints)
+        try:
+            array = np.array(q, dtype=float)
+        except (TypeError, ValueError):
+            raise PoseError(f"{self.name}: q", "is not an array of numbers", f"give shape (n, {nq})") from None
+        array = array[None] if array.ndim == 1 else array
+        if array.ndim != 2 or array.shape[1] != nq:
+            raise PoseError(f"{self.name}: q", f"has shape {array.shape}", f"give (n, {nq}): {', '.join(self.joints)}")
+        if not np.all(np.isfinite(array)):
+            raise PoseError(f"{self.name}: q", "holds a number that is not finite", "give finite joint positions")
+        return array
+
+    def _refuse_unreachable(self, poses: Poses) -> None:
+        for i, (linkage, cylinder) in enumerate(zip(self.linkages, self.cylinders, strict=True)):
+            length = poses.lengths[:, i]
+            part = f"{self.name}: {cylinder.name} cylinder"
+            if np.any(open_ := ~np.isfinite(length)):
+                where = self._pose_text(poses.q[open_][0])
+                raise PoseError(part, f"its four-bar does not close at {where}", f"stay in the range of {self._range_text(linkage)}")
+            out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (length > cylinder.open_length + STROKE_TOLERANCE)
+            if np.any(out):
+                raise PoseError(
+                    part,
+                    f"length {length[out][0]:.4f} m is outside its stroke "
+                    f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m at {self._pose_text(poses.q[out][0])}",
+                    f"stay in the range of {self._range_text(linkage)} or change stroke and pins",
+                )
+        if np.any(singular := is_singular(poses.moment_arms)):
+            where = self._pose_text(poses.q[singular][0])
+            raise PoseError(f"{self.name}: pose", f"singular at {where}: a cylinder is at its dead centre", "avoid it")
+
+    def _pose_text(self, q: Array) -> str:
+        return ", ".join(
+            f"{joint.name} {value:.4f} {'rad' if joint.revolute else 'm'}"
+            for joint, value in zip(self.arm.joints, q, strict=True)
+        )
+
+    def _range_text(self, linkage: Linkage) -> str:
+        words = []
+        for j in linkage.joints:
+            (low, high), joint = self.ranges[j], self.arm.joints[j]
+            words.append(f'joint "{joint.name}" [{low:.4f}, {high:.4f}] {"rad" if joint.revolute else "m"}')
+        return " and ".join(words)
+
+
+# -------------------------------------------------------------------------------------------------- from the file
+
+
+def load(path_or_name: str | Path) -> Machine:
+    """Machine from a ``.toml`` file, a folder ``<name>/<name>.toml``, or the name of a shipped machine.
+
+    It carries its first load case.
+
+    Raises:
+        MachineFileError: no such machine, or a fault in its file or URDF.
+    """
+    path = _find(Path(path_or_name))
+    text = machine_file.read_text(path)
+    section = machine_file.parse(text, path.name)
+    urdf_text = machine_file.read_text(path.parent / section.urdf)
+    return Machine.from_text(text, urdf_text, path)
+
+
+def shipped() -> dict[str, Path]:
+    """Machine files that come with the package, by name."""
+    here = Path(__file__).resolve().parent
+    for folder in (here / "robots", here.parent / "robots"):  # wheel; editable install or checkout
+        if folder.is_dir():
+            return {p.stem: p for p in sorted(folder.glob("*/*.toml")) if p.stem == p.parent.name}
+    return {}
+
+
+def _find(path: Path) -> Path:
+    if path.is_dir():
+        own = path / f"{path.resolve().name}.toml"
+        if own.is_file():
+            return own
+        raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
+    if path.suffix == ".toml" or path.exists():
+        return path
+    names = shipped()
+    if str(path) in names:
+        return names[str(path)]
+    raise MachineFileError(str(path), "no such machine", f"{_choose(str(path), names)}, or give a .toml file")
+
+
+def _choose(name: str, known: Mapping[str, Any]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"
+
+
+def _pin(section: PinSection) -> Pin:
+    x, y, z = (value * mm for value in section.at_mm)
+    return Pin(link=section.link, at=(x, y, z))
+
+
+def _linkage(section: CylinderSection, arm: Arm) -> Linkage:
+    bars = section.four_bar
+    four_bar = bars and FourBar(
+        pivot=_pin(bars.pivot),
+        lug=_pin(bars.lug),
+        rocker=bars.rocker_mm * mm,
+        coupler=bars.coupler_mm * mm,
+        side=1 if bars.knee == "left" else -1,
+    )
+    return Linkage(
+        base=_pin(section.base),
+        rod_end=_pin(section.rod_end) if section.rod_end else None,
+        four_bar=four_bar,
+        arm=arm,
+    )
+
+
+def _cylinder(name: str, section: CylinderSection) -> Cylinder:
+    return Cylinder(
+        name=name,
+        count=section.count,
+        bore=section.bore_mm * mm,
+        rod=section.rod_mm * mm,
+        stroke=section.stroke_mm * mm,
+        closed_length=section.closed_length_mm * mm,
+        cap_dead_volume=section.dead_volume_l.cap * litre,
+        annulus_dead_volume=section.dead_volume_l.annulus * litre,
+        cap_hose_volume=section.hose.cap_l * litre,
+        annulus_hose_volume=section.hose.annulus_l * litre,
+        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
+        compliance=section.compliance_m_per_N,
+    )
+
+
+def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
+    def known(link: str, path: str) -> None:
+        if link not in arm.links:
+            raise MachineFileError(f"{source.name}: {path}.link", f'no link "{link}" in the URDF', _choose(link, arm.links))
+
+    payloads = []
+    for name, case in section.payload.items():
+        if case.link is not None:
+            known(case.link, f"payload.{name}")
+        x, y, z = (value * mm for value in case.at_mm or (0.0, 0.0, 0.0))
+        pitch = (case.pitch_deg[0] * deg, case.pitch_deg[1] * deg) if case.pitch_deg else None
+        payloads.append(Payload(name=name, mass=case.mass_kg, link=case.link, at=(x, y, z), pitch=pitch))
+    known(section.tool.link, "tool")
+    for name, cylinder in section.cylinder.items():
+        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
+        if cylinder.four_bar:
+            pins |= {"four_bar.pivot": cylinder.four_bar.pivot, "four_bar.lug": cylinder.four_bar.lug}
+        for key, pin in pins.items():
+            if pin is not None:
+                known(pin.link, f"cylinder.{name}.{key}")
+    return Machine(
+        name=section.name,
+        arm=arm,
+        cylinders=tuple(_cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
+        linkages=tuple(_linkage(cylinder, arm) for cylinder in section.cylinder.values()),
+        payloads=tuple(payloads),
+        payload=payloads[0],
+        fluid=Fluid(
+            bulk_modulus=section.fluid.bulk_modulus_MPa * MPa,
+            air=section.fluid.entrained_air_percent / 100,
+            density=section.fluid.density_kg_per_m3,
+        ),
+        supply=Supply(
+            pressure=section.supply.pressure_bar * bar,
+            return_pressure=section.supply.return_pressure_bar * bar,
+            flow=section.supply.flow_l_per_min * l_per_min,
+        ),
+        tool=_pin(section.tool),
+        section=section,
+        text=text,
+        urdf_text=urdf_text,
+        source=source,
+    )
+
+
+def _check(machine: Machine) -> None:
+    """What only the assembled machine can tell: every joint driven, four-bars planar, every joint has a range."""
+    source, arm = machine.source.name, machine.arm
+    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+        where = f"{source}: cylinder.{cylinder.name}"
+        if not linkage.joints:
+            raise MachineFileError(where, "no joint lies between its pins", "put its pins on links that move to each other")
+        if linkage.four_bar is not None:
+            _check_four_bar(where, linkage)
+    driven = {j for linkage in machine.linkages for j in linkage.joints}
+    for j, joint in enumerate(arm.joints):
+        if j not in driven:
+            raise MachineFileError(
+                f"{source}: joints", f'no cylinder moves "{joint.name}"', "add a cylinder or freeze the joint"
+            )
+    middle = machine.ranges.mean(axis=1)[None]
+    if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
+        raise MachineFileError(f"{source}: cylinder", "the cylinders leave a direction of motion free", "check their pins")
+
+
+def _check_four_bar(where: str, linkage: Linkage) -> None:
+    bars, arm = linkage.four_bar, linkage.arm
+    assert bars is not None
+    path = arm.path(bars.pivot.link, bars.lug.link)
+    if len(path) != 1 or not arm.joints[path[0][0]].revolute:
+        raise MachineFileError(
+            f"{where}.four_bar", "pivot and lug are not on the two links of one revolute joint", "place them so"
+        )
+    j = path[0][0]
+    zero = RigidPoses(
+        np.zeros((1, len(arm.joints))), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros((1, 0, 0)),
+        *arm.placements(np.zeros((1, len(arm.joints)))),
+    )
+    normal = arm.link_rotation(zero, bars.pivot.link)[0, :, 1]
+    if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
+        raise MachineFileError(
+            f"{where}.four_bar", f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
+            "a four-bar lies in its link's x–z plane",
+        )
+
+
+__all__ = ["Actuation", "Machine", "Payload", "load", "shipped"]

@@ -1,0 +1,406 @@
+"""The machine file: TOML ↔ validated schema.
+
+The schema is the file: its keys, each with its unit in the name, its allowed range in the annotation. A fault is answered
+with file, key path, value, range and remedy. Writing changes leaf values only, so the author's comments stay.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+import tomlkit
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from tomlkit.exceptions import TOMLKitError
+
+from armdesign.errors import MachineFileError
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$", max_length=64)]
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+Length = Annotated[float, Field(gt=0, le=100_000)]
+Volume = Annotated[float, Field(ge=0, le=10_000)]
+Flow = Annotated[float, Field(gt=0, le=100_000)]
+Mass = Annotated[float, Field(ge=0, le=1_000_000)]
+Pressure = Annotated[float, Field(gt=0, le=5_000)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Ratio = Annotated[float, Field(gt=0, le=10)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+class Section(BaseModel):
+    """A table of the file: no unknown keys, no other types, no NaN."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class PinSection(Section):
+    """A pin, given in the frame of the link that carries it."""
+
+    link: Text
+    at_mm: Point
+
+
+class PayloadSection(Section):
+    """A load case; without ``pitch_deg`` it exists at every pose."""
+
+    mass_kg: Mass
+    link: Text | None = None
+    at_mm: Point | None = None
+    pitch_deg: Annotated[list[Angle], Field(min_length=2, max_length=2)] | None = None
+
+
+class FluidSection(Section):
+    """The oil."""
+
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=10_000)]  # noqa: N815
+    entrained_air_percent: Annotated[float, Field(ge=0, lt=50)] = 0.0
+    density_kg_per_m3: Annotated[float, Field(gt=0, le=5_000)] = 870.0
+
+
+class SupplySection(Section):
+    """The pump."""
+
+    pressure_bar: Pressure
+    return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
+    flow_l_per_min: Flow
+
+
+class DeadVolumeSection(Section):
+    """Oil that the piston never sweeps, hoses included, all parallel cylinders together."""
+
+    cap: Volume
+    annulus: Volume
+
+
+class HoseSection(Section):
+    """The share of the dead volume that lies in hoses, and their wall's modulus."""
+
+    cap_l: Volume = 0.0
+    annulus_l: Volume = 0.0
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0  # noqa: N815
+
+
+class FourBarSection(Section):
+    """Rocker and coupler between cylinder and driven link."""
+
+    pivot: PinSection
+    rocker_mm: Length
+    coupler_mm: Length
+    lug: PinSection
+    knee: Literal["left", "right"]
+    rocker_kg: Mass = 0.0
+    coupler_kg: Mass = 0.0
+
+
+class ValveSection(Section):
+    """The 4/3 valve of a function, for all its parallel cylinders together."""
+
+    rated_flow_l_per_min: Flow
+    rated_drop_bar: Pressure
+    natural_frequency_hz: Annotated[float, Field(gt=0, le=10_000)]
+    damping_ratio: Annotated[float, Field(gt=0, le=10)]
+    overlap_percent: Annotated[float, Field(ge=0, lt=100)] = 0.0
+    leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+
+
+class FrictionSection(Section):
+    """Friction per cylinder."""
+
+    coulomb_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
+    static_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
+    stribeck_velocity_mm_per_s: Annotated[float, Field(gt=0, le=1e6)] = 5.0
+    viscous_N_s_per_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
+
+
+class CylinderSection(Section):
+    """A hydraulic function: ``count`` equal cylinders sharing their pins."""
+
+    count: Annotated[int, Field(ge=1, le=16)] = 1
+    bore_mm: Length
+    rod_mm: Length
+    stroke_mm: Length
+    closed_length_mm: Length
+    dead_volume_l: DeadVolumeSection
+    base: PinSection
+    rod_end: PinSection | None = None
+    four_bar: FourBarSection | None = None
+    barrel_kg: Mass = 0.0
+    rod_kg: Mass = 0.0
+    compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0  # noqa: N815
+    hose: HoseSection = HoseSection()
+    valve: ValveSection | None = None
+    friction: FrictionSection = FrictionSection()
+
+
+class DiggingSection(Section):
+    """Cylinders whose digging force counts, and how much of today's must remain."""
+
+    cylinders: list[Name]
+    share: Ratio = 0.95
+
+
+class RequirementsSection(Section):
+    """What a new design must keep, relative to today's machine."""
+
+    end_margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.02
+    holding_share: Share = 0.87
+    oil_total_share: Ratio = 1.0
+    oil_each_share: Ratio = 1.1
+    thrust_share: Ratio = 1.1
+    moment_arm_share: Ratio = 0.8
+    transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
+    digging: DiggingSection | None = None
+    pin_box_mm: Annotated[float, Field(ge=0, le=100_000)] | None = None
+
+
+class MachineSection(Section):
+    """The whole file."""
+
+    name: Name
+    title: Text | None = None
+    urdf: Text
+    joints: Annotated[list[Text], Field(min_length=1, max_length=20)]
+    frozen: dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]] = {}
+    tool: PinSection
+    payload: Annotated[dict[Name, PayloadSection], Field(min_length=1)]
+    fluid: FluidSection
+    supply: SupplySection
+    cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
+    requirements: RequirementsSection = RequirementsSection()
+
+
+def read_text(path: Path) -> str:
+    """Text of a machine file or URDF.
+
+    Raises:
+        MachineFileError: the file is missing or is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise MachineFileError(str(path), "no such file", "check the path") from None
+    except UnicodeDecodeError:
+        raise MachineFileError(str(path), "is not UTF-8 text", "save it as UTF-8") from None
+    except OSError as error:
+        raise MachineFileError(str(path), f"cannot be read ({error.strerror})", "check the path") from None
+
+
+def parse(text: str, source: str) -> MachineSection:
+    """Check a machine file's text against the schema.
+
+    Args:
+        text: TOML.
+        source: file name for messages.
+
+    Raises:
+        MachineFileError: not TOML, or a key that is missing, unknown, of a wrong type or out of its range.
+    """
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
+    try:
+        section = MachineSection.model_validate(data)
+    except ValidationError as error:
+        raise _explain(error, source) from None
+    _check_sense(section, source)
+    return section
+
+
+def write(text: str, changes: dict[str, Any], source: str) -> str:
+    """The text with the leaf values at some key paths changed and all else, comments included, as it was.
+
+    Raises:
+        MachineFileError: a path that the file's schema does not have.
+    """
+    document = tomlkit.parse(text)
+    for path, value in changes.items():
+        *tables, leaf = path.split(".")
+        node: Any = document
+        for depth, key in enumerate(tables):
+            if key not in node:
+                _refuse_new_table(tuple(tables[: depth + 1]), node, f"{source}: {path}")
+                node[key] = tomlkit.inline_table()
+            node = node[key]
+            if not hasattr(node, "keys"):
+                raise MachineFileError(f"{source}: {path}", f'"{key}" is a value, not a table', "shorten the path")
+        _set_leaf(node, leaf, value, f"{source}: {path}")
+    return tomlkit.dumps(document)
+
+
+def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
+    """Raise unless the schema knows this table as an optional one: load cases and cylinders are not made by a change."""
+    parent, _ = _annotation(location[:-1])
+    known = parent.model_fields if isinstance(parent, type) and issubclass(parent, Section) else node
+    if known is node or location[-1] not in known:
+        raise MachineFileError(where, f'no "{location[-1]}" in the file', f"choose from: {', '.join(known)}")
+
+
+def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
+    old = node.get(leaf)
+    if isinstance(old, dict):
+        raise MachineFileError(where, "is a table, not a value", "name one of its keys")
+    if isinstance(old, list) and isinstance(value, list | tuple) and len(old) == len(value):
+        for index, item in enumerate(value):  # element by element: spacing and comments of the list stay
+            old[index] = item
+        return
+    try:
+        node[leaf] = list(value) if isinstance(value, tuple) else value
+    except (TypeError, ValueError, TOMLKitError):
+        raise MachineFileError(where, f"cannot hold {value!r}", "give a number or a text") from None
+
+
+# ----------------------------------------------------------------------------------------------------------- messages
+
+
+def _unwrap(annotation: Any) -> tuple[Any, list[Any]]:
+    """Strip Annotated and optional: (type, constraints)."""
+    constraints: list[Any] = []
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *extra = get_args(annotation)
+            for item in extra:
+                constraints += getattr(item, "metadata", [item])
+            continue
+        arguments = [a for a in get_args(annotation) if a is not type(None)]
+        if type(None) in get_args(annotation) and len(arguments) == 1:
+            annotation = arguments[0]
+            continue
+        return annotation, constraints
+
+
+def _annotation(location: tuple[Any, ...]) -> tuple[Any, list[Any]]:
+    """Type and constraints that the schema has at a key path; KeyError where it has none."""
+    kind: Any = MachineSection
+    constraints: list[Any] = []
+    for key in location:
+        if isinstance(kind, type) and issubclass(kind, Section):
+            field = kind.model_fields[key]
+            kind, constraints = _unwrap(field.annotation)
+            constraints = [*constraints, *field.metadata]
+        elif get_origin(kind) in (dict, list):
+            kind, constraints = _unwrap(get_args(kind)[-1])
+        else:
+            raise KeyError(key)
+    return kind, constraints
+
+
+def _allowed(location: tuple[Any, ...]) -> str:
+    """What may stand at a key path, in words."""
+    try:
+        kind, constraints = _annotation(location)
+    except KeyError:
+        return ""
+    if get_origin(kind) is Literal:
+        return "one of " + ", ".join(f'"{choice}"' for choice in get_args(kind))
+    if kind in (float, int):
+        low, high = "(-∞", "∞)"
+        for bound in constraints:
+            low = f"({bound.gt:g}" if isinstance(bound, Gt) else f"[{bound.ge:g}" if isinstance(bound, Ge) else low
+            high = f"{bound.lt:g})" if isinstance(bound, Lt) else f"{bound.le:g}]" if isinstance(bound, Le) else high
+        return f"{'a whole number' if kind is int else 'a number'} in {low}, {high}"
+    if get_origin(kind) is list:
+        sizes = [c.min_length for c in constraints if hasattr(c, "min_length")]
+        return f"a list of {sizes[0] if sizes else 'some'} values, each {_allowed((*location, 0))}"
+    if kind is str:
+        return "a text"
+    if get_origin(kind) is dict:
+        return "a table of named entries (names of letters, digits, _ and -)"
+    required = [name for name, field in kind.model_fields.items() if field.is_required()]
+    return f"a table with {', '.join(required)}" if required else "a table"
+
+
+def _explain(error: ValidationError, source: str) -> MachineFileError:
+    faults = error.errors(include_url=False)
+    # an unknown key next to a missing one is most likely a misspelling: say the one that holds the remedy
+    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
+    location = tuple(part for part in fault["loc"] if part != "[key]")
+    path = ".".join(str(part) for part in location)
+    where, allowed = f"{source}: {path}", _allowed(location)
+    more = f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else ""
+    if fault["type"] == "missing":
+        return MachineFileError(where, "missing", f"add {location[-1]}: {allowed}{more}")
+    if fault["type"] == "extra_forbidden":
+        kind, _ = _annotation(location[:-1])
+        close = difflib.get_close_matches(str(location[-1]), kind.model_fields, n=1, cutoff=0.5)
+        hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(kind.model_fields)}"
+        return MachineFileError(where, "unknown key", hint + more)
+    if fault["loc"][-1:] == ("[key]",):
+        return MachineFileError(where, "is not a usable name", "start with a letter, then letters, digits, _ or -" + more)
+    return MachineFileError(where, f"{_shown(fault['input'])} is not allowed", f"give {allowed or 'another value'}{more}")
+
+
+def _shown(value: Any) -> str:
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _check_sense(machine: MachineSection, source: str) -> None:
+    """What the schema cannot say: keys that must agree with each other."""
+
+    def refuse(path: str, problem: str, remedy: str) -> None:
+        raise MachineFileError(f"{source}: {path}", problem, remedy)
+
+    if len(set(machine.joints)) < len(machine.joints):
+        refuse("joints", "a joint is named twice", "name each joint once")
+    for name in machine.frozen:
+        if name in machine.joints:
+            refuse(f"frozen.{name}", "is also in joints", "a joint is either a coordinate or frozen")
+    if Path(machine.urdf).is_absolute() or ".." in Path(machine.urdf).parts:
+        refuse("urdf", f'"{machine.urdf}" leaves the folder of the machine file', "put the URDF beside the file")
+    if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
+        refuse(
+            "supply.return_pressure_bar",
+            f"{machine.supply.return_pressure_bar:g} bar is not below the supply's {machine.supply.pressure_bar:g} bar",
+            "give a lower return pressure",
+        )
+    for name, payload in machine.payload.items():
+        if payload.mass_kg > 0 and (payload.link is None or payload.at_mm is None):
+            missing = "link" if payload.link is None else "at_mm"
+            refuse(f"payload.{name}.{missing}", "missing: a mass must sit somewhere", f"add {missing}")
+        if payload.pitch_deg is not None:
+            low, high = payload.pitch_deg
+            if not low < high or high - low > 360:
+                refuse(f"payload.{name}.pitch_deg", f"[{low:g}, {high:g}] deg is empty", "give [lower, upper] within one turn")
+            if payload.link is None:
+                refuse(f"payload.{name}.link", "missing: the pitch is that of a link", "add link")
+    for name, cylinder in machine.cylinder.items():
+        _check_cylinder(f"cylinder.{name}", cylinder, refuse)
+    digging = machine.requirements.digging
+    for name in digging.cylinders if digging else []:
+        if name not in machine.cylinder:
+            refuse("requirements.digging.cylinders", f'no cylinder "{name}"', f"choose from: {', '.join(machine.cylinder)}")
+
+
+def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
+    if cylinder.rod_mm >= cylinder.bore_mm:
+        refuse(
+            f"{path}.rod_mm",
+            f"{cylinder.rod_mm:g} mm does not fit the bore",
+            f"give a rod in (0, {cylinder.bore_mm:g}) mm",
+        )
+    if (cylinder.rod_end is None) == (cylinder.four_bar is None):
+        given = "neither" if cylinder.rod_end is None else "both"
+        refuse(f"{path}.rod_end", f"{given} rod_end and four_bar given", "give exactly one of them")
+    volumes = (("cap", cylinder.hose.cap_l), ("annulus", cylinder.hose.annulus_l))
+    for side, hose in volumes:
+        dead = getattr(cylinder.dead_volume_l, side)
+        if hose > dead:
+            refuse(f"{path}.hose.{side}_l", f"{hose:g} l exceeds the dead volume", f"give a volume in [0, {dead:g}] l")
+    if cylinder.friction.static_N and cylinder.friction.static_N < cylinder.friction.coulomb_N:
+        refuse(
+            f"{path}.friction.static_N",
+            f"{cylinder.friction.static_N:g} N is below the Coulomb friction",
+            f"give 0 or at least {cylinder.friction.coulomb_N:g} N",
+        )
+    masses = {"barrel_kg": cylinder.barrel_kg, "rod_kg": cylinder.rod_kg}
+    if cylinder.four_bar is not None:
+        masses |= {"four_bar.rocker_kg": cylinder.four_bar.rocker_kg, "four_bar.coupler_kg": cylinder.four_bar.coupler_kg}
+    for key, mass in masses.items():
+        if mass > 0:
+            refuse(f"{path}.{key}", f"{mass:g} kg: moving masses of cylinders are not modelled yet", "give 0")

@@ -1,0 +1,114 @@
+"""Natural modes of an arm on trapped oil: K v = ω² M v at every pose.
+
+Three frequencies stand side by side: the coupled modes (what limits the machine), each cylinder with the others locked
+(the paper's formula generalised; never below the lowest coupled mode), and the rigid load (the paper's comparison).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdesign.errors import PoseError
+from armdesign.poses import Poses
+from armdesign.units import GRAVITY
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural frequencies at n poses; arrays are read-only.
+
+    Attributes:
+        frequencies: coupled modes (n, nq) ascending [Hz]; 0 where the pose is unstable on its trapped oil (ω² ≤ 0).
+        shapes: joint motions (n, nq, nq), column k belongs to frequency k, scaled to vᵀ M v = 1.
+        locked_frequencies: each cylinder with all others locked (n, nc) [Hz].
+        rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where that load vanishes.
+    """
+
+    frequencies: Array
+    shapes: Array
+    locked_frequencies: Array
+    rigid_frequencies: Array
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            value.setflags(write=False)
+
+
+def natural_modes(poses: Poses) -> Modes:
+    """Coupled, locked and rigid-load natural frequencies at every pose, valves closed and no damping.
+
+    Raises:
+        PoseError: the inertia is not positive definite (a massless joint without payload).
+    """
+    mass, stiffness = poses.mass_matrix, poses.stiffness_matrix
+    inverse = _inverse_cholesky(poses)
+    squared, vectors = np.linalg.eigh(inverse @ stiffness @ np.swapaxes(inverse, 1, 2))
+    equivalent_mass = np.abs(poses.cylinder_forces) / GRAVITY
+    with np.errstate(divide="ignore"):
+        rigid = np.sqrt(poses.oil_stiffness / equivalent_mass) / (2 * math.pi)
+    return Modes(
+        frequencies=_hertz(squared),
+        shapes=np.swapaxes(inverse, 1, 2) @ vectors,
+        locked_frequencies=_locked(poses, mass, stiffness),
+        rigid_frequencies=rigid,
+    )
+
+
+def lowest_frequency(poses: Poses) -> Array:
+    """Lowest coupled natural frequency (n,) [Hz]."""
+    inverse = _inverse_cholesky(poses)
+    return _hertz(np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ np.swapaxes(inverse, 1, 2))[:, 0])
+
+
+def _inverse_cholesky(poses: Poses) -> Array:
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(poses.mass_matrix)))
+    except np.linalg.LinAlgError:
+        raise PoseError(
+            "mass matrix", "is not positive definite: a joint moves no mass", "give its links inertia or load a payload"
+        ) from None
+
+
+def _hertz(squared: Array) -> Array:
+    """Frequency [Hz] of ω² [rad²/s²]; 0 for an unstable mode."""
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi))
+
+
+def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
+    """Lowest frequency of each cylinder with all those locked that share no joint with it (n, nc) [Hz].
+
+    Locked cylinders hold the rows of R that are theirs, so only motions in the null space of these rows remain:
+    K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its joint.
+    """
+    n, nc, nq = poses.moment_arms.shape
+    locked = np.empty((n, nc))
+    used = poses.moment_arms != 0
+    separate = nc == nq and bool(np.all(used.any(axis=0).sum(axis=1) == 1))
+    for i in range(nc):
+        if separate:
+            j = int(np.argmax(used.any(axis=0)[i]))
+            locked[:, i] = _hertz(stiffness[:, j, j] / mass[:, j, j])
+            continue
+        held = [k for k in range(nc) if k not in poses.shared[i]]
+        basis = _null_space(poses.moment_arms[:, held])
+        transposed = np.swapaxes(basis, 1, 2)
+        inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass @ basis))
+        small = inverse @ (transposed @ stiffness @ basis) @ np.swapaxes(inverse, 1, 2)
+        locked[:, i] = _hertz(np.linalg.eigvalsh(small)[:, 0])
+    return locked
+
+
+def _null_space(rows: Array) -> Array:
+    """Orthonormal basis (n, nq, nq − held) of the motions that leave ``rows`` (n, held, nq) unmoved."""
+    n, held, nq = rows.shape
+    if held == 0:
+        return np.broadcast_to(np.eye(nq), (n, nq, nq))
+    _, sizes, right = np.linalg.svd(rows)
+    rank = int((sizes > 1e-9).sum(axis=1).max())
+    return np.asarray(np.swapaxes(right[:, rank:], 1, 2))

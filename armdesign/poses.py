@@ -1,0 +1,102 @@
+"""Poses: what inertia, gravity, oil and geometry are at n joint positions. Axis 0 is the pose.
+
+Rigid bodies come from ``RigidPoses``, payload and cylinders are added here. With trapped oil the arm sits on
+
+    K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i        (hydraulic + gravity + geometric stiffness)
+
+where R holds the moment arms ∂ℓ/∂q, H their derivatives and F the static cylinder forces (g = RᵀF).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Poses:
+    """Everything at n poses of a machine with nq joints and nc cylinders; arrays are read-only.
+
+    Attributes:
+        q: joint positions (n, nq) [rad, m].
+        mass_matrix: joint-space inertia M, payload included (n, nq, nq) [kg m², kg].
+        gravity_torque: g (n, nq) [N m, N].
+        gravity_stiffness: ∂g/∂q (n, nq, nq).
+        lengths: pin-to-pin cylinder lengths ℓ (n, nc) [m].
+        moment_arms: R = ∂ℓ/∂q (n, nc, nq) [m/rad].
+        moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, nq, nq).
+        extensions: share of the stroke that is out (n, nc), 0…1.
+        cylinder_forces: static force of each function (n, nc) [N, + pushes].
+        oil_stiffness: k_h of each function with its valve closed (n, nc) [N/m].
+        tool: position of the tool in the root link (n, 3) [m].
+        shared: for each cylinder, the cylinders that are released with it because they share a joint.
+    """
+
+    q: Array
+    mass_matrix: Array
+    gravity_torque: Array
+    gravity_stiffness: Array
+    lengths: Array
+    moment_arms: Array
+    moment_arm_derivatives: Array
+    extensions: Array
+    cylinder_forces: Array
+    oil_stiffness: Array
+    tool: Array
+    shared: tuple[tuple[int, ...], ...]
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @cached_property
+    def hydraulic_stiffness(self) -> Array:
+        """Rᵀ diag(k_h) R (n, nq, nq)."""
+        weighted = self.moment_arms * self.oil_stiffness[:, :, None]
+        return np.asarray(np.swapaxes(self.moment_arms, 1, 2) @ weighted)
+
+    @cached_property
+    def geometric_stiffness(self) -> Array:
+        """−Σ F_i H_i (n, nq, nq): the moment arms change under static load."""
+        return -np.einsum("nc,ncij->nij", self.cylinder_forces, self.moment_arm_derivatives)
+
+    @cached_property
+    def stiffness_matrix(self) -> Array:
+        """K (n, nq, nq): minus the derivative of the net torque by q with the oil trapped."""
+        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+
+
+def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
+    """Cylinder forces (n, nc) [N, + pushes] that hold gravity, g = RᵀF; inf where a pose is singular.
+
+    With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g
+    with W = diag(A²), bore areas ``areas`` (nc,).
+    """
+    n, nc, nq = moment_arms.shape
+    transposed = np.swapaxes(moment_arms, 1, 2)
+    weights = np.ones(nc) if nc == nq else (areas / areas.max()) ** 2
+    system = transposed if nc == nq else transposed @ (weights[:, None] * moment_arms)
+    singular = is_singular(moment_arms)
+    forces = np.full((n, nc), np.inf)
+    solved = np.linalg.solve(system[~singular], gravity_torque[~singular, :, None])
+    forces[~singular] = (solved if nc == nq else weights[:, None] * moment_arms[~singular] @ solved)[..., 0]
+    return forces
+
+
+def is_singular(moment_arms: Array) -> NDArray[np.bool_]:
+    """Whether the cylinders lose hold of a joint (n,): R without full column rank, or not finite.
+
+    The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.
+    """
+    finite = np.all(np.isfinite(moment_arms), axis=(1, 2))
+    safe = np.where(finite[:, None, None], moment_arms, 0.0)
+    return np.asarray(~finite | (np.linalg.svd(safe, compute_uv=False)[:, -1] < 1e-6))

@@ -1,0 +1,122 @@
+"""Joint ranges: what the strokes allow, cut by the URDF's limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdesign.arm import Arm, RigidPoses
+from armdesign.cylinder import Cylinder
+from armdesign.errors import MachineFileError
+from armdesign.linkage import Linkage
+
+Array = NDArray[np.float64]
+
+SAMPLES = 721
+
+
+def joint_ranges(
+    arm: Arm, linkages: tuple[Linkage, ...], cylinders: tuple[Cylinder, ...], end_margin: float, source: str
+) -> Array:
+    """Ranges (nq, 2) [rad, m] in which every cylinder that moves one joint alone keeps ``end_margin`` of its stroke.
+
+    A cylinder across several joints couples their ranges: it is left to ``Machine.margins``. Ends are exact.
+
+    Raises:
+        MachineFileError: no such range, or within it a dead centre or a four-bar that opens.
+    """
+    ranges = arm.limits.copy()
+    for j in range(len(arm.joints)):
+        own = [(k, c) for k, c in zip(linkages, cylinders, strict=True) if k.joints == (j,)]
+        if own:
+            ranges[j] = _range_of(arm, j, own, end_margin, source)
+    return ranges
+
+
+def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
+    """Placements with one joint at ``values`` (n,), the others at the middle of their limits."""
+    q = np.tile(arm.limits.mean(axis=1), (len(values), 1))
+    q[:, joint] = values
+    n = len(q)
+    return RigidPoses(q, np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, 0)), *arm.placements(q))
+
+
+def _range_of(
+    arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
+) -> tuple[float, float]:
+    values = np.linspace(*arm.limits[joint], SAMPLES)
+    poses = sweep(arm, joint, values)
+    name = arm.joints[joint].name
+
+    def slack(x: Array) -> Array:
+        """Distance [m] to the nearest end that any of the cylinders may reach; NaN with an open four-bar."""
+        at = sweep(arm, joint, x)
+        rows = []
+        for linkage, cylinder in own:
+            length, margin = linkage.length(at), end_margin * cylinder.stroke
+            rows += [length - cylinder.closed_length - margin, cylinder.open_length - margin - length]
+        return np.min(rows, axis=0)
+
+    with np.errstate(invalid="ignore"):
+        inside = slack(values) >= 0
+        closes = np.all([linkage.closes(poses) for linkage, _ in own], axis=0)
+    cylinder = own[0][1]
+    where = f"{source}: cylinder.{cylinder.name}"
+    if not closes.any():
+        raise MachineFileError(
+            f"{where}.four_bar",
+            f'does not close at any "{name}" in [{values[0]:.4f}, {values[-1]:.4f}]',
+            "rocker + coupler must exceed the distance pivot–lug and |rocker − coupler| stay below it",
+        )
+    if not inside.any():
+        lengths = own[0][0].length(poses)
+        raise MachineFileError(
+            f"{where}.stroke_mm",
+            f'over the range of joint "{name}" the pins are {np.nanmin(lengths):.4f} to {np.nanmax(lengths):.4f} m apart, '
+            f"never within [{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m",
+            "change closed_length_mm, stroke_mm or the pins",
+        )
+    first, last = _longest_run(inside)
+    for beyond in (first - 1, last + 1):
+        if 0 <= beyond < SAMPLES and not closes[beyond]:
+            raise MachineFileError(
+                f"{where}.four_bar",
+                f'opens at "{name}" = {values[beyond]:.4f}, before stroke or joint limit ends the motion',
+                "change rocker_mm, coupler_mm or the pins, or tighten the joint's limits in the URDF",
+            )
+    low = values[first] if first == 0 else _root(slack, values[first - 1], values[first])
+    high = values[last] if last == SAMPLES - 1 else _root(slack, values[last + 1], values[last])
+    _refuse_dead_centre(arm, joint, own, (low, high), source)
+    return float(low), float(high)
+
+
+def _longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    starts, ends = edges[::2], edges[1::2] - 1
+    longest = int(np.argmax(ends - starts))
+    return int(starts[longest]), int(ends[longest])
+
+
+def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:
+    """Where the slack vanishes between a value outside and one inside, on the inner side, by bisection."""
+    from scipy.optimize import brentq
+
+    root = float(brentq(lambda x: float(slack(np.array([x]))[0]), outside, inside, xtol=1e-14))
+    return float(np.nextafter(root, inside)) if slack(np.array([root]))[0] < 0 else root
+
+
+def _refuse_dead_centre(
+    arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], limits: tuple[float, float], source: str
+) -> None:
+    values = np.linspace(*limits, SAMPLES)
+    for linkage, cylinder in own:
+        moment_arm = linkage.actuation(sweep(arm, joint, values)).moment_arm[:, joint]
+        if np.abs(moment_arm).min() < 1e-6 or np.any(np.sign(moment_arm) != np.sign(moment_arm[0])):
+            at = values[int(np.argmin(np.abs(moment_arm)))]
+            raise MachineFileError(
+                f"{source}: cylinder.{cylinder.name}",
+                f'is at its dead centre at "{arm.joints[joint].name}" = {at:.4f}: its moment arm vanishes (singular pose)',
+                "move its pins or tighten the joint's limits so that the range stays on one side",
+            )
