@@ -13,12 +13,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdesign.arrays import Array
 from armdesign.units import GRAVITY
 from armdesign.urdf import read_urdf, rotations
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +132,12 @@ class Arm:
         axis = np.stack([rotation[:, i] @ joint.axis for i, joint in enumerate(self.joints)], axis=1)
         return rotation, translation, axis
 
+    def kinematics(self, q: Array) -> RigidPoses:
+        """Placements alone at q (n, nq), without inertia and gravity (zeros): for questions of geometry."""
+        n, nq = q.shape
+        square = np.zeros((n, nq, nq))
+        return RigidPoses(q, square, np.zeros((n, nq)), square, *self.placements(q))
+
     def link_rotation(self, poses: RigidPoses, link: str) -> Array:
         """Orientation of a link frame in the world (n, 3, 3)."""
         body = self.links[link]
@@ -149,9 +153,7 @@ class Arm:
             return np.broadcast_to(local, (len(poses), 3))
         return np.asarray(poses.translation[:, body.joint] + poses.rotation[:, body.joint] @ local)
 
-    def motion(
-        self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
-    ) -> PointMotion:
+    def motion(self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]) -> PointMotion:
         """A point of ``link`` and its first two derivatives by ``joints``, as an observer on ``seen_from`` sees it.
 
         A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one shifts it; of two
@@ -174,13 +176,13 @@ class Arm:
                 hessian[:, a, b] = hessian[:, b, a] = np.cross(axis, jacobian[:, b])
         return PointMotion(position, jacobian, hessian)
 
-    def direction(self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]) -> PointMotion:
+    def direction(
+        self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]
+    ) -> PointMotion:
         """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
         origin = self.motion(poses, link, np.zeros(3), seen_from, joints)
         tip = self.motion(poses, link, local, seen_from, joints)
-        return PointMotion(
-            tip.position - origin.position, tip.jacobian - origin.jacobian, tip.hessian - origin.hessian
-        )
+        return PointMotion(tip.position - origin.position, tip.jacobian - origin.jacobian, tip.hessian - origin.hessian)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:
         """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""

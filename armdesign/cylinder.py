@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from armdesign.fluid import bulk_modulus
+from armdesign.valve import Friction, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
+NO_FRICTION = Friction()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +56,8 @@ class Cylinder:
     annulus_hose_volume: float = 0.0
     hose_modulus: float = 700e6
     compliance: float = 0.0  # [m/N] in series with the oil, all together
+    valve: Valve | None = None
+    friction: Friction = NO_FRICTION
 
     @property
     def bore_area(self) -> float:
@@ -104,7 +108,7 @@ def stiffness(
     beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
     if fluid.air > 0:
         pressures = static_pressures(force, bore_area, annulus_area, return_pressure)
-        beta = tuple(bulk_modulus(p, fluid.bulk_modulus, fluid.air) for p in pressures)  # type: ignore[assignment]
+        beta = tuple(bulk_modulus(p, fluid.bulk_modulus, fluid.air) for p in pressures)
     return oil_stiffness(
         bore_area,
         annulus_area,

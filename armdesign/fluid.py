@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from armdesign.units import ATMOSPHERE
 
-T = TypeVar("T")
-
 ADIABATIC = 1.4  # polytropic exponent of air that is squeezed too fast to exchange heat
 
 
-def bulk_modulus(pressure: T, oil_modulus: float, air: float, exponent: float = ADIABATIC) -> T:
+def bulk_modulus(pressure: Any, oil_modulus: float, air: float, exponent: float = ADIABATIC) -> Any:
     """Effective bulk modulus [Pa] of oil with free air at gauge ``pressure`` [Pa].
 
-    β = E (1 + a (p_atm/P)^(1/n)) / (1 + a E p_atm^(1/n) / (n P^((n+1)/n))), P absolute (mixture law, as in Simscape's
-    isothermal-liquid hydraulic fluid). Absolute pressure is taken as at least 1 % of an atmosphere: the law has no
-    meaning in a vacuum.
+    β = E (1 + a (p_atm/P)^(1/n)) / (1 + a E p_atm^(1/n) / (n P^((n+1)/n))), P absolute (mixture law, as in
+    Simscape's hydraulic fluid). P is taken as at least 1 % of an atmosphere: the law has no meaning in a vacuum.
 
     Args:
         pressure: gauge pressure, any shape [Pa].
@@ -29,5 +26,4 @@ def bulk_modulus(pressure: T, oil_modulus: float, air: float, exponent: float = 
     absolute = np.asarray(pressure) + ATMOSPHERE
     absolute = np.where(np.real(absolute) < 0.01 * ATMOSPHERE, 0.01 * ATMOSPHERE, absolute)
     ratio = (ATMOSPHERE / absolute) ** (1 / exponent)
-    modulus = oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))
-    return modulus  # type: ignore[no-any-return]
+    return oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))

@@ -13,11 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdesign.arm import Arm, PointMotion, RigidPoses
-
-Array = NDArray[np.float64]
+from armdesign.arrays import Array, Flags
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +81,7 @@ class Linkage:
         """The vector from base pin to rod end, with its derivatives."""
         end = self._rod_end(poses)
         base = self.arm.motion(poses, self.base.link, np.array(self.base.at), self._observer, self.joints)
-        return PointMotion(
-            end.position - base.position, end.jacobian - base.jacobian, end.hessian - base.hessian
-        )
+        return PointMotion(end.position - base.position, end.jacobian - base.jacobian, end.hessian - base.hessian)
 
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the four-bar does not close."""
@@ -127,13 +123,13 @@ class Linkage:
 
     def _scatter(self, length: Array, arm: Array, curve: Array) -> Actuation:
         """From this cylinder's joints to all joints of the arm."""
-        n, nq, own = len(length), len(self.arm.joints), list(self.joints)
+        n, nq, own = len(length), len(self.arm.joints), np.array(self.joints)
         all_arm, all_curve = np.zeros((n, nq)), np.zeros((n, nq, nq))
         all_arm[:, own] = arm
         all_curve[np.ix_(np.arange(n), own, own)] = curve
         return Actuation(length, all_arm, all_curve)
 
-    def closes(self, poses: RigidPoses) -> NDArray[np.bool_]:
+    def closes(self, poses: RigidPoses) -> Flags:
         """Whether rocker and coupler reach each other (n,); always true without a four-bar."""
         if self.four_bar is None:
             return np.ones(len(poses), dtype=bool)
@@ -180,7 +176,7 @@ def knee(arm: Arm, poses: RigidPoses, four_bar: FourBar, joints: tuple[int, ...]
     ddw = 2 * four_bar.rocker**2 / e**3 - 2 * dx**2 - 2 * x * ddx
     y = four_bar.side * np.sqrt(np.where(w > 0, w, np.nan))
     dy, ddy = dw / (2 * y), ddw / (2 * y) - dw**2 / (4 * y**3)
-    position, jacobian, hessian = start, 0.0, 0.0
+    position, jacobian, hessian = start, np.zeros_like(lug.jacobian), np.zeros_like(lug.hessian)
     for (s, ds, dds), (d0, d1, d2) in (
         ((x, dx, ddx), (u, lug.jacobian, lug.hessian)),
         ((y, dy, ddy), (v, v1, v2)),

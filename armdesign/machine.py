@@ -16,19 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdesign import machine_file
 from armdesign.arm import Arm, RigidPoses
+from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder, Fluid, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError
-from armdesign.linkage import Actuation, FourBar, Linkage, Pin
-from armdesign.machine_file import CylinderSection, MachineSection, PinSection
+from armdesign.linkage import FourBar, Linkage, Pin
+from armdesign.machine_file import CylinderSection, MachineSection, PinSection, ValveSection
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
 from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
-
-Array = NDArray[np.float64]
+from armdesign.valve import Friction, Valve
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 
@@ -113,7 +113,9 @@ class Machine:
             raise ArmDesignError(f"{self.name}: payload", f"{payload:g} kg is not allowed", "give a mass in [0, ∞) kg")
         placed = next((case for case in (self.payload, *self.payloads) if case.link is not None), None)
         if placed is None and payload > 0:
-            raise ArmDesignError(f"{self.name}: payload", "no load case says where a mass sits", "add link and at_mm to one")
+            raise ArmDesignError(
+                f"{self.name}: payload", "no load case says where a mass sits", "add link and at_mm to one"
+            )
         case = placed or self.payload
         return dataclasses.replace(self, payload=dataclasses.replace(case, name=f"{payload:g} kg", mass=float(payload)))
 
@@ -173,16 +175,16 @@ class Machine:
 
         −inf where a four-bar does not close. Never raises for a pose.
         """
-        rigid = q if isinstance(q, RigidPoses) else self._kinematics(self._checked(q))
+        rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(self._checked(q))
         with np.errstate(invalid="ignore"):
             lengths = np.stack([linkage.length(rigid) for linkage in self.linkages], axis=1)
         extension = (lengths - self._closed) / self._strokes
         return np.nan_to_num(np.minimum(extension, 1 - extension), nan=-np.inf)
 
-    def holds(self, q: ArrayLike | RigidPoses, payload: Payload | None = None) -> NDArray[np.bool_]:
+    def holds(self, q: ArrayLike | RigidPoses, payload: Payload | None = None) -> Flags:
         """Whether the load case exists at each pose (n,): the pitch of its link lies in the case's range."""
         case = payload or self.payload
-        rigid = q if isinstance(q, RigidPoses) else self._kinematics(self._checked(q))
+        rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(self._checked(q))
         if case.pitch is None or case.link is None:
             return np.ones(len(rigid), dtype=bool)
         low, high = case.pitch
@@ -254,12 +256,6 @@ class Machine:
     def _areas(self) -> Array:
         return np.array([cylinder.bore_area for cylinder in self.cylinders])
 
-    def _kinematics(self, q: Array) -> RigidPoses:
-        """Placements only, for questions of geometry."""
-        n, nq = q.shape
-        empty = np.zeros((n, 0, 0))
-        return RigidPoses(q, empty, np.zeros((n, 0)), empty, *self.arm.placements(q))
-
     def _checked(self, q: ArrayLike) -> Array:
         nq = len(self.joints)
         try:
@@ -279,8 +275,14 @@ class Machine:
             part = f"{self.name}: {cylinder.name} cylinder"
             if np.any(open_ := ~np.isfinite(length)):
                 where = self._pose_text(poses.q[open_][0])
-                raise PoseError(part, f"its four-bar does not close at {where}", f"stay in the range of {self._range_text(linkage)}")
-            out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (length > cylinder.open_length + STROKE_TOLERANCE)
+                raise PoseError(
+                    part,
+                    f"its four-bar does not close at {where}",
+                    f"stay in the range of {self._range_text(linkage)}",
+                )
+            out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (
+                length > cylinder.open_length + STROKE_TOLERANCE
+            )
             if np.any(out):
                 raise PoseError(
                     part,
@@ -358,14 +360,15 @@ def _pin(section: PinSection) -> Pin:
 
 
 def _linkage(section: CylinderSection, arm: Arm) -> Linkage:
-    bars = section.four_bar
-    four_bar = bars and FourBar(
-        pivot=_pin(bars.pivot),
-        lug=_pin(bars.lug),
-        rocker=bars.rocker_mm * mm,
-        coupler=bars.coupler_mm * mm,
-        side=1 if bars.knee == "left" else -1,
-    )
+    bars, four_bar = section.four_bar, None
+    if bars is not None:
+        four_bar = FourBar(
+            pivot=_pin(bars.pivot),
+            lug=_pin(bars.lug),
+            rocker=bars.rocker_mm * mm,
+            coupler=bars.coupler_mm * mm,
+            side=1 if bars.knee == "left" else -1,
+        )
     return Linkage(
         base=_pin(section.base),
         rod_end=_pin(section.rod_end) if section.rod_end else None,
@@ -374,7 +377,19 @@ def _linkage(section: CylinderSection, arm: Arm) -> Linkage:
     )
 
 
+def _valve(section: ValveSection) -> Valve:
+    return Valve(
+        rated_flow=section.rated_flow_l_per_min * l_per_min,
+        rated_drop=section.rated_drop_bar * bar,
+        natural_frequency=section.natural_frequency_hz,
+        damping_ratio=section.damping_ratio,
+        overlap=section.overlap_percent / 100,
+        leakage=section.leakage_l_per_min_per_bar * l_per_min / bar,
+    )
+
+
 def _cylinder(name: str, section: CylinderSection) -> Cylinder:
+    friction = section.friction
     return Cylinder(
         name=name,
         count=section.count,
@@ -388,13 +403,22 @@ def _cylinder(name: str, section: CylinderSection) -> Cylinder:
         annulus_hose_volume=section.hose.annulus_l * litre,
         hose_modulus=section.hose.bulk_modulus_MPa * MPa,
         compliance=section.compliance_m_per_N,
+        valve=_valve(section.valve) if section.valve else None,
+        friction=Friction(
+            coulomb=friction.coulomb_N,
+            static=friction.static_N or friction.coulomb_N,
+            stribeck_velocity=friction.stribeck_velocity_mm_per_s * mm,
+            viscous=friction.viscous_N_s_per_m,
+        ),
     )
 
 
 def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
     def known(link: str, path: str) -> None:
         if link not in arm.links:
-            raise MachineFileError(f"{source.name}: {path}.link", f'no link "{link}" in the URDF', _choose(link, arm.links))
+            raise MachineFileError(
+                f"{source.name}: {path}.link", f'no link "{link}" in the URDF', _choose(link, arm.links)
+            )
 
     payloads = []
     for name, case in section.payload.items():
@@ -442,7 +466,9 @@ def _check(machine: Machine) -> None:
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         where = f"{source}: cylinder.{cylinder.name}"
         if not linkage.joints:
-            raise MachineFileError(where, "no joint lies between its pins", "put its pins on links that move to each other")
+            raise MachineFileError(
+                where, "no joint lies between its pins", "put its pins on links that move to each other"
+            )
         if linkage.four_bar is not None:
             _check_four_bar(where, linkage)
     driven = {j for linkage in machine.linkages for j in linkage.joints}
@@ -453,7 +479,9 @@ def _check(machine: Machine) -> None:
             )
     middle = machine.ranges.mean(axis=1)[None]
     if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
-        raise MachineFileError(f"{source}: cylinder", "the cylinders leave a direction of motion free", "check their pins")
+        raise MachineFileError(
+            f"{source}: cylinder", "the cylinders leave a direction of motion free", "check their pins"
+        )
 
 
 def _check_four_bar(where: str, linkage: Linkage) -> None:
@@ -462,19 +490,16 @@ def _check_four_bar(where: str, linkage: Linkage) -> None:
     path = arm.path(bars.pivot.link, bars.lug.link)
     if len(path) != 1 or not arm.joints[path[0][0]].revolute:
         raise MachineFileError(
-            f"{where}.four_bar", "pivot and lug are not on the two links of one revolute joint", "place them so"
+            f"{where}.four_bar",
+            "pivot and lug are not on the two links of one revolute joint",
+            "place them so",
         )
     j = path[0][0]
-    zero = RigidPoses(
-        np.zeros((1, len(arm.joints))), np.zeros((1, 0, 0)), np.zeros((1, 0)), np.zeros((1, 0, 0)),
-        *arm.placements(np.zeros((1, len(arm.joints)))),
-    )
+    zero = arm.kinematics(np.zeros((1, len(arm.joints))))
     normal = arm.link_rotation(zero, bars.pivot.link)[0, :, 1]
     if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
         raise MachineFileError(
-            f"{where}.four_bar", f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
+            f"{where}.four_bar",
+            f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
             "a four-bar lies in its link's x–z plane",
         )
-
-
-__all__ = ["Actuation", "Machine", "Payload", "load", "shipped"]

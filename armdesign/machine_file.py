@@ -57,7 +57,7 @@ class PayloadSection(Section):
 class FluidSection(Section):
     """The oil."""
 
-    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=10_000)]  # noqa: N815
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=10_000)]
     entrained_air_percent: Annotated[float, Field(ge=0, lt=50)] = 0.0
     density_kg_per_m3: Annotated[float, Field(gt=0, le=5_000)] = 870.0
 
@@ -82,7 +82,7 @@ class HoseSection(Section):
 
     cap_l: Volume = 0.0
     annulus_l: Volume = 0.0
-    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0  # noqa: N815
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0
 
 
 class FourBarSection(Section):
@@ -111,10 +111,10 @@ class ValveSection(Section):
 class FrictionSection(Section):
     """Friction per cylinder."""
 
-    coulomb_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
-    static_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
+    coulomb_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    static_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0
     stribeck_velocity_mm_per_s: Annotated[float, Field(gt=0, le=1e6)] = 5.0
-    viscous_N_s_per_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0  # noqa: N815
+    viscous_N_s_per_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
 
 
 class CylinderSection(Section):
@@ -131,7 +131,7 @@ class CylinderSection(Section):
     four_bar: FourBarSection | None = None
     barrel_kg: Mass = 0.0
     rod_kg: Mass = 0.0
-    compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0  # noqa: N815
+    compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0
     hose: HoseSection = HoseSection()
     valve: ValveSection | None = None
     friction: FrictionSection = FrictionSection()
@@ -331,8 +331,12 @@ def _explain(error: ValidationError, source: str) -> MachineFileError:
         hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(kind.model_fields)}"
         return MachineFileError(where, "unknown key", hint + more)
     if fault["loc"][-1:] == ("[key]",):
-        return MachineFileError(where, "is not a usable name", "start with a letter, then letters, digits, _ or -" + more)
-    return MachineFileError(where, f"{_shown(fault['input'])} is not allowed", f"give {allowed or 'another value'}{more}")
+        return MachineFileError(
+            where, "is not a usable name", "start with a letter, then letters, digits, _ or -" + more
+        )
+    return MachineFileError(
+        where, f"{_shown(fault['input'])} is not allowed", f"give {allowed or 'another value'}{more}"
+    )
 
 
 def _shown(value: Any) -> str:
@@ -366,7 +370,11 @@ def _check_sense(machine: MachineSection, source: str) -> None:
         if payload.pitch_deg is not None:
             low, high = payload.pitch_deg
             if not low < high or high - low > 360:
-                refuse(f"payload.{name}.pitch_deg", f"[{low:g}, {high:g}] deg is empty", "give [lower, upper] within one turn")
+                refuse(
+                    f"payload.{name}.pitch_deg",
+                    f"[{low:g}, {high:g}] deg is empty",
+                    "give [lower, upper] within one turn",
+                )
             if payload.link is None:
                 refuse(f"payload.{name}.link", "missing: the pitch is that of a link", "add link")
     for name, cylinder in machine.cylinder.items():
@@ -374,7 +382,11 @@ def _check_sense(machine: MachineSection, source: str) -> None:
     digging = machine.requirements.digging
     for name in digging.cylinders if digging else []:
         if name not in machine.cylinder:
-            refuse("requirements.digging.cylinders", f'no cylinder "{name}"', f"choose from: {', '.join(machine.cylinder)}")
+            refuse(
+                "requirements.digging.cylinders",
+                f'no cylinder "{name}"',
+                f"choose from: {', '.join(machine.cylinder)}",
+            )
 
 
 def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
@@ -391,7 +403,11 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
     for side, hose in volumes:
         dead = getattr(cylinder.dead_volume_l, side)
         if hose > dead:
-            refuse(f"{path}.hose.{side}_l", f"{hose:g} l exceeds the dead volume", f"give a volume in [0, {dead:g}] l")
+            refuse(
+                f"{path}.hose.{side}_l",
+                f"{hose:g} l exceeds the dead volume",
+                f"give a volume in [0, {dead:g}] l",
+            )
     if cylinder.friction.static_N and cylinder.friction.static_N < cylinder.friction.coulomb_N:
         refuse(
             f"{path}.friction.static_N",
@@ -400,7 +416,10 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
         )
     masses = {"barrel_kg": cylinder.barrel_kg, "rod_kg": cylinder.rod_kg}
     if cylinder.four_bar is not None:
-        masses |= {"four_bar.rocker_kg": cylinder.four_bar.rocker_kg, "four_bar.coupler_kg": cylinder.four_bar.coupler_kg}
+        masses |= {
+            "four_bar.rocker_kg": cylinder.four_bar.rocker_kg,
+            "four_bar.coupler_kg": cylinder.four_bar.coupler_kg,
+        }
     for key, mass in masses.items():
         if mass > 0:
             refuse(f"{path}.{key}", f"{mass:g} kg: moving masses of cylinders are not modelled yet", "give 0")

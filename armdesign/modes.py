@@ -10,13 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdesign.arrays import Array
 from armdesign.errors import PoseError
 from armdesign.poses import Poses
 from armdesign.units import GRAVITY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,9 @@ def _inverse_cholesky(poses: Poses) -> Array:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(poses.mass_matrix)))
     except np.linalg.LinAlgError:
         raise PoseError(
-            "mass matrix", "is not positive definite: a joint moves no mass", "give its links inertia or load a payload"
+            "mass matrix",
+            "is not positive definite: a joint moves no mass",
+            "give its links inertia or load a payload",
         ) from None
 
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdesign.arrays import Array, Flags
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,7 +91,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
     return forces
 
 
-def is_singular(moment_arms: Array) -> NDArray[np.bool_]:
+def is_singular(moment_arms: Array) -> Flags:
     """Whether the cylinders lose hold of a joint (n,): R without full column rank, or not finite.
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdesign.arm import Arm, RigidPoses
+from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.errors import MachineFileError
 from armdesign.linkage import Linkage
-
-Array = NDArray[np.float64]
 
 SAMPLES = 721
 
@@ -39,14 +37,14 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
     """Placements with one joint at ``values`` (n,), the others at the middle of their limits."""
     q = np.tile(arm.limits.mean(axis=1), (len(values), 1))
     q[:, joint] = values
-    n = len(q)
-    return RigidPoses(q, np.zeros((n, 0, 0)), np.zeros((n, 0)), np.zeros((n, 0, 0)), *arm.placements(q))
+    return arm.kinematics(q)
 
 
 def _range_of(
     arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
 ) -> tuple[float, float]:
-    values = np.linspace(*arm.limits[joint], SAMPLES)
+    low, high = (float(x) for x in arm.limits[joint])
+    values = np.linspace(low, high, SAMPLES)
     poses = sweep(arm, joint, values)
     name = arm.joints[joint].name
 
@@ -57,7 +55,7 @@ def _range_of(
         for linkage, cylinder in own:
             length, margin = linkage.length(at), end_margin * cylinder.stroke
             rows += [length - cylinder.closed_length - margin, cylinder.open_length - margin - length]
-        return np.min(rows, axis=0)
+        return np.asarray(np.min(rows, axis=0))
 
     with np.errstate(invalid="ignore"):
         inside = slack(values) >= 0
@@ -92,7 +90,7 @@ def _range_of(
     return float(low), float(high)
 
 
-def _longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest_run(mask: Flags) -> tuple[int, int]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     starts, ends = edges[::2], edges[1::2] - 1
     longest = int(np.argmax(ends - starts))

@@ -11,11 +11,9 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdesign.arrays import Array
 from armdesign.errors import MachineFileError
-
-Array = NDArray[np.float64]
 
 _MOVING = ("revolute", "continuous", "prismatic")
 
@@ -129,12 +127,16 @@ def _bake(robot: ET.Element, joints: list[str], frozen: dict[str, float], source
     for name in [*joints, *frozen]:
         if name not in present:
             raise MachineFileError(
-                f"{source}: joint {name}", "is not in the URDF", f"choose from: {', '.join(present) or 'none'}"
+                f"{source}: joint {name}",
+                "is not in the URDF",
+                f"choose from: {', '.join(present) or 'none'}",
             )
     for name, joint in present.items():
         where, kind = f"{source}: joint {name}", joint.get("type")
         if kind not in (*_MOVING, "fixed"):
-            raise MachineFileError(where, f'type "{kind}" cannot be used', "use revolute, continuous, prismatic or fixed")
+            raise MachineFileError(
+                where, f'type "{kind}" cannot be used', "use revolute, continuous, prismatic or fixed"
+            )
         if joint.find("mimic") is not None:
             raise MachineFileError(where, "mimics another joint", "make it a joint of its own or fix it")
         if name in joints:
@@ -150,8 +152,8 @@ def _bake(robot: ET.Element, joints: list[str], frozen: dict[str, float], source
 def _check_limits(joint: ET.Element, where: str) -> None:
     if joint.get("type") == "continuous":
         joint.set("type", "revolute")
-        for limit in joint.findall("limit"):
-            joint.remove(limit)
+        for old in joint.findall("limit"):
+            joint.remove(old)
         ET.SubElement(joint, "limit", lower=str(-math.pi), upper=str(math.pi), effort="0", velocity="0")
     limit = joint.find("limit")
     if limit is None:
@@ -177,8 +179,8 @@ def _fix(joint: ET.Element, value: float, where: str) -> None:
     for tag in ("origin", "axis", "limit", "dynamics", "safety_controller", "calibration"):
         for element in joint.findall(tag):
             joint.remove(element)
-    words = {"xyz": translation, "rpy": (roll, pitch, yaw)}
-    ET.SubElement(joint, "origin", {k: " ".join(repr(float(x)) for x in v) for k, v in words.items()})
+    words = {"xyz": translation, "rpy": np.array([roll, pitch, yaw])}
+    ET.SubElement(joint, "origin", {key: " ".join(repr(float(x)) for x in value) for key, value in words.items()})
     joint.set("type", "fixed")
 
 
