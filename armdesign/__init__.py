@@ -20,9 +20,13 @@ if TYPE_CHECKING:
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.machine import Machine as Machine
     from armdesign.machine import load as load
+    from armdesign.maps import FrequencyMap as FrequencyMap
+    from armdesign.maps import WorstPose as WorstPose
+    from armdesign.maps import frequency_map as frequency_map
     from armdesign.modes import Modes as Modes
     from armdesign.modes import natural_modes as natural_modes
     from armdesign.poses import Poses as Poses
+    from armdesign.workspace import Workspace as Workspace
 
 _HOME = {
     "ArmDesignError": "errors",
@@ -31,6 +35,10 @@ _HOME = {
     "Modes": "modes",
     "natural_modes": "modes",
     "Poses": "poses",
+    "Workspace": "workspace",
+    "FrequencyMap": "maps",
+    "WorstPose": "maps",
+    "frequency_map": "maps",
 }
 
 __all__ = [*_HOME, "formulas"]

@@ -83,6 +83,16 @@ class Linkage:
         base = self.arm.motion(poses, self.base.link, np.array(self.base.at), self._observer, self.joints)
         return PointMotion(end.position - base.position, end.jacobian - base.jacobian, end.hessian - base.hessian)
 
+    def pins(self, poses: RigidPoses) -> list[Array]:
+        """World positions (n, 3) [m] of base pin and rod end; with a four-bar also of pivot, knee and lug in a row."""
+        end = self._rod_end(poses).position
+        found = [self.arm.point(poses, self.base.link, np.array(self.base.at)), end]
+        if self.four_bar is not None:
+            pivot, lug = self.four_bar.pivot, self.four_bar.lug
+            found += [self.arm.point(poses, pivot.link, np.array(pivot.at)), end]
+            found += [self.arm.point(poses, lug.link, np.array(lug.at))]
+        return found
+
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the four-bar does not close."""
         return np.asarray(np.linalg.norm(self._span(poses).position, axis=1))

@@ -31,6 +31,7 @@ from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
 from armdesign.valve import Friction, Valve
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
+PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,15 +182,21 @@ class Machine:
         extension = (lengths - self._closed) / self._strokes
         return np.nan_to_num(np.minimum(extension, 1 - extension), nan=-np.inf)
 
+    def pitch_excess(self, rigid: RigidPoses, payload: Payload) -> Array:
+        """How far the load case's link is tipped from the middle of its pitch range, less half the range (n,) [rad].
+
+        Negative where the link holds the load, zero on the limit; −inf for a case without a pitch range.
+        """
+        if payload.pitch is None or payload.link is None:
+            return np.full(len(rigid), -np.inf)
+        low, high = payload.pitch
+        offset = self.arm.pitch(rigid, payload.link) - (low + high) / 2
+        return np.abs(np.arctan2(np.sin(offset), np.cos(offset))) - (high - low) / 2
+
     def holds(self, q: ArrayLike | RigidPoses, payload: Payload | None = None) -> Flags:
         """Whether the load case exists at each pose (n,): the pitch of its link lies in the case's range."""
-        case = payload or self.payload
         rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(self._checked(q))
-        if case.pitch is None or case.link is None:
-            return np.ones(len(rigid), dtype=bool)
-        low, high = case.pitch
-        beyond = np.mod(self.arm.pitch(rigid, case.link) - low + 1e-9, 2 * math.pi)  # 1e-9 rad: the limit itself counts
-        return np.asarray(beyond <= high - low + 2e-9)
+        return np.asarray(self.pitch_excess(rigid, payload or self.payload) <= PITCH_TOLERANCE)
 
     def at(self, q: ArrayLike | RigidPoses) -> Poses:
         """Everything at joint positions q (n, nq) [rad, m] (or one pose (nq,)) under the load case at work.

@@ -385,8 +385,13 @@ class Reference:
         return q[self.holds(q, payload)]
 
     def smallest(self, function, end_margin, points, payload, starts=6):
-        """(value, q) of the smallest `function(q)` over this machine's workspace, refined off the grid by zooming."""
+        """(value, q) of the smallest `function(q)` over this machine's workspace, refined off the grid by zooming.
+
+        Infinite, with q None, where no pose of the workspace holds the payload.
+        """
         q = self.workspace(payload, end_margin, points)
+        if not len(q):
+            return np.inf, None
         values = function(q)
         ranges = self.ranges_with(end_margin)
         spacing = (ranges[:, 1] - ranges[:, 0]) / (np.array(points) - 1)
@@ -413,6 +418,8 @@ class Reference:
 
     def worst(self, end_margin=0.02, points=(21, 21, 121), workspace_of=None):
         """(frequency [Hz], q, payload) of the lowest coupled frequency over the workspace and the payload cases.
+
+        `points`: of the grid, one number per joint.
 
         The workspace is this machine's own, or that of `workspace_of`: a new design is judged on today's workspace.
         """
