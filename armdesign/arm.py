@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import MachineFileError
 from armdesign.units import GRAVITY
 from armdesign.urdf import read_urdf, rotations
 
@@ -166,14 +167,14 @@ class Arm:
         for j, sign in path:
             axis = sign * poses.axis[:, j]
             lever = position - poses.translation[:, j]
-            jacobian[:, joints.index(j)] = np.cross(axis, lever) if self.joints[j].revolute else axis
+            jacobian[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
         for near, (j, sign) in enumerate(path):
             if not self.joints[j].revolute:
                 continue
             axis = sign * poses.axis[:, j]
             for k_joint, _ in path[near:]:
                 a, b = joints.index(j), joints.index(k_joint)
-                hessian[:, a, b] = hessian[:, b, a] = np.cross(axis, jacobian[:, b])
+                hessian[:, a, b] = hessian[:, b, a] = cross(axis, jacobian[:, b])
         return PointMotion(position, jacobian, hessian)
 
     def direction(
@@ -197,8 +198,12 @@ class Arm:
         """Model, scratch data and, for each coordinate of ours, its index in the model."""
         import pinocchio
 
-        model = pinocchio.buildModelFromXML(self.xml)
-        index = np.array([model.joints[model.getJointId(name)].idx_v for name in self.names])
+        try:
+            model = pinocchio.buildModelFromXML(self.xml)
+        except ValueError as error:
+            raise MachineFileError(self.source, f"Pinocchio refuses it ({error})", "check it with check_urdf") from None
+        names = list(model.names)[1:]  # the first is the world
+        index = np.array([model.joints[1 + names.index(name)].idx_v for name in self.names])
         return model, model.createData(), index
 
     def rigid_poses(self, q: Array) -> RigidPoses:
@@ -228,7 +233,9 @@ class Arm:
             mass * GRAVITY * motion.hessian[:, :, :, 2],
         )
 
-    def dynamics(self, link: str | None = None, at: tuple[float, float, float] = (0.0, 0.0, 0.0), mass: float = 0.0) -> Dynamics:
+    def dynamics(
+        self, link: str | None = None, at: tuple[float, float, float] = (0.0, 0.0, 0.0), mass: float = 0.0
+    ) -> Dynamics:
         """Forward dynamics of the links with a point mass [kg] on ``link``; each call has scratch data of its own."""
         return Dynamics(self, link, at, mass)
 
@@ -238,7 +245,9 @@ class Arm:
         return next(iter(self.links))
 
 
-Frame: TypeAlias = tuple[list[list[float]], list[float]]  # a joint frame in the world: rotation (3, 3), translation (3,)
+Frame: TypeAlias = tuple[
+    list[list[float]], list[float]
+]  # a joint frame in the world: rotation (3, 3), translation (3,)
 
 
 class Dynamics:
@@ -291,6 +300,18 @@ class Dynamics:
         buffer = self._buffers[row]
         buffer[self._order] = values
         return buffer
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the last axis; on small arrays several times faster than numpy's."""
+    return np.stack(
+        [
+            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+        ],
+        axis=-1,
+    )
 
 
 def _common_prefix(a: tuple[int, ...], b: tuple[int, ...]) -> list[int]:

@@ -280,7 +280,7 @@ def joint_coupled(
         load_mass: m2 [kg].
         link_pin_distance: a1, joint to rod pin, along the link [m].
         base_pin_distance: d1, joint to base pin [m].
-        link_length: l2, from the rod pin's foot to the load, across [m].
+        link_length: l2, from the rod pin to the load, across the link [m].
         stiffness: k_h [N/m], or else the symmetric data:
         area: A [m²].
         chamber_volume: V0 of each chamber [m³].

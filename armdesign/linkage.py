@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from armdesign.arm import Arm, PointMotion, RigidPoses
+from armdesign.arm import Arm, PointMotion, RigidPoses, cross
 from armdesign.arrays import Array, Flags
 
 
@@ -173,9 +173,9 @@ def knee(arm: Arm, poses: RigidPoses, four_bar: FourBar, joints: tuple[int, ...]
     normal = -arm.link_rotation(poses, four_bar.pivot.link)[:, :, 1]
     start = arm.point(poses, four_bar.pivot.link, pivot)
     u = _in_plane(lug.position - start, normal)
-    v = np.cross(normal, u)
-    v1 = np.cross(normal[:, None], lug.jacobian)
-    v2 = np.cross(normal[:, None, None], lug.hessian)
+    v = cross(normal, u)
+    v1 = cross(normal[:, None], lug.jacobian)
+    v2 = cross(normal[:, None, None], lug.hessian)
     e1 = 2 * np.einsum("ni,nji->nj", u, lug.jacobian)
     e2 = 2 * _second(PointMotion(u, lug.jacobian, lug.hessian), PointMotion(u, lug.jacobian, lug.hessian))
     e = np.einsum("ni,ni->n", u, u)

@@ -78,16 +78,16 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
     """Cylinder forces (n, nc) [N, + pushes] that hold gravity, g = RᵀF; inf where a pose is singular.
 
     With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g
-    with W = diag(A²), bore areas ``areas`` (nc,).
+    with W = diag(A²), bore areas ``areas`` (nc,) or (n, nc). Complex-safe.
     """
     n, nc, nq = moment_arms.shape
     transposed = np.swapaxes(moment_arms, 1, 2)
-    weights = np.ones(nc) if nc == nq else (areas / areas.max()) ** 2
-    system = transposed if nc == nq else transposed @ (weights[:, None] * moment_arms)
-    singular = is_singular(moment_arms)
-    forces = np.full((n, nc), np.inf)
+    squares = np.broadcast_to((areas / np.real(areas).max()) ** 2, (n, nc))[..., None]
+    system = transposed if nc == nq else transposed @ (squares * moment_arms)
+    singular = is_singular(np.real(moment_arms))
+    forces = np.full((n, nc), np.inf, dtype=np.result_type(moment_arms, areas, float))
     solved = np.linalg.solve(system[~singular], gravity_torque[~singular, :, None])
-    forces[~singular] = (solved if nc == nq else weights[:, None] * moment_arms[~singular] @ solved)[..., 0]
+    forces[~singular] = (solved if nc == nq else squares[~singular] * (moment_arms[~singular] @ solved))[..., 0]
     return forces
 
 
@@ -96,6 +96,8 @@ def is_singular(moment_arms: Array) -> Flags:
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.
     """
+    if moment_arms.shape[1] < moment_arms.shape[2]:
+        return np.ones(len(moment_arms), dtype=bool)
     finite = np.all(np.isfinite(moment_arms), axis=(1, 2))
     safe = np.where(finite[:, None, None], moment_arms, 0.0)
     return np.asarray(~finite | (np.linalg.svd(safe, compute_uv=False)[:, -1] < 1e-6))

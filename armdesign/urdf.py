@@ -58,7 +58,8 @@ def read_urdf(
     """
     robot = _parse(text, source)
     _bake(robot, joints, frozen, source)
-    return ET.tostring(robot, encoding="unicode"), *_tree(robot, joints, source)
+    moving, links = _tree(robot, joints, source)
+    return ET.tostring(robot, encoding="unicode"), moving, links
 
 
 def rotations(axis: Array, angle: Array) -> Array:
@@ -76,13 +77,12 @@ def _parse(urdf: str, source: str) -> ET.Element:
         raise MachineFileError(source, f"not well-formed XML ({error})", "correct the URDF at that place") from None
     if robot.tag != "robot":
         raise MachineFileError(source, f"the XML root is <{robot.tag}>, not <robot>", "give a URDF file")
-    for element in [*robot]:
-        if element.tag not in ("link", "joint"):
-            robot.remove(element)
+    robot.attrib = {"name": "arm"}
+    _keep_only(robot, "link", "joint")
     for link in robot.findall("link"):
-        for part in [*link]:
-            if part.tag != "inertial":
-                link.remove(part)
+        _keep_only(link, "inertial")
+    for joint in robot.findall("joint"):
+        _keep_only(joint, "parent", "child", "origin", "axis", "limit", "mimic")
     for kind in ("link", "joint"):
         seen: set[str] = set()
         for element in robot.findall(kind):
@@ -95,7 +95,14 @@ def _parse(urdf: str, source: str) -> ET.Element:
     return robot
 
 
+def _keep_only(element: ET.Element, *tags: str) -> None:
+    for part in [*element]:
+        if part.tag not in tags:
+            element.remove(part)
+
+
 def _numbers(element: ET.Element | None, key: str, default: str, count: int, where: str) -> Array:
+    """The numbers of an attribute, written back plainly: Pinocchio's parser drops a body whose numbers it cannot read."""
     text = default if element is None else element.get(key, default)
     try:
         values = np.array([float(word) for word in text.split()])
@@ -103,6 +110,8 @@ def _numbers(element: ET.Element | None, key: str, default: str, count: int, whe
         values = np.array([math.nan])
     if len(values) != count or not np.all(np.isfinite(values)) or np.any(np.abs(values) > 1e9):
         raise MachineFileError(where, f'{key}="{text}" is not {count} finite number(s)', "correct the URDF")
+    if element is not None:
+        element.set(key, " ".join(repr(float(x)) for x in values))
     return values
 
 
@@ -145,6 +154,8 @@ def _bake(robot: ET.Element, joints: list[str], frozen: dict[str, float], source
             _check_limits(joint, where)
         elif kind != "fixed":
             _fix(joint, frozen.get(name, 0.0), where)
+        elif name in frozen:
+            raise MachineFileError(where, "is fixed in the URDF and cannot be frozen", "take it out of frozen")
     for link in robot.findall("link"):
         _check_inertial(link, f"{source}: link {link.get('name')}")
 
@@ -167,6 +178,12 @@ def _check_limits(joint: ET.Element, where: str) -> None:
 
 
 def _fix(joint: ET.Element, value: float, where: str) -> None:
+    if joint.get("type") != "continuous" and (limit := joint.find("limit")) is not None:
+        lower, upper = (float(_numbers(limit, key, "0", 1, where)[0]) for key in ("lower", "upper"))
+        if not lower <= value <= upper:
+            raise MachineFileError(
+                where, f"is frozen at {value:g}, outside its limits [{lower:g}, {upper:g}]", "give frozen another value"
+            )
     rotation, translation = _origin(joint, where)
     axis = _axis(joint, where)
     if joint.get("type") == "prismatic":
@@ -176,7 +193,7 @@ def _fix(joint: ET.Element, value: float, where: str) -> None:
     roll = math.atan2(rotation[2, 1], rotation[2, 2])
     pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    for tag in ("origin", "axis", "limit", "dynamics", "safety_controller", "calibration"):
+    for tag in ("origin", "axis", "limit"):
         for element in joint.findall(tag):
             joint.remove(element)
     words = {"xyz": translation, "rpy": np.array([roll, pitch, yaw])}

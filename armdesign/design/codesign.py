@@ -1,0 +1,171 @@
+"""Sequential semidefinite programming: from a design to a better one, until none is near.
+
+Each step maximises the lowest ω² of a few poses, their stiffness and the requirements linearised. Whole matrices enter,
+not single eigenvalues, so modes that cross stay together. The poses are an active set: a step is tried on all poses
+that have ever been low, the whole workspace is looked at in the end, and the worst violators join.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.problem import Limits, Problem
+from armdesign.design.sizing import Step, StepProgramme, dual_bound
+
+ACTIVE = 24  # poses in one programme
+MEMORY = 400  # lowest poses watched between looks at the whole workspace
+STEPS = 60
+PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
+
+
+@dataclass(eq=False)
+class Search:
+    """One run from one start: the state of the search on a problem, reusing one programme.
+
+    ``x`` is the best design so far, ``squared`` its lowest ω² [rad²/s²] over the workspace, ``limits`` its requirements.
+    """
+
+    problem: Problem
+    x: Array
+    reference: float  # ω² of today's machine
+    programme: StepProgramme | None = None
+    squared: float = 0.0
+    limits: Limits = field(init=False)
+    rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    @property
+    def violation(self) -> float:
+        """Largest amount by which a requirement is missed."""
+        return float(np.maximum(-self.limits.values, 0.0).max())
+
+    def run(self, trust: float, tolerance: float = 1e-5) -> Search:
+        """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
+        self._look_at_all()
+        for _ in range(8):
+            self._improve(trust, tolerance)
+            worst = self.squared
+            self._look_at_all()
+            if self.squared > worst * (1 - 10 * tolerance):
+                break
+        return self
+
+    def upper_bound(self) -> float | None:
+        """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.
+
+        Convex stiffness is replaced by its chord over the box of allowed areas, buckling (reverse-convex) by its chord too;
+        the multipliers of that programme certify the bound, see ``dual_bound``.
+        """
+        relaxed = self.problem.relaxation()
+        if relaxed is None:
+            return None
+        limits, low, high = relaxed
+        bound = math.inf
+        base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
+        chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
+        room = (limits.values, limits.jacobian, np.zeros(len(low)), high - low)
+        for _ in range(6):
+            programme = StepProgramme(len(chosen), base.shape[1], len(limits.values), len(low))
+            step = programme.solve(base[chosen], slopes[:, chosen], *room)
+            bound = min(bound, dual_bound(step, base[chosen], slopes[:, chosen], *room))
+            lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
+            worse = np.setdiff1d(np.argsort(lowest)[:8], chosen)
+            if len(worse) == 0 or lowest.min() > bound * (1 - 1e-4):
+                break
+            chosen = np.concatenate([chosen, worse])
+        return hertz(bound * self.reference)
+
+    def _look_at_all(self) -> None:
+        """Watch the lowest poses of the whole workspace."""
+        squared = self.problem.frequencies(self.x)
+        lowest = np.argsort(squared)[:MEMORY]
+        self.rows = np.union1d(self.rows, lowest).astype(int)
+        self.squared = float(squared.min())
+
+    def _improve(self, trust: float, tolerance: float) -> None:
+        squared = self.problem.frequencies(self.x, self.rows)
+        self.limits = self.problem.limits(self.x)
+        merit = self._merit(float(squared.min()), self.limits)
+        low_x, high_x = self.problem.bounds
+        pinned: list[int] = []
+        for _ in range(STEPS):
+            active = self._active(squared, pinned)
+            low, high = np.maximum(low_x - self.x, -trust), np.minimum(high_x - self.x, trust)
+            step = self._solve(active, self.limits, low, high)
+            promised = step.value - PRICE * step.violation - merit
+            if promised < tolerance:
+                break
+            trial = self.x + step.change
+            trial_squared = self.problem.frequencies(trial, self.rows)
+            trial_limits = self.problem.limits(trial)
+            gained = self._merit(float(trial_squared.min()), trial_limits) - merit
+            if gained > 0.1 * promised:
+                self.x, squared, self.limits, merit = trial, trial_squared, trial_limits, merit + gained
+                trust = min(trust * (2.0 if gained > 0.6 * promised else 1.0), 0.5)
+                pinned = []
+            else:
+                trust *= 0.35
+                pinned = [*pinned, int(trial_squared.argmin())]
+            if trust < 1e-6:
+                break
+        self.squared = float(squared.min())
+
+    def _merit(self, squared: float, limits: Limits) -> float:
+        return squared / self.reference - PRICE * float(np.maximum(-limits.values, 0.0).sum())
+
+    def _solve(self, active: Array, limits: Limits, low: Array, high: Array) -> Step:
+        base, slopes = self.problem.matrices(self.x, active)
+        value, jacobian = limits.values, limits.jacobian
+        keep = _nearest_limits(limits, low, high, 160)
+        shape = (len(active), base.shape[1], len(keep), len(self.x))
+        if self.programme is None or self.programme.shape != shape:
+            self.programme = StepProgramme(*shape)
+        step = self.programme.solve(
+            base / self.reference, slopes / self.reference, value[keep], jacobian[keep], low, high
+        )
+        multipliers = np.zeros(len(value))
+        multipliers[keep] = step.multipliers
+        return replace(step, multipliers=multipliers)
+
+    def worth(self) -> dict[str, float]:
+        """What relaxing each requirement by 1 % would gain, relative change of the worst frequency, from its multiplier."""
+        squared = self.problem.frequencies(self.x, self.rows)
+        low_x, high_x = self.problem.bounds
+        low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
+        step = self._solve(self._active(squared, []), self.limits, low, high)
+        scale = 0.5 * self.reference / float(squared.min())  # f ~ sqrt(λ)
+        gains: dict[str, float] = {}
+        for name, gain in zip(self.limits.names, step.multipliers * self.limits.relaxation * scale, strict=True):
+            gains[name] = gains.get(name, 0.0) + float(gain)
+        at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(low > -0.05 + 1e-9, step.low_multipliers, 0)
+        for v, gain in zip(self.problem.variables, 0.01 * at_end * scale, strict=True):
+            if v.pin is not None:
+                name = f"pin_box.{self.problem.machine.cylinders[v.cylinder].name}.{v.pin}"
+                gains[name] = gains.get(name, 0.0) + float(gain)
+        return gains
+
+    def _active(self, squared: Array, pinned: list[int]) -> Array:
+        """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
+        place = self.problem.pose_of(self.rows)
+        chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
+        for spacing in (0.05, 0.0):
+            for index in np.argsort(squared):
+                if len(chosen) == min(ACTIVE, len(self.rows)):
+                    break
+                if index not in chosen and all(np.abs(place[index] - place[c]).max() > spacing for c in chosen):
+                    chosen.append(int(index))
+        return self.rows[chosen]
+
+
+def _nearest_limits(limits: Limits, low: Array, high: Array, count: int) -> Array:
+    """The constraints that a step in the box could bring nearest to violation; always the same number of them."""
+    lowest = limits.values + np.minimum(limits.jacobian.T * low[:, None], limits.jacobian.T * high[:, None]).sum(axis=0)
+    return np.sort(np.argsort(lowest)[: min(count, len(lowest))])
+
+
+def hertz(squared: float) -> float:
+    """Frequency [Hz] of ω² [rad²/s²]."""
+    return math.sqrt(max(squared, 0.0)) / (2 * math.pi)

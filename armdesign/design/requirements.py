@@ -1,0 +1,220 @@
+"""Requirements: what a new design must keep of today's machine, and the check of a machine against them.
+
+The check uses two machines as their files describe them and nothing of the optimiser, so it also judges its answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.cylinder import Cylinder, euler_safety, holding_force
+from armdesign.errors import ArmDesignError
+from armdesign.linkage import Linkage
+from armdesign.machine import Machine
+from armdesign.ranges import sweep
+from armdesign.units import deg, mm
+from armdesign.workspace import Workspace
+
+SWEEP = 181  # poses over a joint's range at which moment arms and transmission angles are looked at
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """Limits of a new design, shares of what today's machine has.
+
+    Attributes:
+        end_margin: share of the stroke that every cylinder keeps free at both ends, in today's workspace.
+        holding_share: static force over what supply against return pressure gives, at most.
+        oil_total_share: swept volume summed over the cylinders, bore sides and annulus sides, at most.
+        oil_each_share: swept volume of each cylinder and side, at most.
+        thrust_share: supply pressure × bore area of each cylinder, at most.
+        moment_arm_share: smallest moment arm over the joint range, at least.
+        transmission: angle between rocker and coupler [rad], at least; or today's smallest, if that is lower.
+        digging: names of the cylinders whose digging force counts, extending.
+        digging_share: their digging force, at least.
+        pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest distance from the first
+            joint to the tool.
+    """
+
+    end_margin: float = 0.02
+    holding_share: float = 0.87
+    oil_total_share: float = 1.0
+    oil_each_share: float = 1.1
+    thrust_share: float = 1.1
+    moment_arm_share: float = 0.8
+    transmission: float = 20 * deg
+    digging: tuple[str, ...] = ()
+    digging_share: float = 0.95
+    pin_box: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "digging" or (name == "pin_box" and value is None):
+                continue
+            if not (np.isfinite(value) and value >= 0):
+                raise ArmDesignError(f"requirements.{name}", f"{value!r} is not allowed", "give a number ≥ 0")
+
+    @classmethod
+    def of(cls, machine: Machine) -> Requirements:
+        """The requirements that the machine's file states."""
+        section = machine.section.requirements
+        return cls(
+            end_margin=section.end_margin,
+            holding_share=section.holding_share,
+            oil_total_share=section.oil_total_share,
+            oil_each_share=section.oil_each_share,
+            thrust_share=section.thrust_share,
+            moment_arm_share=section.moment_arm_share,
+            transmission=section.transmission_deg * deg,
+            digging=tuple(section.digging.cylinders) if section.digging else (),
+            digging_share=section.digging.share if section.digging else 0.95,
+            pin_box=None if section.pin_box_mm is None else section.pin_box_mm * mm,
+        )
+
+    def box(self, machine: Machine, workspace: Workspace) -> float:
+        """How far each pin coordinate may move [m]."""
+        if self.pin_box is not None:
+            return self.pin_box
+        tool = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
+        return float(0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One requirement, judged: ``value`` against ``limit`` in ``unit``; ``slack`` ≥ 0 where it is met.
+
+    The slack is the distance to the limit over the limit (over the pin box, the stroke or today's value where the limit is
+    a length that may be zero). ``words`` say what it is about.
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    slack: float
+    words: str
+
+
+def _at_most(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
+    return Check(
+        name=name, value=value, limit=limit, unit=unit, slack=(limit - value) / (scale or limit or 1.0), words=words
+    )
+
+
+def _at_least(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
+    return Check(
+        name=name, value=value, limit=limit, unit=unit, slack=(value - limit) / (scale or limit or 1.0), words=words
+    )
+
+
+def check(machine: Machine, today: Machine, workspace: Workspace, requirements: Requirements) -> tuple[Check, ...]:
+    """Judge a machine by every requirement, relative to today's machine on today's workspace.
+
+    Args:
+        machine: the new machine.
+        today: the machine that the limits refer to.
+        workspace: today's workspace.
+        requirements: the limits.
+    """
+    checks = [
+        *_oil(machine, today, requirements),
+        *_holding(machine, workspace, requirements),
+    ]
+    pairs = zip(machine.cylinders, today.cylinders, machine.linkages, today.linkages, strict=True)
+    for new, old, linkage, old_linkage in pairs:
+        checks += _cylinder(new, old, requirements, machine)
+        checks += _geometry(new, old, linkage, old_linkage, today, requirements)
+        checks += _box(new, linkage, old_linkage, requirements.box(today, workspace))
+    return tuple(checks)
+
+
+def _oil(machine: Machine, today: Machine, requirements: Requirements) -> list[Check]:
+    checks = []
+    for side, area in (("cap", "bore_area"), ("annulus", "annulus_area")):
+        volumes = [[getattr(c, area) * c.stroke for c in m.cylinders] for m in (machine, today)]
+        limit = requirements.oil_total_share * sum(volumes[1])
+        checks.append(_at_most(f"oil.{side}.total", sum(volumes[0]), limit, "m³", f"oil of all {side} sides"))
+        for cylinder, new, old in zip(machine.cylinders, *volumes, strict=True):
+            limit = requirements.oil_each_share * old
+            words = f"oil of the {cylinder.name} cylinder's {side} side"
+            checks.append(_at_most(f"oil.{side}.{cylinder.name}", new, limit, "m³", words))
+    return checks
+
+
+def holding_use(machine: Machine, workspace: Workspace) -> Array:
+    """Largest static force of each cylinder over what its supply can hold, all poses and load cases (nc,)."""
+    worst = np.zeros(len(machine.cylinders))
+    for payload in machine.payloads:
+        case = machine.with_payload(payload.name)
+        poses = case.evaluate(workspace.rigid[case.holds(workspace.rigid)])
+        for i, cylinder in enumerate(machine.cylinders):
+            force = poses.cylinder_forces[:, i]
+            held = holding_force(cylinder.bore_area, cylinder.annulus_area, machine.supply, force > 0)
+            worst[i] = max(worst[i], float((np.abs(force) / held).max(initial=0.0)))
+    return worst
+
+
+def _holding(machine: Machine, workspace: Workspace, requirements: Requirements) -> list[Check]:
+    return [
+        _at_most(f"holding.{c.name}", float(use), requirements.holding_share, "", f"static load of the {c.name} cylinder")
+        for c, use in zip(machine.cylinders, holding_use(machine, workspace), strict=True)
+    ]
+
+
+def _cylinder(new: Cylinder, old: Cylinder, requirements: Requirements, machine: Machine) -> list[Check]:
+    pressure, name = machine.supply.pressure, new.name
+    safety = [euler_safety(c.bore, c.rod, c.open_length, pressure) for c in (new, old)]
+    thrust = [pressure * c.bore_area for c in (new, old)]
+    limit = requirements.thrust_share * thrust[1]
+    return [
+        _at_most(f"thrust.{name}", thrust[0], limit, "N", f"thrust of the {name} cylinder"),
+        _at_least(f"buckling.{name}", safety[0], safety[1], "", f"Euler safety of the {name} rod"),
+        _at_least(
+            f"dead_length.{name}", new.dead_length, old.dead_length, "m", f"closed length less stroke, {name}", old.stroke
+        ),
+    ]
+
+
+def _geometry(
+    new: Cylinder, old: Cylinder, linkage: Linkage, old_linkage: Linkage, today: Machine, requirements: Requirements
+) -> list[Check]:
+    """Stroke, moment arm, digging and transmission of a cylinder over the range of its joint."""
+    if len(linkage.joints) != 1:
+        return []
+    joint = linkage.joints[0]
+    poses = sweep(today.arm, joint, np.linspace(*today.ranges[joint], SWEEP))
+    length = linkage.length(poses)
+    name, where = new.name, today.arm.joints[joint].name
+    arms = [np.abs(k.actuation(poses).moment_arm[:, joint]) for k in (linkage, old_linkage)]
+    checks = [
+        _at_least(f"range.open.{name}", new.open_length, length.max(), "m", f"stroke covers {where}", old.stroke),
+        _at_most(f"range.closed.{name}", new.closed_length, length.min(), "m", f"stroke covers {where}", old.stroke),
+        _at_least(
+            f"moment_arm.{name}", arms[0].min(), requirements.moment_arm_share * arms[1].min(), "m/rad",
+            f"smallest moment arm of the {name} cylinder",
+        ),
+    ]  # fmt: skip
+    if name in requirements.digging:
+        torque = [today.supply.pressure * c.bore_area * a.max() for c, a in ((new, arms[0]), (old, arms[1]))]
+        limit = requirements.digging_share * torque[1]
+        checks.append(_at_least(f"digging.{name}", torque[0], limit, "N m", f"digging torque of the {name} cylinder"))
+    if linkage.four_bar is not None:
+        angle = [float(k.transmission_angle(poses).min()) for k in (linkage, old_linkage)]
+        limit = min(requirements.transmission, angle[1])
+        checks.append(_at_least(f"transmission.{name}", angle[0], limit, "rad", f"rocker–coupler angle, {name}"))
+    return checks
+
+
+def _box(new: Cylinder, linkage: Linkage, old: Linkage, box: float) -> list[Check]:
+    checks = []
+    for pin in ("base", "rod_end"):
+        here, before = getattr(linkage, pin), getattr(old, pin)
+        if here is None:
+            continue
+        moved = float(np.abs(np.subtract(here.at, before.at)).max())
+        name = f"pin_box.{new.name}.{pin}"
+        checks.append(_at_most(name, moved, box, "m", f"move of the {new.name} cylinder's {pin} pin", box or 1.0))
+    return checks

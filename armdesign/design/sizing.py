@@ -1,0 +1,112 @@
+"""Semidefinite programmes of the design: the only door to cvxpy.
+
+Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,  low ≤ x ≤ high, where A
+and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a reference.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import InfeasibleError
+
+PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Answer of one programme: change of x, λ foreseen, multipliers of the constraints and matrix inequalities."""
+
+    change: Array  # (nx,)
+    value: float
+    violation: float  # sum of what had to be given up on the constraints
+    multipliers: Array  # (m,) of c + C x ≥ 0
+    low_multipliers: Array  # (nx,)
+    high_multipliers: Array  # (nx,)
+    weights: Array  # (n, nq, nq) of the matrix inequalities
+
+
+class StepProgramme:
+    """The programme with n poses, m constraints and nx variables, set up once and solved for many data.
+
+    Constraints may be violated at a price, so that a step from an infeasible x exists.
+    """
+
+    def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
+        import cvxpy as cp
+
+        self.shape = (n, nq, m, nx)
+        pairs = [(a, b) for a in range(nq) for b in range(a, nq)]
+        self._pairs = np.array(pairs).T
+        self._base = cp.Parameter((n, len(pairs)))
+        self._slopes = [cp.Parameter((len(pairs), nx)) for _ in range(n)]
+        self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
+        self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
+        self._change, self._lambda = cp.Variable(nx), cp.Variable()
+        self._excess = cp.Variable(m, nonneg=True)
+        self._matrices = []
+        place = np.zeros((nq * nq, len(pairs)))
+        for k, (a, b) in enumerate(pairs):
+            place[a * nq + b, k] = place[b * nq + a, k] = 1.0
+        for j in range(n):
+            entries = self._base[j] + self._slopes[j] @ self._change
+            matrix = cp.reshape(place @ entries, (nq, nq), order="C") - self._lambda * np.eye(nq)
+            self._matrices.append(matrix >> 0)
+        self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
+        self._box = [self._change >= self._low, self._change <= self._high]
+        objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
+        self._problem = cp.Problem(objective, [*self._matrices, self._limits, *self._box])
+
+    def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
+        """Solve for matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq) and constraints ``value``, ``jacobian``."""
+        a, b = self._pairs
+        self._base.value = base[:, a, b]
+        for j, parameter in enumerate(self._slopes):
+            parameter.value = slopes[:, j, a, b].T
+        self._value.value, self._jacobian.value = value, jacobian
+        self._low.value, self._high.value = low, high
+        _solve(self._problem)
+        return Step(
+            change=np.clip(np.asarray(self._change.value), low, high),
+            value=float(self._lambda.value),
+            violation=float(np.sum(self._excess.value)),
+            multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
+            low_multipliers=np.asarray(self._box[0].dual_value),
+            high_multipliers=np.asarray(self._box[1].dual_value),
+            weights=np.array([c.dual_value for c in self._matrices]).reshape(-1, self.shape[1], self.shape[1]),
+        )
+
+
+def dual_bound(
+    step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
+) -> float:
+    """An upper bound on λ that holds whatever the solver did.
+
+    For any weights Z_j ⪰ 0 with Σ tr Z_j = 1 and y ≥ 0, weak duality gives
+    λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The solver's multipliers, made to
+    meet the signs and the trace, are such weights.
+    """
+    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
+    weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+    weights = weights / np.trace(weights, axis1=1, axis2=2).sum()
+    constant = np.einsum("nij,nij->", weights, base) + step.multipliers @ value
+    slope = np.einsum("nij,vnij->v", weights, slopes) + step.multipliers @ jacobian
+    return float(constant + np.maximum(slope * low, slope * high).sum())
+
+
+def _solve(problem: Any) -> None:
+    import cvxpy as cp
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "solution may be inaccurate": every step is judged by its true objective
+            problem.solve(solver=cp.CLARABEL)
+    except cp.SolverError as error:
+        raise InfeasibleError("design step", f"the solver gave up ({error})", "loosen the requirements") from None
+    if problem.status not in ("optimal", "optimal_inaccurate"):
+        raise InfeasibleError("design step", f"the solver says {problem.status}", "loosen the requirements")

@@ -1,0 +1,132 @@
+"""The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and their damping.
+
+A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here knows a formula of
+stiffness. The operating point is rest with all valves shut. There a lapped valve passes no flow whatever the pressures, so
+it adds no damping: what damps is leakage and viscous friction; dry friction, which has no derivative at rest, is left out. The flow that a spool opens is larger to one side than
+to the other; A holds the mean of both, and 0 within an overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.machine import Machine
+from armdesign.simulation.plant import Plant
+
+# Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table 1).
+WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+STEPS = (1e-4, 1e-3, 0.05, 0.05, 1e-6, 1e-2)  # of q, q̇, p1, p2 [bar], spool, spool speed
+NEGLIGIBLE = 1e-5  # of the fastest pole: slower ones are the trapped oil's zeros with their rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """State space about rest at one pose; arrays are read-only, SI.
+
+    Attributes:
+        A: (n, n) over the states.
+        B: (n, nc) by the spool commands −1…1.
+        C: (nc, n), to the piston positions [m].
+        D: (nc, nc), zero.
+        states: names of the states; the last 2 nc are those of the spools.
+        inputs: names of the cylinders.
+        equilibrium: the state at rest (n,): q, q̇, p1, p2 [Pa], spool, spool speed.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    equilibrium: Array
+
+    def __post_init__(self) -> None:
+        for value in (self.A, self.B, self.C, self.D, self.equilibrium):
+            value.setflags(write=False)
+
+    @cached_property
+    def poles(self) -> Array:
+        """All eigenvalues of A (n,) [rad/s], slow ones first."""
+        return _by_size(np.linalg.eigvals(self.A))
+
+    @cached_property
+    def modes(self) -> Array:
+        """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first; the spools' own are left out.
+
+        The spools drive the rest and feel nothing of it, so its poles are those of its own block of A.
+        """
+        size = len(self.A) - 2 * len(self.inputs)
+        poles = _by_size(np.linalg.eigvals(self.A[:size, :size]))
+        return poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
+
+    @property
+    def natural_frequencies(self) -> Array:
+        """|λ|/2π of ``modes`` [Hz]."""
+        return np.abs(self.modes) / (2 * math.pi)
+
+    @property
+    def damping_ratios(self) -> Array:
+        """ζ = −Re λ/|λ| of ``modes``."""
+        return -self.modes.real / np.abs(self.modes)
+
+
+def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:
+    """State space of the machine under its payload about rest at one pose q (nq,), valves shut.
+
+    Args:
+        machine: the machine.
+        q: joint positions [rad, m].
+        preloaded: chamber pressures at rest, see ``Plant.rest``.
+
+    Raises:
+        PoseError: the pose cannot be taken.
+        SimulationError: a cylinder has no valve.
+    """
+    plant = Plant(without_dry_friction(machine))
+    rest = plant.rest(q, preloaded)
+    shut = np.zeros(plant.nc)
+    steps = np.concatenate([np.full(len(part), h) for part, h in zip(plant.split(rest), STEPS, strict=True)])
+    unit = plant.units
+    a = _jacobian(lambda y: plant.derivative(y.tolist(), shut.tolist()), rest, steps)
+    b = _jacobian(lambda u: plant.derivative(rest.tolist(), u.tolist()), shut, np.full(plant.nc, 1e-2))
+    c = _jacobian(lambda y: plant.evaluate(y.tolist(), shut.tolist())[1], rest, steps)
+    return LinearModel(
+        A=a * unit[:, None] / unit,
+        B=b * unit[:, None],
+        C=c / unit,
+        D=np.zeros((plant.nc, plant.nc)),
+        states=plant.state_names,
+        inputs=tuple(cylinder.name for cylinder in machine.cylinders),
+        equilibrium=rest * unit,
+    )
+
+
+def without_dry_friction(machine: Machine) -> Machine:
+    """The machine with viscous friction alone: dry friction has no derivative at rest."""
+    smooth = [replace(c, friction=replace(c.friction, coulomb=0.0, static=0.0)) for c in machine.cylinders]
+    return replace(machine, cylinders=tuple(smooth))
+
+
+def _jacobian(f: Callable[[Array], list[float]], x: Array, steps: Array) -> Array:
+    """∂f/∂x (outputs, inputs) at x with a step per input."""
+    columns = []
+    for i, step in enumerate(steps):
+        shift = np.zeros_like(x)
+        shift[i] = step
+        differences = [
+            w * (np.array(f(x + k * shift)) - np.array(f(x - k * shift))) for k, w in enumerate(WEIGHTS, start=1)
+        ]
+        columns.append(np.sum(differences, axis=0) / step)
+    return np.stack(columns, axis=1)
+
+
+def _by_size(poles: Array) -> Array:
+    return np.asarray(poles[np.argsort(np.abs(poles), kind="stable")])

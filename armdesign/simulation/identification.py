@@ -1,0 +1,164 @@
+"""Natural frequency and damping fitted to a measured frequency response.
+
+The record of an arm with almost no damping ends while it still rings, and its plain spectrum is smeared by that. For a
+linear system the spectra of a record of length T obey, at the frequencies k/T and exactly,
+
+    A(s) Y(s) = B(s) U(s) + E(s),   s = jω,
+
+where the polynomial E holds the difference of the state at both ends of the record (Pintelon & Schoukens 2012, ch. 6).
+A, B and E are fitted together by least squares within a band; A has one pair of roots per mode in the band, the degrees
+that B and E have to spare stand for the modes outside. Then H = B/A, and the measured response is (Y − E/A)/U: smeared no more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+
+SPARE = 2  # degrees of B and E above those of a sum of modes: what modes outside the band add
+ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1963)
+LEAST_EQUATIONS = 2  # per unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Modes fitted to a frequency response; arrays are read-only.
+
+    Attributes:
+        natural_frequencies: (m,) ascending [Hz].
+        damping_ratios: (m,).
+        frequency_deviations: standard deviation of the frequencies by what the fit leaves over (m,) [Hz].
+        damping_deviations: that of the damping ratios (m,).
+        frequency: lines of the band (k,) [Hz].
+        response: measured response there (k,), complex, freed of what rings at the record's ends.
+        fitted: fitted response there (k,), complex.
+        residual: root mean square of what the fit leaves of the output's spectrum, relative.
+    """
+
+    natural_frequencies: Array
+    damping_ratios: Array
+    frequency_deviations: Array
+    damping_deviations: Array
+    frequency: Array
+    response: Array
+    fitted: Array
+    residual: float
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+
+def fit_modes(
+    time: Array, excitation: Array, answer: Array, band: tuple[float, float], modes: int = 1, part: str = "response"
+) -> Fit:
+    """Fit ``modes`` natural frequencies and damping ratios to a record.
+
+    Args:
+        time: even instants (n,) [s].
+        excitation: input (n,).
+        answer: output (n,).
+        band: lowest and highest frequency that counts [Hz].
+        modes: how many modes the band holds.
+        part: name of the record for messages.
+
+    Raises:
+        SimulationError: too few lines in the band, nothing in the answer, or no oscillation in it.
+    """
+    step = time[1] - time[0]
+    all_lines = np.fft.rfftfreq(len(time), step)
+    inside = (all_lines >= band[0]) & (all_lines <= band[1])
+    u, y = (np.fft.rfft(signal)[inside] / len(time) for signal in (excitation, answer))
+    frequency = all_lines[inside]
+    least = record_length(band, modes)
+    if len(frequency) < LEAST_EQUATIONS * _unknowns(modes) / 2:
+        raise SimulationError(part, f"{len(time) * step:.3g} s are too short", f"record {least:.3g} s or more")
+    if not (np.all(np.isfinite(u)) and np.all(np.isfinite(y)) and np.abs(u).max() > 0 and np.abs(y).max() > 0):
+        raise SimulationError(part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode")
+    omega = 2 * math.pi * math.sqrt(band[0] * band[1])
+    s = 2j * math.pi * frequency / omega
+    scale = np.abs(y).max() / np.abs(u).max()
+    a, b, e, covariance, residual = _solved(s, u * scale, y, modes)
+    roots = np.roots([1.0, *a[::-1]])
+    roots = roots[roots.imag > 0]
+    if len(roots) < modes:
+        raise SimulationError(part, "shows no oscillation in the band", "it is overdamped, or the amplitude too small")
+    roots = roots[np.argsort(np.abs(roots))]
+    size, zeta, size_deviation, zeta_deviation = _spread(roots, a, covariance)
+    denominator = _polynomial(s, [*a, 1.0])
+    return Fit(
+        natural_frequencies=size * omega / (2 * math.pi),
+        damping_ratios=zeta,
+        frequency_deviations=size_deviation * omega / (2 * math.pi),
+        damping_deviations=zeta_deviation,
+        frequency=frequency,
+        response=(y - _polynomial(s, e) / denominator) / u,
+        fitted=_polynomial(s, b) / denominator * scale,
+        residual=residual,
+    )
+
+
+def record_length(band: tuple[float, float], modes: int) -> float:
+    """Shortest record [s] from which so many modes can be fitted in a band [Hz]."""
+    return (LEAST_EQUATIONS * _unknowns(modes) / 2 + 1) / (band[1] - band[0])
+
+
+def _degrees(modes: int) -> tuple[int, int, int]:
+    """Numbers of coefficients: of A below its leading one, of B, of E."""
+    return 2 * modes, 2 * modes - 1 + SPARE, 2 * modes + SPARE
+
+
+def _unknowns(modes: int) -> int:
+    return sum(_degrees(modes))
+
+
+def _solved(s: Array, u: Array, y: Array, modes: int) -> tuple[Array, Array, Array, Array, float]:
+    """Coefficients of A (without its leading 1), B and E, lowest first; covariance of A's; relative residual."""
+    na, nb, ne = _degrees(modes)
+    powers = s[:, None] ** np.arange(max(na, nb, ne) + 1)
+    columns = np.hstack([y[:, None] * powers[:, :na], -u[:, None] * powers[:, :nb], -powers[:, :ne]])
+    target = -y * powers[:, na]
+    weight = np.ones(len(s))
+    for _ in range(ROUNDS):
+        rows = _real(columns * weight[:, None])
+        size = np.linalg.norm(rows, axis=0)
+        basis, triangle = np.linalg.qr(rows / size)
+        solution = np.linalg.solve(triangle, basis.T @ _real(target * weight)) / size
+        weight = 1 / np.abs(_polynomial(s, [*solution[:na], 1.0]))
+    rest = _real(target * weight) - _real(columns * weight[:, None]) @ solution
+    variance = float(rest @ rest) / (len(rest) - len(solution))
+    inverse = np.linalg.inv(triangle) / size[:, None]
+    covariance = variance * (inverse @ inverse.T)[:na, :na]
+    a, b, e = np.split(solution, [na, na + nb])
+    return a, b, e, covariance, math.sqrt(float(rest @ rest) / float(np.sum(np.abs(y) ** 2)))
+
+
+def _spread(roots: Array, a: Array, covariance: Array) -> tuple[Array, Array, Array, Array]:
+    """|λ|, ζ and their standard deviations, from ∂λ/∂a_k = −λ^k / A'(λ)."""
+    size = np.abs(roots)
+    zeta = -roots.real / size
+    slope = np.polyval(np.polyder([1.0, *a[::-1]]), roots)
+    change = -(roots[:, None] ** np.arange(len(a))) / slope[:, None]
+    d_size = (roots.conj()[:, None] * change).real / size[:, None]
+    d_zeta = -(change.real + zeta[:, None] * d_size) / size[:, None]
+    return size, zeta, _deviation(d_size, covariance), _deviation(d_zeta, covariance)
+
+
+def _deviation(slopes: Array, covariance: Array) -> Array:
+    return np.asarray(np.sqrt(np.einsum("mi,ij,mj->m", slopes, covariance, slopes)))
+
+
+def _polynomial(s: Array, coefficients: Array | list[float]) -> Array:
+    """Σ c_k s^k, lowest first."""
+    return np.asarray(np.polynomial.polynomial.polyval(s, coefficients))
+
+
+def _real(values: Array) -> Array:
+    """Real above imaginary parts: a complex least-squares problem as a real one."""
+    return np.concatenate([values.real, values.imag])

@@ -1,0 +1,284 @@
+"""Is the linear answer so in the nonlinear model? A small slow sweep of one valve, the others shut: ``validate``.
+
+The spool of one cylinder follows a sine whose frequency sweeps over the mode, while a slow loop holds the piston's mean
+position. Natural frequency and damping are fitted to the response of the cylinder's speed to the speed that the spool
+as it really stood asks for; so neither spool lag nor loop is in it, but the damping of the open valve is. It shows all
+coupled modes that the cylinder takes part in. Every sweep is run at full and at half amplitude: what belongs to amplitude shrinks
+with it, a fault of the model does not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+from armdesign.linearization import LinearModel, linearize
+from armdesign.machine import Machine
+from armdesign.modes import natural_modes
+from armdesign.poses import Poses
+from armdesign.simulation.excitation import EvenOpening, Sweep
+from armdesign.simulation.identification import Fit, fit_modes, record_length
+from armdesign.simulation.motion import Simulation, simulate
+from armdesign.simulation.plant import Plant
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BAND = (0.5, 1.6)  # of the sweep, relative to the mode
+NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much room
+CYCLES = 16.0  # of the mode in a sweep
+HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
+SWING_SHARE = 0.5  # of the way from rest to return... that a chamber's pressure swings in the sweep by default
+AGREES = 0.01  # relative deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One sweep and what was found in it; arrays are read-only.
+
+    Attributes:
+        payload: name of the load case.
+        q: pose (nq,) [rad, m].
+        cylinder: name of the one that moves.
+        mode: number of the coupled mode, 1 is the lowest.
+        linear_frequency: of that mode [Hz].
+        linear_damping: damping ratio of the linear plant with valves shut.
+        amplitude: mean opening of the valve in the sweep.
+        fit: the response, measured and fitted.
+        found: which of the fit's modes it is.
+        mean: mean pose during the sweep (nq,).
+        span: largest less smallest joint position during it (nq,).
+        remark: in a word, what to think of the deviation.
+    """
+
+    payload: str
+    q: Array
+    cylinder: str
+    mode: int
+    linear_frequency: float
+    linear_damping: float
+    amplitude: float
+    fit: Fit
+    found: int
+    mean: Array
+    span: Array
+    remark: str = ""
+
+    @property
+    def identified_frequency(self) -> float:
+        """Natural frequency of the fit [Hz]."""
+        return float(self.fit.natural_frequencies[self.found])
+
+    @property
+    def identified_damping(self) -> float:
+        """Damping ratio of the fit."""
+        return float(self.fit.damping_ratios[self.found])
+
+    @property
+    def deviation(self) -> float:
+        """Identified over linear natural frequency, less 1."""
+        return self.identified_frequency / self.linear_frequency - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Sweeps of a machine: ``runs`` in the order of poses, payloads, cylinders, amplitudes (full, half)."""
+
+    joints: tuple[str, ...]
+    runs: tuple[Run, ...]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """One row per run, as in ``validation.csv``."""
+        import pandas as pd
+
+        rows = [
+            {
+                "payload": run.payload,
+                **dict(zip(self.joints, run.q.tolist(), strict=True)),
+                "cylinder": run.cylinder,
+                "mode": run.mode,
+                "linear_hz": run.linear_frequency,
+                "identified_hz": run.identified_frequency,
+                "deviation": run.deviation,
+                "linear_damping": run.linear_damping,
+                "identified_damping": run.identified_damping,
+                "amplitude": run.amplitude,
+            }
+            for run in self.runs
+        ]
+        return pd.DataFrame(rows)
+
+    @property
+    def worst_deviation(self) -> float:
+        """Largest deviation without its sign."""
+        return max(abs(run.deviation) for run in self.runs)
+
+
+def validate(
+    machine: Machine,
+    q: ArrayLike,
+    *,
+    payloads: Sequence[str] | None = None,
+    cylinders: Sequence[str] | None = None,
+    amplitude: float | None = None,
+) -> Validation:
+    """Natural frequencies measured in the nonlinear model against the linear ones.
+
+    Args:
+        machine: the machine; every cylinder needs a valve.
+        q: pose (nq,) or poses (n, nq) [rad, m].
+        payloads: names of load cases; default: the one at work.
+        cylinders: names of the cylinders that sweep, each over the mode in which it takes its largest share; default: the
+            one that takes the largest share of the lowest mode, over that mode.
+        amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: what makes the
+            pressure of a chamber swing by half of its way to a vacuum or to supply pressure, as the linear model tells.
+
+    Raises:
+        PoseError: a pose cannot be taken.
+        SimulationError: a valve is missing, a run gives up, or its response cannot be fitted.
+    """
+    if amplitude is not None and not 0 < amplitude <= 1:
+        raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
+    loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
+    runs: list[Run] = []
+    for pose in np.atleast_2d(np.asarray(q, dtype=float)):
+        for case in loaded:
+            for index, mode in _choices(case, case.at(pose), cylinders):
+                runs += _judged(_sweeps(case, pose, index, mode, amplitude), case, index)
+    return Validation(machine.joints, tuple(runs))
+
+
+def oil_shares(poses: Poses) -> Array:
+    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc): k_i (r_i v)² over their sum."""
+    motion = poses.moment_arms @ natural_modes(poses).shapes
+    energy = poses.oil_stiffness[:, :, None] * motion**2
+    return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
+
+
+def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) -> list[tuple[int, int]]:
+    """Cylinder and mode (from 0) of each sweep."""
+    shares, names = oil_shares(poses)[0], [cylinder.name for cylinder in machine.cylinders]
+    if cylinders is None:
+        return [(int(np.argmax(shares[0])), 0)]
+    for name in cylinders:
+        if name not in names:
+            raise SimulationError(f"{machine.name}: cylinder {name}", "does not exist", f"choose from: {', '.join(names)}")
+    return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
+
+
+@dataclass(frozen=True, eq=False)
+class _Test:
+    """What both sweeps of one cylinder have in common."""
+
+    machine: Machine
+    pose: Array
+    index: int
+    mode: int
+    frequencies: Array  # of the linear modes (nq,) [Hz]
+    band: tuple[float, float]
+    duration: float
+    even: EvenOpening
+
+    @property
+    def cylinder(self) -> str:
+        """Name of the cylinder that sweeps."""
+        return self.machine.cylinders[self.index].name
+
+    @property
+    def modes(self) -> int:
+        """How many modes lie in the band."""
+        return int(np.sum((self.frequencies >= self.band[0]) & (self.frequencies <= self.band[1])))
+
+    def sweep(self, amplitude: float) -> Sweep:
+        """The sweep of the valve's opening."""
+        return Sweep(amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration)
+
+    @property
+    def rate(self) -> float:
+        """Records per second: 16 per period of the fastest mode and of the band's end."""
+        return 16 * float(max(self.band[1], self.frequencies.max()))
+
+
+def _sweeps(machine: Machine, pose: Array, index: int, mode: int, amplitude: float | None) -> list[Run]:
+    """The runs at full and half amplitude."""
+    frequencies = natural_modes(machine.at(pose)).frequencies[0]
+    if frequencies[mode] == 0:
+        raise SimulationError(f"{machine.name}: mode {mode + 1}", "is unstable on its trapped oil", "choose another pose")
+    band = _band(frequencies, frequencies[mode])
+    inside = int(np.sum((frequencies >= band[0]) & (frequencies <= band[1])))
+    duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, inside))
+    plant = Plant(machine)
+    rest = plant.rest(pose)
+    test = _Test(machine, pose, index, mode, frequencies, band, duration, EvenOpening.all(plant, rest)[index])
+    linear = linearize(machine, pose)
+    full = amplitude or _default_amplitude(test, plant, rest, linear)
+    return [_run(test, linear, size) for size in (full, full / 2)]
+
+
+def _band(frequencies: Array, target: float) -> tuple[float, float]:
+    """Band [Hz] about a mode, widened so that no neighbour sits on its edge."""
+    low, high = BAND[0] * target, BAND[1] * target
+    for other in np.sort(frequencies):
+        if low / NEIGHBOUR < other < high * NEIGHBOUR:
+            low, high = min(low, other / NEIGHBOUR), max(high, other * NEIGHBOUR)
+    return float(low), float(high)
+
+
+def _run(test: _Test, linear: LinearModel, amplitude: float) -> Run:
+    sweep, target = test.sweep(amplitude), float(test.frequencies[test.mode])
+    motion = simulate(
+        test.machine,
+        test.pose,
+        {test.cylinder: lambda time: test.even.spool(sweep(time))},
+        duration=test.duration,
+        rate=test.rate,
+        hold=HOLD_SHARE * test.band[0],
+    )
+    wanted = np.array([test.even.wanted_speed(x) for x in motion.spool[:, test.index].tolist()])
+    part = f"{test.machine.name}: sweep of {test.cylinder}"
+    fit = fit_modes(motion.time, wanted, motion.speeds[:, test.index], test.band, test.modes, part)
+    nearest = int(np.argmin(np.abs(linear.natural_frequencies - target))) if len(linear.modes) else -1
+    return Run(
+        payload=test.machine.payload.name,
+        q=test.pose,
+        cylinder=test.cylinder,
+        mode=test.mode + 1,
+        linear_frequency=target,
+        linear_damping=float(linear.damping_ratios[nearest]) if nearest >= 0 else 1.0,
+        amplitude=amplitude,
+        fit=fit,
+        found=int(np.argmin(np.abs(fit.natural_frequencies - target))),
+        mean=motion.q.mean(axis=0),
+        span=np.ptp(motion.q, axis=0),
+    )
+
+
+def _default_amplitude(test: _Test, plant: Plant, rest: Array, linear: LinearModel) -> float:
+    """Opening at which the linear response stays within ``SWING_SHARE`` of what pressures and strokes leave.
+
+    Raises:
+        SimulationError: the piston stands on an end stop.
+    """
+    size = len(linear.A) - 2 * plant.nc
+    from scipy.signal import StateSpace, lsim
+
+    flow = np.zeros(size)
+    for sign in (1.0, -1.0):
+        state = rest.copy()
+        plant.split(state)[4][test.index] = test.even.spool(sign)
+        rates = np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
+        flow += sign / 2 * rates[:size]
+    time = np.arange(0, test.duration, 1 / test.rate)
+    opening = [test.sweep(1.0)(t) for t in time]
+    system = StateSpace(linear.A[:size, :size], flow[:, None], np.eye(size), np.zeros((size, 1)))
+    swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
+    return float(min(SWING_SHARE * _room(plant, rest, linear, swing), 0.5))

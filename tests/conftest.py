@@ -1,0 +1,42 @@
+"""Machines shared by all tests, read once; Hypothesis without chance."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import machines
+import pytest
+from hypothesis import HealthCheck, settings
+
+import armdesign as ad
+
+settings.register_profile(
+    "house", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("house")
+
+
+@cache
+def machine_named(name: str) -> ad.Machine:
+    """A shipped machine, one of `machines.ODD`, or `random_<seed>`."""
+    if name in machines.ODD:
+        return machines.ODD[name]()
+    if name.startswith("random_"):
+        return machines.random_machine(int(name.removeprefix("random_")))
+    return ad.load(name)
+
+
+SHIPPED = ("paper_1dof", "excavator_20t")
+EVERY = (*SHIPPED, *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
+
+
+@pytest.fixture(params=EVERY)
+def machine(request: pytest.FixtureRequest) -> ad.Machine:
+    """Each machine in turn, loaded if it has a loaded case."""
+    found = machine_named(request.param)
+    return found.with_payload(found.payloads[-1].name)
+
+
+@pytest.fixture(scope="session")
+def excavator() -> ad.Machine:
+    return machine_named("excavator_20t").with_payload("full")

@@ -1,0 +1,293 @@
+"""Machines nobody would build, written as the text of a machine file and a URDF: tests go through the front door.
+
+`ODD` names them, `random_machine(seed)` makes more, `scaled` gives one another size, mass or oil by editing its texts.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from armdesign import ArmDesignError, Machine, machine_file
+from armdesign.arm import Arm
+from armdesign.linkage import FourBar, Linkage, Pin
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint from `parent` to a link of the joint's own name, whose body has a box's inertia about `com`."""
+
+    name: str
+    parent: str
+    xyz: tuple[float, ...] = (0, 0, 0)
+    rpy: tuple[float, ...] = (0, 0, 0)
+    axis: tuple[float, ...] = (0, -1, 0)
+    kind: str = "revolute"
+    limits: tuple[float, float] = (-0.3, 0.3)
+    mass: float = 100.0
+    com: tuple[float, ...] = (0.8, 0.05, 0.1)
+
+
+@dataclass(frozen=True)
+class Function:
+    """A cylinder between two pins (link, [m]); its stroke is laid around its length at q = 0."""
+
+    name: str
+    base: tuple[str, tuple[float, ...]]
+    rod_end: tuple[str, tuple[float, ...]] | None = None
+    pivot: tuple[str, tuple[float, ...]] | None = None
+    lug: tuple[str, tuple[float, ...]] | None = None
+    rocker: float = 0.5
+    coupler: float = 0.45
+    knee: str = "left"
+    bore_mm: float = 100
+    rod_mm: float = 63
+    extra: str = ""
+
+
+def _words(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(x)) for x in values)
+
+
+def urdf(joints: list[Joint]) -> str:
+    parts = ['<link name="root"/>']
+    for joint in joints:
+        a, b, c = (1.2, 0.3, 0.2)  # a box's edges [m]
+        inertia = [joint.mass / 12 * x for x in (b * b + c * c, a * a + c * c, a * a + b * b)]
+        parts.append(
+            f'<joint name="{joint.name}" type="{joint.kind}">'
+            f'<parent link="{joint.parent}"/><child link="{joint.name}"/>'
+            f'<origin xyz="{_words(joint.xyz)}" rpy="{_words(joint.rpy)}"/><axis xyz="{_words(joint.axis)}"/>'
+            f'<limit lower="{joint.limits[0]}" upper="{joint.limits[1]}" effort="1" velocity="1"/></joint>'
+            f'<link name="{joint.name}"><inertial><origin xyz="{_words(joint.com)}" rpy="0.1 0.2 -0.3"/>'
+            f'<mass value="{joint.mass}"/><inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" '
+            'ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+    return f'<robot name="odd">{"".join(parts)}</robot>'
+
+
+def _pin(at: tuple[str, tuple[float, ...]]) -> str:
+    return f'{{ link = "{at[0]}", at_mm = {[1000 * float(x) for x in at[1]]} }}'
+
+
+def _zero_length(arm: Arm, function: Function) -> float:
+    """Pin-to-pin length at q = 0, only to lay the stroke around it."""
+
+    def pin(at: tuple[str, tuple[float, ...]] | None) -> Pin | None:
+        return Pin(link=at[0], at=at[1]) if at else None  # type: ignore[arg-type]
+
+    bars = None
+    if function.pivot:
+        side = 1 if function.knee == "left" else -1
+        pivot, lug = pin(function.pivot), pin(function.lug)
+        bars = FourBar(pivot=pivot, lug=lug, rocker=function.rocker, coupler=function.coupler, side=side)
+    linkage = Linkage(base=pin(function.base), rod_end=pin(function.rod_end), four_bar=bars, arm=arm)
+    return float(linkage.length(arm.kinematics(np.zeros((1, len(arm.joints)))))[0])
+
+
+def build(
+    joints: list[Joint],
+    functions: list[Function],
+    *,
+    order: list[str] | None = None,
+    payload: tuple[str, tuple[float, ...]] | None = None,
+    payload_kg: float = 150,
+    air_percent: float = 0.0,
+) -> Machine:
+    """The machine of these joints and cylinders; `order` is that of q, the file's own if not given."""
+    order = order or [joint.name for joint in joints]
+    robot = urdf(joints)
+    arm = Arm(robot, order, {}, "odd.urdf")
+    held = payload or (joints[-1].name, (1.0, 0.1, -0.2))
+    text = [
+        f'name = "odd"\nurdf = "odd.urdf"\njoints = {order}\ntool = {_pin(held)}'.replace("'", '"'),
+        f'[payload.load]\nmass_kg = {payload_kg}\nlink = "{held[0]}"\nat_mm = {[1000 * float(x) for x in held[1]]}',
+        f"[fluid]\nbulk_modulus_MPa = 1200\nentrained_air_percent = {air_percent}",
+        "[supply]\npressure_bar = 300\nreturn_pressure_bar = 5\nflow_l_per_min = 200",
+    ]
+    for f in functions:
+        length = 1000 * _zero_length(arm, f)
+        text.append(
+            f"[cylinder.{f.name}]\nbore_mm = {f.bore_mm}\nrod_mm = {f.rod_mm}\n"
+            f"stroke_mm = {length:.3f}\nclosed_length_mm = {0.45 * length:.3f}\n"
+            f"dead_volume_l = {{ cap = 1.5, annulus = 2.5 }}\nbase = {_pin(f.base)}\n{f.extra}"
+        )
+        if f.rod_end:
+            text[-1] += f"\nrod_end = {_pin(f.rod_end)}"
+        else:
+            text.append(
+                f"[cylinder.{f.name}.four_bar]\npivot = {_pin(f.pivot)}\nlug = {_pin(f.lug)}\n"
+                f'rocker_mm = {1000 * f.rocker}\ncoupler_mm = {1000 * f.coupler}\nknee = "{f.knee}"'
+            )
+    return Machine.from_text("\n\n".join(text), robot, Path("odd.toml"))
+
+
+BOOM = Joint("boom", "root", xyz=(0.1, 0, 0.5), com=(1.2, 0, 0.2), mass=300)
+STICK = Joint("stick", "boom", xyz=(2.5, 0, 0), rpy=(0, 0.7, 0), mass=150)
+BUCKET = Joint("bucket", "stick", xyz=(1.6, 0, 0), rpy=(0, 0.3, 0), mass=80, com=(0.4, 0, 0.2))
+LIFT = Function("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
+FOLD = Function("fold", ("boom", (1.3, 0, 0.7)), ("stick", (-0.4, 0, 0.25)))
+SOFT = "count = 2\ncompliance_m_per_N = 2e-8\nhose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"
+
+
+def four_bar(knee: str, base: tuple[str, tuple[float, ...]] = ("stick", (0.2, 0, 0.5))) -> Machine:
+    """Boom, stick and a bucket on a four-bar; with `base` on the boom its cylinder spans two joints."""
+    height = 0.15 if knee == "left" else -0.1
+    tilt = Function("tilt", base, pivot=("stick", (1.3, 0, height)), lug=("bucket", (0.1, 0.02, 2 * height)), knee=knee)
+    return build([BOOM, STICK, BUCKET], [LIFT, FOLD, tilt])
+
+
+def spatial() -> Machine:
+    """Slewing, a skew hinge, a telescope and a skew wrist; air, hoses, compliance, parallel cylinders."""
+    joints = [
+        Joint("slew", "root", xyz=(0, 0, 1), axis=(0, 0, 1), mass=500, com=(-0.2, 0.1, 0.3)),
+        Joint("boom", "slew", xyz=(0.3, 0.1, 0.4), rpy=(0.2, -0.4, 0.1), axis=(0.1, -2, 0.3), mass=250),
+        Joint("slide", "boom", xyz=(0.8, 0, 0.1), axis=(3, 0.2, 0), kind="prismatic", limits=(-0.2, 0.4), mass=120),
+        Joint("wrist", "slide", xyz=(1.2, 0.2, 0), rpy=(0.5, 0.2, 1), axis=(0.4, 0.5, 1), mass=60),
+    ]
+    cylinders = [
+        Function("turn", ("root", (0.9, 0.6, 1.1)), ("slew", (0.3, 0.9, 0.2)), extra=SOFT),
+        Function("lift", ("slew", (0.9, 0, -0.3)), ("boom", (0.9, -0.1, 0.3)), bore_mm=140, rod_mm=80),
+        Function("reach", ("boom", (-0.1, 0.1, 0.3)), ("slide", (0.9, 0.2, 0.35)), extra=SOFT),
+        Function("swing", ("slide", (0.5, -0.3, 0.2)), ("wrist", (0.2, -0.5, 0.3)), bore_mm=63, rod_mm=36),
+    ]
+    return build(joints, cylinders, air_percent=1.0)
+
+
+def crossing() -> Machine:
+    """The second cylinder spans both joints; q in another order than the tree."""
+    second = Function("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), extra=SOFT)
+    return build([BOOM, STICK], [LIFT, second], order=["stick", "boom"], air_percent=0.5)
+
+
+def branched() -> Machine:
+    """Two arms on one root; cylinders from one to the other see a joint from behind, one of them across a telescope."""
+    joints = [
+        BOOM,
+        replace(STICK, kind="prismatic", axis=(1, 0, 0.2), limits=(-0.2, 0.3)),
+        Joint("mast", "root", xyz=(-0.6, 0.2, 0.5), rpy=(0, -1.2, 0), axis=(0.1, -1, 0)),
+    ]
+    tie = Function("tie", ("mast", (1.1, 0, 0.1)), ("boom", (0.9, 0, 0.9)))
+    stay = Function("stay", ("root", (-1.2, 0.1, 0.4)), ("mast", (0.6, 0.1, 0.3)))
+    reach = Function("reach", ("mast", (0.9, 0, -0.2)), ("stick", (0.2, 0.1, 0.4)))
+    return build(joints, [tie, stay, reach], payload=("stick", (1.0, 0.1, -0.2)))
+
+
+def redundant(reverse: bool = False) -> Machine:
+    """Four cylinders on two joints: two unlike ones on the boom, one on the stick, one across both."""
+    cylinders = [
+        LIFT,
+        Function("help", ("root", (-0.6, 0, 0.2)), ("boom", (0.3, 0, 0.8)), bore_mm=63, rod_mm=36, extra=SOFT),
+        FOLD,
+        Function("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), bore_mm=80, rod_mm=50),
+    ]
+    return build([BOOM, STICK], cylinders[::-1] if reverse else cylinders, air_percent=0.2)
+
+
+ODD: dict[str, Callable[[], Machine]] = {
+    "four_bar_left": lambda: four_bar("left"),
+    "four_bar_right": lambda: four_bar("right"),
+    "four_bar_from_boom": lambda: four_bar("left", ("boom", (1.4, 0, 0.9))),
+    "spatial": spatial,
+    "crossing": crossing,
+    "branched": branched,
+    "redundant": redundant,
+}
+
+
+def random_machine(seed: int) -> Machine:
+    """One to four joints about or along any axis, each with a cylinder from some link before it, no dead centre."""
+    rng = np.random.default_rng(seed)
+    for _ in range(50):
+        try:
+            return _attempt(rng)
+        except ArmDesignError:  # a dead centre in the range
+            continue
+    raise AssertionError(f"no machine from seed {seed}")
+
+
+def _attempt(rng: np.random.Generator) -> Machine:
+    joints: list[Joint] = []
+    cylinders: list[Function] = []
+    for index in range(int(rng.integers(1, 5))):
+        parent = joints[-1].name if joints else "root"
+        prismatic = rng.random() < 0.25
+        joints.append(
+            Joint(
+                f"j{index}",
+                parent,
+                xyz=tuple(rng.uniform(-1, 1, 3)),
+                rpy=tuple(rng.uniform(-3, 3, 3)),
+                axis=tuple(rng.normal(size=3)),
+                kind="prismatic" if prismatic else "revolute",
+                limits=(-0.1, 0.1),
+                mass=float(rng.uniform(20, 400)),
+                com=tuple(rng.uniform(-0.5, 0.5, 3)),
+            )
+        )
+        before = ["root", *(joint.name for joint in joints[:-1])]
+        start = before[-1] if rng.random() < 0.7 else str(rng.choice(before))
+        cylinders.append(
+            Function(
+                f"c{index}",
+                (start, tuple(rng.uniform(-1.5, 1.5, 3))),
+                (f"j{index}", tuple(rng.uniform(-1.5, 1.5, 3))),
+                bore_mm=float(rng.uniform(60, 150)),
+                rod_mm=float(rng.uniform(20, 55)),
+                extra=SOFT if rng.random() < 0.3 else "",
+            )
+        )
+    return build(joints, cylinders, payload_kg=float(rng.uniform(0, 300)), air_percent=float(rng.choice([0, 0.5])))
+
+
+def inner_poses(machine: Machine, count: int, seed: int = 0) -> np.ndarray:
+    """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and holds its joint."""
+    rng = np.random.default_rng(seed)
+    low, high = machine.ranges.T
+    q = rng.uniform(low + 0.02 * (high - low), high - 0.02 * (high - low), (20 * count, len(low)))
+    q = q[np.all(machine.margins(q) > 0.01, axis=1)]
+    arms = machine.evaluate(machine.arm.kinematics(q)).moment_arms
+    q = q[np.linalg.svd(arms, compute_uv=False)[:, -1] > 0.01]
+    assert len(q) >= count, "a machine without room to move is no test"
+    return q[:count]
+
+
+def scaled(machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus: float = 1.0) -> Machine:
+    """The same machine with all lengths, all masses and the moduli of oil and hoses times a factor each."""
+    robot = ET.fromstring(machine.urdf_text)
+    for origin in robot.iter("origin"):
+        origin.set("xyz", _words(tuple(length * float(x) for x in origin.get("xyz", "0 0 0").split())))
+    for element in robot.iter("mass"):
+        element.set("value", repr(mass * float(element.get("value", "0"))))
+    for element in robot.iter("inertia"):
+        for key, value in element.items():
+            element.set(key, repr(mass * length**2 * float(value)))
+    for joint in robot.iter("joint"):
+        if joint.get("type") == "prismatic":
+            for limit in joint.iter("limit"):
+                for key in ("lower", "upper"):
+                    limit.set(key, repr(length * float(limit.get(key, "0"))))
+    changes: dict[str, object] = {}
+
+    def visit(table: dict[str, object], path: str) -> None:
+        for key, value in table.items():
+            where = f"{path}{key}"
+            volume = path.endswith(("dead_volume_l.", "hose.")) and key in ("cap", "annulus", "cap_l", "annulus_l")
+            factor = (
+                length**3 if volume else mass if key == "mass_kg" else modulus if key == "bulk_modulus_MPa" else length
+            )
+            if isinstance(value, dict):
+                visit(value, f"{where}.")
+            elif key == "compliance_m_per_N" and value:
+                changes[where] = value / (length * modulus)  # keeps its share of the oil's compliance
+            elif volume or key in ("mass_kg", "bulk_modulus_MPa") or (key.endswith("_mm") and value is not None):
+                changes[where] = [factor * x for x in value] if isinstance(value, list) else factor * value
+
+    kept = {"tool", "payload", "fluid", "cylinder"}
+    visit(machine.section.model_dump(include=kept, exclude_unset=True), "")
+    text = machine_file.write(machine.text, changes, "scaled.toml")
+    return Machine.from_text(text, ET.tostring(robot, encoding="unicode"), machine.source)
