@@ -68,6 +68,7 @@ class Arm:
     def __init__(self, urdf: str, joints: list[str], frozen: dict[str, float], source: str) -> None:
         self.source = source
         self.xml, self.joints, self.links = read_urdf(urdf, joints, frozen, source)
+        self._paths: dict[tuple[str, str], tuple[tuple[int, int], ...]] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,11 +106,16 @@ class Arm:
         joint = self.links[link].joint
         return self._chains[joint] if joint >= 0 else ()
 
-    def path(self, start: str, end: str) -> list[tuple[int, int]]:
+    def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
-        up, down = self.chain(start), self.chain(end)
-        common = sum(1 for _ in _common_prefix(up, down))
-        return [(j, -1) for j in reversed(up[common:])] + [(j, 1) for j in down[common:]]
+        if (start, end) not in self._paths:
+            up, down = self.chain(start), self.chain(end)
+            common = next(
+                (i for i, (a, b) in enumerate(zip(up, down, strict=False)) if a != b), min(len(up), len(down))
+            )
+            back = tuple((j, -1) for j in reversed(up[common:]))
+            self._paths[start, end] = back + tuple((j, 1) for j in down[common:])
+        return self._paths[start, end]
 
     # ---------------------------------------------------------------------------------------------- placements
 
@@ -160,30 +166,34 @@ class Arm:
         A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one shifts it; of two
         joints the nearer to the observer acts last: ∂²P/∂q_j∂q_k = ω_j × ∂P/∂q_k.
         """
-        position = self.point(poses, link, at)
-        n, k = len(position), len(joints)
-        jacobian, hessian = np.zeros((n, k, 3)), np.zeros((n, k, k, 3))
-        path = [(j, sign) for j, sign in self.path(seen_from, link) if j in joints]
-        for j, sign in path:
-            axis = sign * poses.axis[:, j]
-            lever = position - poses.translation[:, j]
-            jacobian[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
-        for near, (j, sign) in enumerate(path):
-            if not self.joints[j].revolute:
-                continue
-            axis = sign * poses.axis[:, j]
-            for k_joint, _ in path[near:]:
-                a, b = joints.index(j), joints.index(k_joint)
-                hessian[:, a, b] = hessian[:, b, a] = cross(axis, jacobian[:, b])
-        return PointMotion(position, jacobian, hessian)
+        return self._seen(poses, self.point(poses, link, at), True, self.path(seen_from, link), joints)
 
     def direction(
         self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]
     ) -> PointMotion:
         """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
-        origin = self.motion(poses, link, np.zeros(3), seen_from, joints)
-        tip = self.motion(poses, link, local, seen_from, joints)
-        return PointMotion(tip.position - origin.position, tip.jacobian - origin.jacobian, tip.hessian - origin.hessian)
+        vector = np.asarray(self.link_rotation(poses, link) @ local)
+        return self._seen(poses, vector, False, self.path(seen_from, link), joints)
+
+    def _seen(
+        self, poses: RigidPoses, vector: Array, bound: bool, path: tuple[tuple[int, int], ...], joints: tuple[int, ...]
+    ) -> PointMotion:
+        """Derivatives of a point (``bound`` to a place) or of a free direction by the joints on a path, nearest first."""
+        n, k = len(vector), len(joints)
+        jacobian, hessian = np.zeros((n, k, 3)), np.zeros((n, k, k, 3))
+        path = tuple((j, sign) for j, sign in path if j in joints and (bound or self.joints[j].revolute))
+        for j, sign in path:
+            axis = sign * poses.axis[:, j]
+            lever = vector - poses.translation[:, j] if bound else vector
+            jacobian[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
+        for near, (j, sign) in enumerate(path):
+            if not self.joints[j].revolute:
+                continue
+            axis = sign * poses.axis[:, j]
+            for further, _ in path[near:]:
+                a, b = joints.index(j), joints.index(further)
+                hessian[:, a, b] = hessian[:, b, a] = cross(axis, jacobian[:, b])
+        return PointMotion(vector, jacobian, hessian)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:
         """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""
@@ -312,12 +322,3 @@ def cross(a: Array, b: Array) -> Array:
         ],
         axis=-1,
     )
-
-
-def _common_prefix(a: tuple[int, ...], b: tuple[int, ...]) -> list[int]:
-    shared = []
-    for x, y in zip(a, b, strict=False):
-        if x != y:
-            break
-        shared.append(x)
-    return shared

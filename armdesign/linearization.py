@@ -1,9 +1,10 @@
 """The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and their damping.
 
 A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here knows a formula of
-stiffness. The operating point is rest with all valves shut. There a lapped valve passes no flow whatever the pressures, so
-it adds no damping: what damps is leakage and viscous friction; dry friction, which has no derivative at rest, is left out. The flow that a spool opens is larger to one side than
-to the other; A holds the mean of both, and 0 within an overlap.
+stiffness. The operating point is rest with all valves shut, or open just enough to make up for leakage. Shut, a lapped valve
+passes no flow whatever the pressures, so it adds no damping: what damps is leakage and viscous friction. Dry friction,
+which has no derivative at rest, is left out. The flow that a spool opens is larger to one side than to the other; A
+holds the mean of both, and 0 within an overlap.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class LinearModel:
 
 
 def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:
-    """State space of the machine under its payload about rest at one pose q (nq,), valves shut.
+    """State space of the machine under its payload about rest at one pose q (nq,).
 
     Args:
         machine: the machine.
@@ -92,12 +93,12 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
     """
     plant = Plant(without_dry_friction(machine))
     rest = plant.rest(q, preloaded)
-    shut = np.zeros(plant.nc)
+    held = plant.split(rest)[4]
     steps = np.concatenate([np.full(len(part), h) for part, h in zip(plant.split(rest), STEPS, strict=True)])
     unit = plant.units
-    a = _jacobian(lambda y: plant.derivative(y.tolist(), shut.tolist()), rest, steps)
-    b = _jacobian(lambda u: plant.derivative(rest.tolist(), u.tolist()), shut, np.full(plant.nc, 1e-2))
-    c = _jacobian(lambda y: plant.evaluate(y.tolist(), shut.tolist())[1], rest, steps)
+    a = _jacobian(lambda y: plant.derivative(y.tolist(), held.tolist()), rest, steps)
+    b = _jacobian(lambda u: plant.derivative(rest.tolist(), u.tolist()), held, np.full(plant.nc, 1e-2))
+    c = _jacobian(lambda y: plant.evaluate(y.tolist(), held.tolist())[1], rest, steps)
     return LinearModel(
         A=a * unit[:, None] / unit,
         B=b * unit[:, None],

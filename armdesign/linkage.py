@@ -10,7 +10,9 @@ With d = P − B between rod-end pin P and base pin B:  ℓ = |d|,  r_j = d·d_j
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -58,7 +60,7 @@ class Linkage:
     four_bar: FourBar | None = None
     arm: Arm = field(repr=False, compare=False)
 
-    @property
+    @cached_property
     def joints(self) -> tuple[int, ...]:
         """Coordinates that change this cylinder's length."""
         far = self.four_bar.lug if self.four_bar else self.rod_end
@@ -106,28 +108,36 @@ class Linkage:
         return self._scatter(length, arm, curve / length[:, None, None])
 
     def sensitivity(self, poses: RigidPoses, pin: str, axis: int) -> Actuation:
-        """Exact derivative of the actuation by coordinate ``axis`` of the pin ``base`` or ``rod_end`` in its link.
+        """Exact derivative of the actuation by coordinate ``axis`` of the pin ``base`` or ``rod_end`` in its link."""
+        return self.sensitivities(poses, [(pin, axis)])[0]
 
-        d moves by ∂d = ± the link's axis, which turns with the link; from ℓ² = d·d and its derivatives by the chain rule.
+    def sensitivities(self, poses: RigidPoses, moves: Sequence[tuple[str, int]]) -> list[Actuation]:
+        """Exact derivatives of the actuation by several pin coordinates (pin, axis).
+
+        d moves by ∂d = ± the link's axis, which turns with the link; the rest is the chain rule on ℓ² = d·d and its
+        derivatives by q.
         """
         span = self._span(poses)
+        length = np.linalg.norm(span.position, axis=1)
+        arm = np.einsum("ni,nji->nj", span.position, span.jacobian) / length[:, None]
+        curve = (_second(span, span) - arm[:, :, None] * arm[:, None, :]) / length[:, None, None]
+        return [self._sensitivity(poses, span, (length, arm, curve), *move) for move in moves]
+
+    def _sensitivity(
+        self, poses: RigidPoses, span: PointMotion, values: tuple[Array, Array, Array], pin: str, axis: int
+    ) -> Actuation:
         place = self.base if pin == "base" else self.rod_end
         if place is None:
             raise ValueError(f"this cylinder has no pin {pin!r} on a link")
-        shift = self.arm.direction(poses, place.link, np.eye(3)[axis], self._observer, self.joints)
-        if pin == "base":
-            shift = PointMotion(-shift.position, -shift.jacobian, -shift.hessian)
-        length = np.linalg.norm(span.position, axis=1)
-        first = np.einsum("ni,nji->nj", span.position, span.jacobian)  # ℓ r
-        arm = first / length[:, None]
+        sign = -1.0 if pin == "base" else 1.0
+        shift = self.arm.direction(poses, place.link, sign * np.eye(3)[axis], self._observer, self.joints)
+        length, arm, curve = values
         d_length = np.einsum("ni,ni->n", span.position, shift.position) / length
-        d_first = np.einsum("ni,nji->nj", shift.position, span.jacobian) + np.einsum(
-            "ni,nji->nj", span.position, shift.jacobian
-        )
+        d_first = np.einsum("ni,nji->nj", shift.position, span.jacobian)  # of ℓ r = d·d_j
+        d_first += np.einsum("ni,nji->nj", span.position, shift.jacobian)
         d_arm = (d_first - arm * d_length[:, None]) / length[:, None]
-        curve = (_second(span, span) - arm[:, :, None] * arm[:, None, :]) / length[:, None, None]
-        d_second = _cross_second(span, shift)
         d_outer = d_arm[:, :, None] * arm[:, None, :]
+        d_second = _second(span, shift) + _second(shift, span)  # of ℓ H + r r = d_j·d_k + d·d_jk
         d_curve = d_second - d_outer - np.swapaxes(d_outer, 1, 2) - curve * d_length[:, None, None]
         return self._scatter(d_length, d_arm, d_curve / length[:, None, None])
 
@@ -216,15 +226,4 @@ def _second(a: PointMotion, b: PointMotion) -> Array:
     """a_j·b_k + a·b_jk."""
     return np.asarray(
         np.einsum("nji,nki->njk", a.jacobian, b.jacobian) + np.einsum("ni,njki->njk", a.position, b.hessian)
-    )
-
-
-def _cross_second(a: PointMotion, b: PointMotion) -> Array:
-    """Derivative of a_j·a_k + a·a_jk when a moves by b."""
-    mixed = np.einsum("nji,nki->njk", a.jacobian, b.jacobian)
-    return np.asarray(
-        mixed
-        + np.swapaxes(mixed, 1, 2)
-        + np.einsum("ni,njki->njk", a.position, b.hessian)
-        + np.einsum("ni,njki->njk", b.position, a.hessian)
     )

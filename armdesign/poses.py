@@ -96,8 +96,10 @@ def is_singular(moment_arms: Array) -> Flags:
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.
     """
-    if moment_arms.shape[1] < moment_arms.shape[2]:
-        return np.ones(len(moment_arms), dtype=bool)
     finite = np.all(np.isfinite(moment_arms), axis=(1, 2))
-    safe = np.where(finite[:, None, None], moment_arms, 0.0)
-    return np.asarray(~finite | (np.linalg.svd(safe, compute_uv=False)[:, -1] < 1e-6))
+    used = np.any(moment_arms != 0, axis=0)
+    if used.shape[0] == used.shape[1] and np.all(used.sum(axis=0) == 1) and np.all(used.sum(axis=1) == 1):
+        smallest = np.abs(moment_arms[:, used]).min(axis=1)  # one cylinder per joint: the arms are the singular values
+    else:
+        smallest = np.linalg.svd(np.where(finite[:, None, None], moment_arms, 0.0), compute_uv=False)[:, -1]
+    return np.asarray(~finite | ~(smallest >= 1e-6))

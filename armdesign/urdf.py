@@ -102,7 +102,7 @@ def _keep_only(element: ET.Element, *tags: str) -> None:
 
 
 def _numbers(element: ET.Element | None, key: str, default: str, count: int, where: str) -> Array:
-    """The numbers of an attribute, written back plainly: Pinocchio's parser drops a body whose numbers it cannot read."""
+    """Numbers of an attribute, written back plainly: Pinocchio's parser drops a body whose numbers it cannot read."""
     text = default if element is None else element.get(key, default)
     try:
         values = np.array([float(word) for word in text.split()])

@@ -59,7 +59,9 @@ def orifice_flow(valve: Valve, share: float, drop: float) -> float:
     return gain * share * drop / (drop * drop + LAMINAR_DROP * LAMINAR_DROP) ** 0.25
 
 
-def port_flows(valve: Valve, share: float, cap: float, annulus: float, supply: float, back: float) -> tuple[float, float]:
+def port_flows(
+    valve: Valve, share: float, cap: float, annulus: float, supply: float, back: float
+) -> tuple[float, float]:
     """Flows [m³/s] into cap and annulus chamber at their pressures [Pa], supply and return pressure.
 
     Open by a positive share, supply feeds the cap and the annulus drains; by a negative one, the other way round.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import machines
 import pytest
 from hypothesis import HealthCheck, settings
@@ -15,28 +13,17 @@ settings.register_profile(
 )
 settings.load_profile("house")
 
-
-@cache
-def machine_named(name: str) -> ad.Machine:
-    """A shipped machine, one of `machines.ODD`, or `random_<seed>`."""
-    if name in machines.ODD:
-        return machines.ODD[name]()
-    if name.startswith("random_"):
-        return machines.random_machine(int(name.removeprefix("random_")))
-    return ad.load(name)
-
-
 SHIPPED = ("paper_1dof", "excavator_20t")
 EVERY = (*SHIPPED, *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
 
 
 @pytest.fixture(params=EVERY)
 def machine(request: pytest.FixtureRequest) -> ad.Machine:
-    """Each machine in turn, loaded if it has a loaded case."""
-    found = machine_named(request.param)
+    """Each machine in turn under its last load case, which is the loaded one."""
+    found = machines.named(request.param)
     return found.with_payload(found.payloads[-1].name)
 
 
 @pytest.fixture(scope="session")
 def excavator() -> ad.Machine:
-    return machine_named("excavator_20t").with_payload("full")
+    return machines.named("excavator_20t").with_payload("full")

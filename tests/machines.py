@@ -1,6 +1,6 @@
 """Machines nobody would build, written as the text of a machine file and a URDF: tests go through the front door.
 
-`ODD` names them, `random_machine(seed)` makes more, `scaled` gives one another size, mass or oil by editing its texts.
+`named` gives them, and the shipped ones, by name; `scaled` gives one another size, mass or oil by editing its texts.
 """
 
 from __future__ import annotations
@@ -8,11 +8,12 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from armdesign import ArmDesignError, Machine, machine_file
+from armdesign import ArmDesignError, Machine, load, machine_file
 from armdesign.arm import Arm
 from armdesign.linkage import FourBar, Linkage, Pin
 
@@ -197,6 +198,14 @@ ODD: dict[str, Callable[[], Machine]] = {
     "branched": branched,
     "redundant": redundant,
 }
+
+
+@cache
+def named(name: str) -> Machine:
+    """A shipped machine, one of `ODD`, or `random_<seed>`; read once."""
+    if name.startswith("random_"):
+        return random_machine(int(name.removeprefix("random_")))
+    return ODD[name]() if name in ODD else load(name)
 
 
 def random_machine(seed: int) -> Machine:

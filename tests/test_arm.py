@@ -1,6 +1,6 @@
-"""Reading a URDF: every fault is refused in one line that names the culprit; what is accepted is what Pinocchio would compute.
+"""Reading a URDF: every fault is refused in one line that names the culprit, the rest is what Pinocchio would compute.
 
-Expected numbers: the same arm written another way (limiting case), or Pinocchio on the untouched URDF (independent method).
+Expected numbers: the same arm written another way (limiting case), or Pinocchio on the untouched URDF (independent).
 """
 
 from __future__ import annotations

@@ -8,14 +8,15 @@ more cylinders than joints, air, hoses, compliance.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio
 import pytest
-from conftest import machine_named
+from checks import assert_same, difference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import ODD, inner_poses, random_machine, redundant, scaled
+from machines import ODD, inner_poses, named, random_machine, redundant, scaled
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
@@ -24,26 +25,6 @@ from armdesign.cylinder import static_pressures
 from armdesign.fluid import bulk_modulus
 from armdesign.linkage import Linkage
 from armdesign.units import GRAVITY
-
-STEP = 2e-3  # [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
-DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-
-
-def difference(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = STEP) -> np.ndarray:
-    """∂function/∂x_j at each row of x (n, k) by eighth-order central differences; j becomes the last axis."""
-    columns = []
-    for j in range(x.shape[1]):
-        unit = step * np.eye(x.shape[1])[j]
-        columns.append(
-            sum(c * (function(x + k * unit) - function(x - k * unit)) for k, c in enumerate(DIFFERENCE, start=1)) / step
-        )
-    return np.stack(columns, axis=-1)
-
-
-def assert_same(actual: np.ndarray, expected: np.ndarray, relative: float) -> None:
-    """Equal to a share of the largest number in `expected`: small entries of a matrix are differences of large ones."""
-    assert_allclose(actual, expected, rtol=0, atol=relative * (np.abs(expected).max() + 1e-30))
-
 
 # ------------------------------------------------------------------------------------------------------------ geometry
 
@@ -79,8 +60,6 @@ def test_pin_sensitivities_are_derivatives_by_the_pin(machine: ad.Machine, pin: 
 
 
 def _moved(linkage: Linkage, pin: str, axis: int, shift: np.ndarray, poses: object, name: str) -> np.ndarray:
-    from dataclasses import replace
-
     place = getattr(linkage, pin)
     at = np.array(place.at)
     at[axis] += shift[0, 0]
@@ -90,7 +69,7 @@ def _moved(linkage: Linkage, pin: str, axis: int, shift: np.ndarray, poses: obje
 def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
     """By definition: rocker from the pivot, coupler from the lug, left or right seen with x right and z up."""
     for name, side in (("four_bar_left", 1), ("four_bar_right", -1), ("excavator_20t", 1)):
-        machine = machine_named(name)
+        machine = named(name)
         poses = machine.arm.kinematics(inner_poses(machine, 5))
         linkage = machine.linkages[2]
         bars = linkage.four_bar
@@ -297,7 +276,7 @@ def test_scaling_laws(name: str) -> None:
     masses and β × a → f unchanged; lengths × a at constant density with β × a (Froude) → f/√a.
     """
     a = 1.7
-    machine = machine_named(name)
+    machine = named(name)
     machine = machine.with_payload(machine.payloads[-1].name)
     q = inner_poses(machine, 4)
     larger_q = q * np.array([1 if joint.revolute else a for joint in machine.arm.joints])
@@ -320,7 +299,7 @@ def test_scaling_laws(name: str) -> None:
 
 
 def test_the_order_of_the_cylinders_does_not_matter() -> None:
-    machine, mirrored = machine_named("redundant"), redundant(reverse=True)
+    machine, mirrored = named("redundant"), redundant(reverse=True)
     q = inner_poses(machine, 5)
     modes, other = ad.natural_modes(machine.at(q)), ad.natural_modes(mirrored.at(q))
     assert_allclose(modes.frequencies, other.frequencies, rtol=1e-12)
@@ -338,7 +317,7 @@ def test_the_order_of_the_joints_does_not_matter(excavator: ad.Machine) -> None:
 
 def test_more_cylinders_than_joints_share_the_load_evenly() -> None:
     """Equilibrium g = Rᵀ F holds, and no self-stress lowers Σ (F/A)²: its gradient has no part along null(Rᵀ)."""
-    machine = machine_named("redundant")
+    machine = named("redundant")
     poses = machine.at(inner_poses(machine, 8))
     areas = np.array([cylinder.bore_area for cylinder in machine.cylinders])
     balance = np.einsum("ncj,nc->nj", poses.moment_arms, poses.cylinder_forces)
@@ -360,7 +339,7 @@ def test_two_parallel_cylinders_are_two_cylinders(excavator: ad.Machine) -> None
 @pytest.mark.parametrize("name", ODD)
 def test_one_pose_alone_is_the_same_as_among_many(name: str) -> None:
     """Axis 0 is the pose: rows do not mix."""
-    machine = machine_named(name)
+    machine = named(name)
     q = inner_poses(machine, 4)
     together = ad.natural_modes(machine.at(q))
     for row in range(len(q)):

@@ -17,7 +17,8 @@ from armdesign.design.problem import Limits, Problem
 from armdesign.design.sizing import Step, StepProgramme, dual_bound
 
 ACTIVE = 24  # poses in one programme
-MEMORY = 400  # lowest poses watched between looks at the whole workspace
+MEMORY = 300  # lowest poses watched between looks at the whole workspace,
+SPREAD = 1200  # and about so many all over it
 STEPS = 60
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
 
@@ -36,16 +37,17 @@ class Search:
     squared: float = 0.0
     limits: Limits = field(init=False)
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
+    holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
     @property
     def violation(self) -> float:
         """Largest amount by which a requirement is missed."""
         return float(np.maximum(-self.limits.values, 0.0).max())
 
-    def run(self, trust: float, tolerance: float = 1e-5) -> Search:
+    def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
         """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
         self._look_at_all()
-        for _ in range(8):
+        for _ in range(looks):
             self._improve(trust, tolerance)
             worst = self.squared
             self._look_at_all()
@@ -81,13 +83,14 @@ class Search:
     def _look_at_all(self) -> None:
         """Watch the lowest poses of the whole workspace."""
         squared = self.problem.frequencies(self.x)
-        lowest = np.argsort(squared)[:MEMORY]
-        self.rows = np.union1d(self.rows, lowest).astype(int)
+        lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
+        self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
+        self.holding = np.union1d(self.holding, self.problem.holding_rows(self.x)).astype(int)
         self.squared = float(squared.min())
 
     def _improve(self, trust: float, tolerance: float) -> None:
         squared = self.problem.frequencies(self.x, self.rows)
-        self.limits = self.problem.limits(self.x)
+        self.limits = self.problem.limits(self.x, self.holding)
         merit = self._merit(float(squared.min()), self.limits)
         low_x, high_x = self.problem.bounds
         pinned: list[int] = []
@@ -100,7 +103,7 @@ class Search:
                 break
             trial = self.x + step.change
             trial_squared = self.problem.frequencies(trial, self.rows)
-            trial_limits = self.problem.limits(trial)
+            trial_limits = self.problem.limits(trial, self.holding)
             gained = self._merit(float(trial_squared.min()), trial_limits) - merit
             if gained > 0.1 * promised:
                 self.x, squared, self.limits, merit = trial, trial_squared, trial_limits, merit + gained

@@ -20,7 +20,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Check, Requirements, check
+from armdesign.design.requirements import Check, Requirements, check, static_loads
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine, load
 from armdesign.maps import FrequencyMap, frequency_map
@@ -29,7 +29,7 @@ from armdesign.workspace import Workspace
 
 GRID = 0.1  # [mm] what a drawing can say
 STARTS = 3
-COMBINATIONS = 256  # of rounded bores and rods that are tried
+COMBINATIONS = 128  # of rounded bores and rods that are tried
 TOLERANCE = 1e-9  # of a slack
 BINDING = 2e-3  # a requirement with less slack than this binds
 
@@ -170,7 +170,7 @@ def _multistart(problem: Problem, starts: int, seed: int) -> list[Search]:
             x[pins] = random.uniform(-0.7, 0.7, pins.sum())
         search = _search(problem, x)
         search.programme = programme
-        searches.append(search.run(trust=0.2, tolerance=1e-3))
+        searches.append(search.run(trust=0.2, tolerance=2e-3, looks=3))
         programme = search.programme
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.squared))
     best.run(trust=0.05, tolerance=1e-5)
@@ -245,12 +245,13 @@ def _candidates(search: Search) -> list[dict[str, Any]]:
         itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.array(c) - wanted).sum())
     )[:COMBINATIONS]
     light = _light_workspace(problem)
+    loads = static_loads(frame, light) if len(frame.cylinders) == len(frame.joints) else None  # else they hang on areas
     passing = []
     for choice in choices:
         sizes = [(bore * mm, rod * mm) for bore, rod in zip(choice[::2], choice[1::2], strict=True)]
         cylinders = tuple(replace(c, bore=b, rod=r) for c, (b, r) in zip(frame.cylinders, sizes, strict=True))
         trial = replace(frame, cylinders=cylinders)
-        if min(c.slack for c in check(trial, today, light, problem.requirements)) >= -TOLERANCE:
+        if min(c.slack for c in check(trial, today, light, problem.requirements, loads)) >= -TOLERANCE:
             x = search.x.copy()
             areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
             x[: areas.size] = (areas / problem.areas(problem.start)).ravel()

@@ -19,7 +19,7 @@ from armdesign.arrays import Array
 from armdesign.cylinder import STEEL_MODULUS, euler_safety, stiffness
 from armdesign.design.requirements import Requirements
 from armdesign.errors import InfeasibleError
-from armdesign.linkage import Linkage, Pin
+from armdesign.linkage import Actuation, Linkage, Pin
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 from armdesign.ranges import sweep
@@ -182,13 +182,18 @@ class Problem:
         if not derivatives:
             return Geometry(length, arm, curve)
         changes = [np.zeros((len(x), *value.shape)) for value in (length, arm, curve)]
-        for index, v in enumerate(self.variables):
-            if v.pin is not None:
-                moved = linkages[v.cylinder].sensitivity(poses, v.pin, v.axis)
+        for i, linkage in enumerate(linkages):
+            for index, moved in self._sensitivities(i, linkage, poses):
                 parts_moved = (moved.length, moved.moment_arm, moved.moment_arm_derivative)
                 for change, part in zip(changes, parts_moved, strict=True):
-                    change[index][:, v.cylinder] = part * self.box
+                    change[index][:, i] = part * self.box
         return Geometry(length, arm, curve, *changes)
+
+    def _sensitivities(self, i: int, linkage: Linkage, poses: RigidPoses) -> list[tuple[int, Actuation]]:
+        """Entries of x that move pins of cylinder ``i``, each with the derivative of its actuation by that pin [1/m]."""
+        entries = [(index, v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin]
+        moved = linkage.sensitivities(poses, [(pin, axis) for _, pin, axis in entries])
+        return [(index, part) for (index, _, _), part in zip(entries, moved, strict=True)]
 
     def frequencies(self, x: Array, rows: Array | None = None) -> Array:
         """Lowest coupled ω² of rows [rad²/s²] at x (all rows if None)."""
@@ -299,13 +304,14 @@ class Problem:
         """Closed lengths and strokes with a complex step along each entry of x (nx, nc)."""
         lengths, linkages = self._range_lengths(x)
         closed, stroke = (np.tile(value.astype(complex), (len(x), 1)) for value in self._strokes(x, lengths))
-        for index, v in enumerate(self.variables):
-            poses, length = self.ranges[v.cylinder], lengths[v.cylinder]
-            if v.pin is not None and poses is not None and length is not None:
-                ends = [int(length.argmin()), int(length.argmax())]
-                change = linkages[v.cylinder].sensitivity(poses[ends], v.pin, v.axis).length * self.box
-                closed[index, v.cylinder] += 1j * STEP * change[0]
-                stroke[index, v.cylinder] += 1j * STEP * (change[1] - change[0])
+        for i, (poses, length) in enumerate(zip(self.ranges, lengths, strict=True)):
+            if poses is None or length is None:
+                continue
+            ends = [int(length.argmin()), int(length.argmax())]
+            for index, moved in self._sensitivities(i, linkages[i], poses[ends]):
+                first, last = moved.length * self.box
+                closed[index, i] += 1j * STEP * first
+                stroke[index, i] += 1j * STEP * (last - first)
         return closed, stroke
 
     def _stepped_areas(self, x: Array) -> Array:
@@ -317,8 +323,8 @@ class Problem:
 
     # --------------------------------------------------------------------------------------------- requirements
 
-    def limits(self, x: Array) -> Limits:
-        """Every requirement as c(x) ≥ 0, with exact derivatives."""
+    def limits(self, x: Array, holding: Array | None = None) -> Limits:
+        """Every requirement as c(x) ≥ 0, with exact derivatives; holding at the rows given, or at ``holding_rows(x)``."""
         areas, (closed, stroke) = self._stepped_areas(x), self._stepped_strokes(x)
         names: list[str] = []
         values: list[Array] = []  # each (nx, k): complex-stepped along x
@@ -354,7 +360,7 @@ class Problem:
                 0.005 * float(needed[0].real) / self._areas[i, 0],
             )
         self._arm_limits(x, areas, add)
-        self._holding_limits(x, areas, add)
+        self._holding_limits(x, areas, self.holding_rows(x) if holding is None else holding, add)
         stacked = np.concatenate(values, axis=1)
         assert stacked.shape[0] == nx
         return Limits(names, stacked[0].real, stacked.imag.T / STEP, np.array(relaxation))
@@ -365,6 +371,14 @@ class Problem:
         safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
         return float(safety * 4 * cylinder.count * pressure / (math.pi * STEEL_MODULUS))
 
+    @cached_property
+    def _arms_today(self) -> list[Array]:
+        """Today's moment arm of each cylinder over its joint's range [m/rad]; empty for a cylinder across several joints."""
+        return [
+            k.actuation(p).moment_arm[:, k.joints[0]] if p is not None else np.empty(0)
+            for k, p in zip(self.machine.linkages, self.ranges, strict=True)
+        ]
+
     def _arm_limits(self, x: Array, areas: Array, add: object) -> None:
         """Smallest moment arm over the joint range; digging torque at the best pose."""
         r, tight = self.requirements, self.tightening
@@ -373,14 +387,13 @@ class Problem:
             if poses is None:
                 continue
             joint = self.machine.linkages[i].joints[0]
-            today = np.abs(self.machine.linkages[i].actuation(poses).moment_arm[:, joint])
+            today = self._arms_today[i]
+            sign = np.sign(today[0])
+            today = np.abs(today)
             arm = linkages[i].actuation(poses).moment_arm[:, joint]
-            sign = np.sign(self.machine.linkages[i].actuation(poses).moment_arm[0, joint])
             stepped = np.tile((sign * arm).astype(complex), (len(x), 1))
-            for index, v in enumerate(self.variables):
-                if v.pin is not None and v.cylinder == i:
-                    change = linkages[i].sensitivity(poses, v.pin, v.axis).moment_arm[:, joint]
-                    stepped[index] += 1j * STEP * sign * change * self.box
+            for index, moved in self._sensitivities(i, linkages[i], poses):
+                stepped[index] += 1j * STEP * sign * moved.moment_arm[:, joint] * self.box
             least = r.moment_arm_share * (1 + tight)
             add(f"moment_arm.{cylinder.name}", stepped / today.min() - least, 0.01 * least)  # type: ignore[operator]
             if cylinder.name in r.digging:
@@ -389,10 +402,9 @@ class Problem:
                 least = r.digging_share * (1 + tight)
                 add(f"digging.{cylinder.name}", torque - least, 0.01 * least)  # type: ignore[operator]
 
-    def _holding_limits(self, x: Array, areas: Array, add: object) -> None:
+    def _holding_limits(self, x: Array, areas: Array, rows: Array, add: object) -> None:
         """Static force within a share of what the supply holds, at the poses where it is nearest to that."""
         share, supply = self.requirements.holding_share, self.machine.supply
-        rows = self._holding_rows(x)
         g = self.geometry(x, self.workspace.rigid[self._rows[0][rows]], derivatives=True)
         arm = g.stepped()[1]
         gravity = self._rows[3][rows]
@@ -409,7 +421,7 @@ class Problem:
             relax = float(0.01 * least * held[0].real.max() / scale)
             add(f"holding.{cylinder.name}", (least * held - used) / scale, relax)  # type: ignore[operator]
 
-    def _holding_rows(self, x: Array) -> Array:
+    def holding_rows(self, x: Array) -> Array:
         """Rows at which some cylinder is nearest to its holding limit, a few per cylinder, load case and direction."""
         g = self.geometry(x, self.workspace.rigid[self.holding_poses])
         back = np.searchsorted(self.holding_poses, self._rows[0])

@@ -110,7 +110,13 @@ def _at_least(name: str, value: float, limit: float, unit: str, words: str, scal
     )
 
 
-def check(machine: Machine, today: Machine, workspace: Workspace, requirements: Requirements) -> tuple[Check, ...]:
+def check(
+    machine: Machine,
+    today: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    loads: tuple[Array, Array] | None = None,
+) -> tuple[Check, ...]:
     """Judge a machine by every requirement, relative to today's machine on today's workspace.
 
     Args:
@@ -118,10 +124,11 @@ def check(machine: Machine, today: Machine, workspace: Workspace, requirements: 
         today: the machine that the limits refer to.
         workspace: today's workspace.
         requirements: the limits.
+        loads: ``static_loads`` of the machine on the workspace, if known.
     """
     checks = [
         *_oil(machine, today, requirements),
-        *_holding(machine, workspace, requirements),
+        *_holding(machine, loads or static_loads(machine, workspace), requirements),
     ]
     pairs = zip(machine.cylinders, today.cylinders, machine.linkages, today.linkages, strict=True)
     for new, old, linkage, old_linkage in pairs:
@@ -144,24 +151,25 @@ def _oil(machine: Machine, today: Machine, requirements: Requirements) -> list[C
     return checks
 
 
-def holding_use(machine: Machine, workspace: Workspace) -> Array:
-    """Largest static force of each cylinder over what its supply can hold, all poses and load cases (nc,)."""
-    worst = np.zeros(len(machine.cylinders))
+def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
+    """Largest push and largest pull that each cylinder must hold, all poses and load cases (nc,) [N, ≥ 0]."""
+    push = pull = np.zeros(len(machine.cylinders))
     for payload in machine.payloads:
         case = machine.with_payload(payload.name)
-        poses = case.evaluate(workspace.rigid[case.holds(workspace.rigid)])
-        for i, cylinder in enumerate(machine.cylinders):
-            force = poses.cylinder_forces[:, i]
-            held = holding_force(cylinder.bore_area, cylinder.annulus_area, machine.supply, force > 0)
-            worst[i] = max(worst[i], float((np.abs(force) / held).max(initial=0.0)))
-    return worst
+        forces = case.evaluate(workspace.rigid[case.holds(workspace.rigid)]).cylinder_forces
+        push = np.maximum(push, forces.max(axis=0, initial=0.0))
+        pull = np.maximum(pull, -forces.min(axis=0, initial=0.0))
+    return push, pull
 
 
-def _holding(machine: Machine, workspace: Workspace, requirements: Requirements) -> list[Check]:
-    return [
-        _at_most(f"holding.{c.name}", float(use), requirements.holding_share, "", f"static load of the {c.name} cylinder")
-        for c, use in zip(machine.cylinders, holding_use(machine, workspace), strict=True)
-    ]
+def _holding(machine: Machine, loads: tuple[Array, Array], requirements: Requirements) -> list[Check]:
+    checks = []
+    for cylinder, push, pull in zip(machine.cylinders, *loads, strict=True):
+        held = [holding_force(cylinder.bore_area, cylinder.annulus_area, machine.supply, way) for way in (True, False)]
+        use = max(float(push / held[0]), float(pull / held[1]))
+        words = f"static load of the {cylinder.name} cylinder"
+        checks.append(_at_most(f"holding.{cylinder.name}", use, requirements.holding_share, "", words))
+    return checks
 
 
 def _cylinder(new: Cylinder, old: Cylinder, requirements: Requirements, machine: Machine) -> list[Check]:

@@ -69,7 +69,7 @@ class EvenOpening:
         """Spool position −1…1 for a mean opening."""
         return spool_position(self.function.valve, share * (self.extend if share > 0 else self.retract))
 
-    def wanted_speed(self, spool: float) -> float:
-        """Piston speed [m/s] that a spool position asks for, at the pressures of rest and without load change."""
-        share = opening(self.function.valve, spool)
-        return self.speed * share / (self.extend if share > 0 else self.retract)
+    def share(self, spool: float) -> float:
+        """Mean opening −1…1 at a spool position: inverse of ``spool``."""
+        wide = opening(self.function.valve, spool)
+        return wide / (self.extend if wide > 0 else self.retract)

@@ -81,6 +81,9 @@ def simulate(
 ) -> Simulation:
     """Motion of the machine under its payload from rest at one pose, by the nonlinear model of ``Plant``.
 
+    At rest the pressures hold the load; without leakage a machine with shut valves stays there. Valves start shut, or, with
+    leakage, as far open as makes up for it.
+
     Args:
         machine: the machine; every cylinder needs a valve.
         q: joint positions at rest (nq,) [rad, m].

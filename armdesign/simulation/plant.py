@@ -29,7 +29,7 @@ from armdesign.fluid import bulk_modulus
 from armdesign.machine import Machine
 from armdesign.simulation.reach import Reach
 from armdesign.units import bar
-from armdesign.valve import Valve, friction_force, opening, orifice_flow, port_flows
+from armdesign.valve import Valve, friction_force, opening, orifice_flow, port_flows, spool_position
 
 RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
 VAPOUR_PRESSURE, VAPOUR_WIDTH = -0.7 * bar, 0.02 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
@@ -131,6 +131,18 @@ class Function:
         (bore, ring), (c1, c2) = self.areas, self.capacities(extension, cap, annulus)
         return (bore * flows[0] / c1 - ring * flows[1] / c2) / (bore * bore / c1 + ring * ring / c2)
 
+    def trim(self, cap: float, annulus: float) -> float:
+        """Spool position that makes up for the leakage across the piston at rest; 0 without leakage.
+
+        At p1 + p2 = supply + return the same opening feeds one chamber and drains the other by the leakage; at other pressures
+        no opening does, and the valve is taken as shut.
+        """
+        supply, leak = self.supply, self.valve.leakage * (cap - annulus)
+        if leak == 0 or abs(cap + annulus - supply.pressure - supply.return_pressure) > 1e-6 * supply.pressure:
+            return 0.0
+        full = port_flows(self.valve, math.copysign(1.0, leak), cap, annulus, supply.pressure, supply.return_pressure)
+        return spool_position(self.valve, leak / abs(full[0]))
+
     def pressures(self, force: float, preloaded: bool) -> tuple[float, float]:
         """Pressures of cap and annulus [Pa] that hold a static force [N].
 
@@ -183,7 +195,7 @@ class Plant:
         return q, velocity, cap * bar, annulus * bar, spool, spool_speed
 
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
-        """State of static equilibrium at a pose (nq,), all valves shut.
+        """State of static equilibrium at a pose (nq,), the valves shut but for what makes up for leakage.
 
         Args:
             q: joint positions [rad, m].
@@ -202,6 +214,7 @@ class Plant:
         state[self._parts[0]] = poses.q[0]
         state[self._parts[2]] = [cap / bar for cap, _ in held]
         state[self._parts[3]] = [annulus / bar for _, annulus in held]
+        state[self._parts[4]] = [f.trim(*pressures) for f, pressures in zip(self.functions, held, strict=True)]
         return state
 
     def derivative(self, state: Sequence[float], command: Sequence[float]) -> list[float]:
@@ -241,6 +254,7 @@ class Plant:
         frames, velocity = self.dynamics.frames(list(state[self._parts[0]])), state[self._parts[1]]
         found = [reach(frames) for reach in self._reaches]
         return [length for length, _ in found], [sum(arm * velocity[j] for j, arm in moments) for _, moments in found]
+
 
 def _spool_acceleration(valve: Valve, position: float, speed: float, command: float) -> float:
     omega = 2 * math.pi * valve.natural_frequency

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,15 +19,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
+from armdesign.cylinder import Fluid
 from armdesign.errors import SimulationError
+from armdesign.fluid import bulk_modulus
 from armdesign.linearization import LinearModel, linearize
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.excitation import EvenOpening, Sweep
 from armdesign.simulation.identification import Fit, fit_modes, record_length
-from armdesign.simulation.motion import Simulation, simulate
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.motion import simulate
+from armdesign.simulation.plant import RELIEF_SHARE, Plant
+from armdesign.units import bar, mm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +39,11 @@ BAND = (0.5, 1.6)  # of the sweep, relative to the mode
 NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much room
 CYCLES = 16.0  # of the mode in a sweep
 HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
-SWING_SHARE = 0.5  # of the way from rest to return... that a chamber's pressure swings in the sweep by default
+SWING_SHARE = 0.5  # of what pressures and strokes leave, used by the default amplitude
+LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
+SOFTENING = 0.02  # relative change of the bulk modulus that counts as all the room there is, with air
+LARGEST_OPENING = 0.5
+LEAST_END = 1e-3  # of the stroke
 AGREES = 0.01  # relative deviation
 
 
@@ -171,7 +178,9 @@ def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) ->
         return [(int(np.argmax(shares[0])), 0)]
     for name in cylinders:
         if name not in names:
-            raise SimulationError(f"{machine.name}: cylinder {name}", "does not exist", f"choose from: {', '.join(names)}")
+            raise SimulationError(
+                f"{machine.name}: cylinder {name}", "does not exist", f"choose from: {', '.join(names)}"
+            )
     return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
 
 
@@ -187,6 +196,7 @@ class _Test:
     band: tuple[float, float]
     duration: float
     even: EvenOpening
+    trims: list[float]  # spool positions at rest (nc,)
 
     @property
     def cylinder(self) -> str:
@@ -212,13 +222,16 @@ def _sweeps(machine: Machine, pose: Array, index: int, mode: int, amplitude: flo
     """The runs at full and half amplitude."""
     frequencies = natural_modes(machine.at(pose)).frequencies[0]
     if frequencies[mode] == 0:
-        raise SimulationError(f"{machine.name}: mode {mode + 1}", "is unstable on its trapped oil", "choose another pose")
+        raise SimulationError(
+            f"{machine.name}: mode {mode + 1}", "is unstable on its trapped oil", "choose another pose"
+        )
     band = _band(frequencies, frequencies[mode])
     inside = int(np.sum((frequencies >= band[0]) & (frequencies <= band[1])))
     duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, inside))
     plant = Plant(machine)
     rest = plant.rest(pose)
-    test = _Test(machine, pose, index, mode, frequencies, band, duration, EvenOpening.all(plant, rest)[index])
+    even, trims = EvenOpening.all(plant, rest)[index], plant.split(rest)[4].tolist()
+    test = _Test(machine, pose, index, mode, frequencies, band, duration, even, trims)
     linear = linearize(machine, pose)
     full = amplitude or _default_amplitude(test, plant, rest, linear)
     return [_run(test, linear, size) for size in (full, full / 2)]
@@ -234,16 +247,16 @@ def _band(frequencies: Array, target: float) -> tuple[float, float]:
 
 
 def _run(test: _Test, linear: LinearModel, amplitude: float) -> Run:
-    sweep, target = test.sweep(amplitude), float(test.frequencies[test.mode])
+    target = float(test.frequencies[test.mode])
     motion = simulate(
         test.machine,
         test.pose,
-        {test.cylinder: lambda time: test.even.spool(sweep(time))},
+        _commands(test, amplitude),
         duration=test.duration,
         rate=test.rate,
         hold=HOLD_SHARE * test.band[0],
     )
-    wanted = np.array([test.even.wanted_speed(x) for x in motion.spool[:, test.index].tolist()])
+    wanted = test.even.speed * np.array([test.even.share(x) for x in motion.spool[:, test.index].tolist()])
     part = f"{test.machine.name}: sweep of {test.cylinder}"
     fit = fit_modes(motion.time, wanted, motion.speeds[:, test.index], test.band, test.modes, part)
     nearest = int(np.argmin(np.abs(linear.natural_frequencies - target))) if len(linear.modes) else -1
@@ -262,23 +275,79 @@ def _run(test: _Test, linear: LinearModel, amplitude: float) -> Run:
     )
 
 
+def _commands(test: _Test, amplitude: float) -> dict[str, Callable[[float], float]]:
+    """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
+    sweep, trims = test.sweep(amplitude), test.trims
+    centre = test.even.share(trims[test.index])
+    commands: dict[str, Callable[[float], float]] = {
+        cylinder.name: lambda _, held=trim: held
+        for cylinder, trim in zip(test.machine.cylinders, trims, strict=True)
+        if trim != 0
+    }
+    return commands | {test.cylinder: lambda time: test.even.spool(centre + sweep(time))}
+
+
 def _default_amplitude(test: _Test, plant: Plant, rest: Array, linear: LinearModel) -> float:
     """Opening at which the linear response stays within ``SWING_SHARE`` of what pressures and strokes leave.
 
     Raises:
         SimulationError: the piston stands on an end stop.
     """
-    size = len(linear.A) - 2 * plant.nc
     from scipy.signal import StateSpace, lsim
 
-    flow = np.zeros(size)
+    size = len(linear.A) - 2 * plant.nc
+    time = np.arange(0, test.duration, 1 / test.rate)
+    outputs = np.vstack([np.eye(size), linear.C[:, :size]])
+    column = _opening_column(test, plant, rest)[:size, None]
+    system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
+    swing = np.abs(lsim(system, [test.sweep(1.0)(t) for t in time], time)[1]).max(axis=0)
+    caps, annuli = plant.split(rest)[2:4]
+    _, _, cap_swing, annulus_swing, _, _ = plant.split(
+        np.concatenate([swing[:size], np.zeros(2 * plant.nc)]) / plant.units
+    )
+    places = np.array(plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1])
+    ends = np.minimum(places, [c.stroke for c in test.machine.cylinders] - places)
+    for cylinder, end in zip(test.machine.cylinders, ends, strict=True):
+        if end < LEAST_END * cylinder.stroke:
+            part = f"{test.machine.name}: {cylinder.name} cylinder"
+            raise SimulationError(
+                part, f"stands {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke"
+            )
+    pressures, limit = np.concatenate([caps, annuli]), RELIEF_SHARE * test.machine.supply.pressure
+    softening = [_softening(test.machine.fluid, p) for p in pressures.tolist()]
+    room = np.minimum(np.minimum(pressures - LOWEST_PRESSURE, limit - pressures), softening)
+    room = np.concatenate([room, ends])
+    used = np.concatenate([cap_swing, annulus_swing, swing[size:]])
+    return float(min(SWING_SHARE * np.min(room / np.maximum(used, 1e-12)), LARGEST_OPENING))
+
+
+def _softening(fluid: Fluid, pressure: float) -> float:
+    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
+    if fluid.air == 0:
+        return math.inf
+    step = 1e-3 * bar
+    moduli = [math.log(bulk_modulus(pressure + h, fluid.bulk_modulus, fluid.air)) for h in (-step, step)]
+    return SOFTENING * 2 * step / (moduli[1] - moduli[0])
+
+
+def _opening_column(test: _Test, plant: Plant, rest: Array) -> Array:
+    """What a unit of mean opening adds to ẏ at rest (size,), SI: B of the arm with the spool as it stands."""
+    column = np.zeros(plant.size)
     for sign in (1.0, -1.0):
         state = rest.copy()
         plant.split(state)[4][test.index] = test.even.spool(sign)
-        rates = np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
-        flow += sign / 2 * rates[:size]
-    time = np.arange(0, test.duration, 1 / test.rate)
-    opening = [test.sweep(1.0)(t) for t in time]
-    system = StateSpace(linear.A[:size, :size], flow[:, None], np.eye(size), np.zeros((size, 1)))
-    swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
-    return float(min(SWING_SHARE * _room(plant, rest, linear, swing), 0.5))
+        column += sign / 2 * np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
+    return column
+
+
+def _judged(runs: list[Run], machine: Machine, index: int) -> list[Run]:
+    """The runs with a remark on their deviation, which the half amplitude explains or does not."""
+    full, half = (abs(run.deviation) for run in runs)
+    dry = machine.cylinders[index].friction.coulomb > 0
+    if full <= AGREES and half <= AGREES:
+        remark = "agrees"
+    elif half < 0.75 * full:
+        remark = "amplitude"
+    else:
+        remark = "friction" if dry else "fault"
+    return [dataclasses.replace(run, remark=remark) for run in runs]
