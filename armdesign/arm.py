@@ -178,7 +178,7 @@ class Arm:
     def _seen(
         self, poses: RigidPoses, vector: Array, bound: bool, path: tuple[tuple[int, int], ...], joints: tuple[int, ...]
     ) -> PointMotion:
-        """Derivatives of a point (``bound`` to a place) or of a free direction by the joints on a path, nearest first."""
+        """Derivatives of a point (``bound`` to a place) or a free direction by the joints on a path, nearest first."""
         n, k = len(vector), len(joints)
         jacobian, hessian = np.zeros((n, k, 3)), np.zeros((n, k, k, 3))
         path = tuple((j, sign) for j, sign in path if j in joints and (bound or self.joints[j].revolute))

@@ -1,10 +1,10 @@
 """The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and their damping.
 
 A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here knows a formula of
-stiffness. The operating point is rest with all valves shut, or open just enough to make up for leakage. Shut, a lapped valve
-passes no flow whatever the pressures, so it adds no damping: what damps is leakage and viscous friction. Dry friction,
-which has no derivative at rest, is left out. The flow that a spool opens is larger to one side than to the other; A
-holds the mean of both, and 0 within an overlap.
+stiffness. The operating point is rest with all valves shut, or open just enough to make up for leakage. Shut, a lapped
+valve passes no flow whatever the pressures, so it adds no damping: what damps is leakage and viscous friction. Dry
+friction, which has no derivative at rest, is left out. The flow that a spool opens is larger to one side than to the
+other; A holds the mean of both, and 0 within an overlap.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from armdesign.simulation.plant import Plant
 # Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table 1).
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 STEPS = (1e-4, 1e-3, 0.05, 0.05, 1e-6, 1e-2)  # of q, q̇, p1, p2 [bar], spool, spool speed
+ROUNDING = 1e-10  # of a damping ratio
 NEGLIGIBLE = 1e-5  # of the fastest pole: slower ones are the trapped oil's zeros with their rounding
 
 
@@ -76,7 +77,8 @@ class LinearModel:
     @property
     def damping_ratios(self) -> Array:
         """ζ = −Re λ/|λ| of ``modes``."""
-        return -self.modes.real / np.abs(self.modes)
+        ratios = -self.modes.real / np.abs(self.modes)
+        return np.asarray(np.where(np.abs(ratios) < ROUNDING, 0.0, ratios))
 
 
 def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:

@@ -2,8 +2,8 @@
 
 ℓ(q) is the distance between two pins; its derivatives are the moment arm r = ∂ℓ/∂q and the moment-arm derivative
 H = ∂²ℓ/∂q². A pin-to-pin cylinder spans two links; a four-bar cylinder spans a link and the knee between a rocker and a
-coupler. All of it is seen from one link, where the rest of the arm moves; any number of revolute or prismatic joints may
-lie between the pins. Axis 0 is the pose.
+coupler. All of it is seen from one link, where the rest of the arm moves; any number of revolute or prismatic joints
+may lie between the pins. Axis 0 is the pose.
 
 With d = P − B between rod-end pin P and base pin B:  ℓ = |d|,  r_j = d·d_j/ℓ,  H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ.
 """
@@ -11,7 +11,7 @@ With d = P − B between rod-end pin P and base pin B:  ℓ = |d|,  r_j = d·d_j
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,8 @@ class Pin:
 class FourBar:
     """Rocker on ``pivot`` and coupler on ``lug`` meet at the knee, which the rod end pushes.
 
-    ``side`` is +1 when the knee lies left of the line pivot → lug, seen with x right and z up in the pivot's link, else −1.
+    ``side`` is +1 when the knee lies left of the line pivot → lug, seen with x right and z up in the pivot's link,
+    else −1.
     """
 
     pivot: Pin
@@ -84,6 +85,14 @@ class Linkage:
         end = self._rod_end(poses)
         base = self.arm.motion(poses, self.base.link, np.array(self.base.at), self._observer, self.joints)
         return PointMotion(end.position - base.position, end.jacobian - base.jacobian, end.hessian - base.hessian)
+
+    def with_pin(self, pin: str, at: tuple[float, float, float]) -> Linkage:
+        """The same linkage with the pin ``base`` or ``rod_end`` elsewhere [m] in its link."""
+        if pin == "base":
+            return replace(self, base=replace(self.base, at=at))
+        if self.rod_end is None:
+            raise ValueError("a four-bar cylinder has no rod_end pin on a link")
+        return replace(self, rod_end=replace(self.rod_end, at=at))
 
     def pins(self, poses: RigidPoses) -> list[Array]:
         """World positions (n, 3) [m] of base pin and rod end; with a four-bar also of pivot, knee and lug in a row."""

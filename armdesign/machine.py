@@ -1,7 +1,7 @@
 """The machine: an arm, its cylinders, oil, supply and load cases, as one immutable value.
 
-A machine is made from its file's text and knows it: ``replace`` edits the text at key paths and reads it again, ``save``
-writes it. So whatever a machine answers, its file answers too.
+A machine is made from its file's text and knows it: ``replace`` edits the text at key paths and reads it again,
+``save`` writes it. So whatever a machine answers, its file answers too.
 """
 
 from __future__ import annotations
@@ -294,7 +294,8 @@ class Machine:
                 raise PoseError(
                     part,
                     f"length {length[out][0]:.4f} m is outside its stroke "
-                    f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m at {self._pose_text(poses.q[out][0])}",
+                    f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m "
+                    f"at {self._pose_text(poses.q[out][0])}",
                     f"stay in the range of {self._range_text(linkage)} or change stroke and pins",
                 )
         if np.any(singular := is_singular(poses.moment_arms)):

@@ -1,7 +1,7 @@
 """The machine file: TOML ↔ validated schema.
 
-The schema is the file: its keys, each with its unit in the name, its allowed range in the annotation. A fault is answered
-with file, key path, value, range and remedy. Writing changes leaf values only, so the author's comments stay.
+The schema is the file: its keys, each with its unit in the name, its allowed range in the annotation. A fault is
+answered with file, key path, value, range and remedy. Writing changes leaf values only, so the author's comments stay.
 """
 
 from __future__ import annotations
@@ -234,7 +234,7 @@ def write(text: str, changes: dict[str, Any], source: str) -> str:
 
 
 def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
-    """Raise unless the schema knows this table as an optional one: load cases and cylinders are not made by a change."""
+    """Raise unless the schema knows this as an optional table: load cases and cylinders are not made by a change."""
     parent, _ = _annotation(location[:-1])
     known = parent.model_fields if isinstance(parent, type) and issubclass(parent, Section) else node
     if known is node or location[-1] not in known:

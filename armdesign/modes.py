@@ -98,7 +98,7 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     n, nc, nq = poses.moment_arms.shape
     locked = np.empty((n, nc))
     used = poses.moment_arms != 0
-    separate = nc == nq and bool(np.all(used.any(axis=0).sum(axis=1) == 1))
+    separate = nc == nq and all(len(shared) == 1 for shared in poses.shared)
     for i in range(nc):
         if separate:
             j = int(np.argmax(used.any(axis=0)[i]))
@@ -119,5 +119,5 @@ def _null_space(rows: Array) -> Array:
     if held == 0:
         return np.broadcast_to(np.eye(nq), (n, nq, nq))
     _, sizes, right = np.linalg.svd(rows)
-    rank = int((sizes > 1e-9).sum(axis=1).max())
+    rank = int((sizes > 1e-9).sum(axis=1).max(initial=0))
     return np.asarray(np.swapaxes(right[:, rank:], 1, 2))

@@ -66,7 +66,8 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
         labels = [f"{joint.name} [{'deg' if joint.revolute else 'm'}]" for joint in joints]
         ax.set(xlabel=labels[0], ylabel=labels[1])
         ax.set_title("worst over all other joints and loads", fontsize=10)
-        mark(ax, *(frequencies.worst.q[:2] * scale), frequencies.worst.frequency)
+        worst = frequencies.worst
+        mark(ax, worst.q[0] * scale[0], worst.q[1] * scale[1], worst.frequency)
     return ax
 
 
@@ -131,12 +132,12 @@ def joint_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:
 def reach_plane(frequencies: FrequencyMap, cells: int = 90) -> tuple[Array, Array, Array]:
     """Least frequency over all poses that bring the tool to a cell of the reach/height plane; NaN where none does.
 
-    The joint grid is refined by interpolation (tool place and frequency), so that cells between its points are not blank.
-    Reach is measured from the root's z axis, forward positive.
+    The joint grid is refined by interpolation (tool place and frequency), so that cells between its points are not
+    blank. Reach is measured from the root's z axis, forward positive.
     """
     frame = frequencies.frame
-    reach = np.copysign(np.hypot(frame["tool_x_m"], frame["tool_y_m"]), frame["tool_x_m"]).to_numpy()
-    height, lowest = frame["tool_z_m"].to_numpy(), frame["f1_hz"].to_numpy()
+    forward, aside, height, lowest = (frame[name].to_numpy() for name in ("tool_x_m", "tool_y_m", "tool_z_m", "f1_hz"))
+    reach = np.copysign(np.hypot(forward, aside), forward)
     points = [np.stack([reach, height, lowest], axis=1)]
     points += [_interpolated(frequencies, payload, points[0]) for payload in frame["payload"].unique()]
     reach, height, lowest = np.concatenate(points).T
@@ -149,7 +150,7 @@ def reach_plane(frequencies: FrequencyMap, cells: int = 90) -> tuple[Array, Arra
 
 
 def _interpolated(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
-    """Points (reach, height, frequency) of one load case on a joint grid made some times finer, where all corners exist."""
+    """Points (reach, height, frequency) of one load case on a finer joint grid, where all corners exist."""
     from scipy.ndimage import map_coordinates
 
     workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
@@ -162,7 +163,8 @@ def _interpolated(frequencies: FrequencyMap, payload: str, points: Array) -> Arr
         axis=0,
     )
     grid = np.full((3, *shape), np.nan)
-    grid[(slice(None), *(i[on_grid] for i in index))] = points[rows][on_grid].T
+    cells = np.ravel_multi_index([i[on_grid] for i in index], shape)
+    grid.reshape(3, -1)[:, cells] = points[rows][on_grid].T
     budget = 600_000 ** (1 / len(shape))
     fine = [np.linspace(0, count - 1, max(count, int(budget))) for count in shape]
     coordinates = np.stack(np.meshgrid(*fine, indexing="ij")).reshape(len(shape), -1)

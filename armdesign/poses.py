@@ -77,8 +77,8 @@ class Poses:
 def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
     """Cylinder forces (n, nc) [N, + pushes] that hold gravity, g = RᵀF; inf where a pose is singular.
 
-    With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g
-    with W = diag(A²), bore areas ``areas`` (nc,) or (n, nc). Complex-safe.
+    With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W
+    R)⁻¹ g with W = diag(A²), bore areas ``areas`` (nc,) or (n, nc). Complex-safe.
     """
     n, nc, nq = moment_arms.shape
     transposed = np.swapaxes(moment_arms, 1, 2)
@@ -96,6 +96,9 @@ def is_singular(moment_arms: Array) -> Flags:
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.
     """
+    n, nc, nq = moment_arms.shape
+    if nc < nq:
+        return np.ones(n, dtype=bool)
     finite = np.all(np.isfinite(moment_arms), axis=(1, 2))
     used = np.any(moment_arms != 0, axis=0)
     if used.shape[0] == used.shape[1] and np.all(used.sum(axis=0) == 1) and np.all(used.sum(axis=1) == 1):

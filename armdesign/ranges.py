@@ -33,6 +33,11 @@ def joint_ranges(
     return ranges
 
 
+def over(ends: Array, count: int) -> Array:
+    """``count`` even values from one end of a range to the other, both included."""
+    return np.linspace(float(ends[0]), float(ends[1]), count)
+
+
 def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
     """Placements with one joint at ``values`` (n,), the others at the middle of their limits."""
     q = np.tile(arm.limits.mean(axis=1), (len(values), 1))
@@ -43,8 +48,7 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
 def _range_of(
     arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
 ) -> tuple[float, float]:
-    low, high = (float(x) for x in arm.limits[joint])
-    values = np.linspace(low, high, SAMPLES)
+    values = over(arm.limits[joint], SAMPLES)
     poses = sweep(arm, joint, values)
     name = arm.joints[joint].name
 
@@ -72,7 +76,7 @@ def _range_of(
         lengths = own[0][0].length(poses)
         raise MachineFileError(
             f"{where}.stroke_mm",
-            f'over the range of joint "{name}" the pins are {np.nanmin(lengths):.4f} to {np.nanmax(lengths):.4f} m apart, '
+            f'over joint "{name}" the pins are {np.nanmin(lengths):.4f} to {np.nanmax(lengths):.4f} m apart, '
             f"never within [{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m",
             "change closed_length_mm, stroke_mm or the pins",
         )
@@ -108,13 +112,13 @@ def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> flo
 def _refuse_dead_centre(
     arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], limits: tuple[float, float], source: str
 ) -> None:
-    values = np.linspace(*limits, SAMPLES)
+    values = over(np.array(limits), SAMPLES)
     for linkage, cylinder in own:
         moment_arm = linkage.actuation(sweep(arm, joint, values)).moment_arm[:, joint]
         if np.abs(moment_arm).min() < 1e-6 or np.any(np.sign(moment_arm) != np.sign(moment_arm[0])):
             at = values[int(np.argmin(np.abs(moment_arm)))]
             raise MachineFileError(
                 f"{source}: cylinder.{cylinder.name}",
-                f'is at its dead centre at "{arm.joints[joint].name}" = {at:.4f}: its moment arm vanishes (singular pose)',
+                f'is at its dead centre at "{arm.joints[joint].name}" = {at:.4f}: no moment arm (singular pose)',
                 "move its pins or tighten the joint's limits so that the range stays on one side",
             )

@@ -15,9 +15,9 @@ LAMINAR_DROP = 0.5e5  # [Pa] below about this drop the flow through a metering e
 class Valve:
     """A 4/3 valve for all parallel cylinders of a function together.
 
-    ``rated_flow`` [m³/s] passes one fully open metering edge at ``rated_drop`` [Pa]; the spool answers its command as a
-    second-order lag (``natural_frequency`` [Hz], ``damping_ratio``); ``overlap`` is the share of the spool's travel without
-    flow; ``leakage`` [m³/s/Pa] passes the piston.
+    ``rated_flow`` [m³/s] passes one fully open metering edge at ``rated_drop`` [Pa]; the spool answers its command
+    as a second-order lag (``natural_frequency`` [Hz], ``damping_ratio``); ``overlap`` is the share of the spool's
+    travel without flow; ``leakage`` [m³/s/Pa] passes the piston.
     """
 
     rated_flow: float
@@ -52,7 +52,7 @@ def spool_position(valve: Valve, share: float) -> float:
 def orifice_flow(valve: Valve, share: float, drop: float) -> float:
     """Flow [m³/s] through one metering edge open by ``share`` under a pressure drop [Pa] of either sign.
 
-    Q = K x Δp/(Δp² + Δp_lam²)^¼ with K = rated flow/√(rated drop): K x √|Δp| sign Δp (Merritt 1967, eq. 3-22), but
+    Q = K x Δp/(Δp² + Δp_lam²)^¼ with K = rated flow/√(rated drop): K x √|Δp| sign Δp (Merritt 1967, ch. 3), but
     laminar, proportional to Δp, near Δp = 0 where the root has no derivative.
     """
     gain = valve.rated_flow / math.sqrt(valve.rated_drop)

@@ -1,7 +1,7 @@
 """Workspaces: sets of poses at which a machine is asked questions.
 
-The edges belong to it, because there the worst poses lie: joint ranges end exactly where a cylinder keeps its end margin,
-and poses exactly on the pitch limits of the load cases are added to the grid.
+The edges belong to it, because there the worst poses lie: joint ranges end exactly where a cylinder keeps its end
+margin, and poses exactly on the pitch limits of the load cases are added to the grid.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine import Machine, Payload
+from armdesign.ranges import over
 
 POSES = 20_000  # of the default grid
 MARGIN_TOLERANCE = 1e-9
@@ -59,7 +60,7 @@ class Workspace:
         if not 0 <= margin < 0.5:
             raise ArmDesignError("end_margin", f"{margin:g} is not allowed", "give a share of the stroke in [0, 0.5)")
         ranges = machine.range_within(margin)
-        axes = tuple(np.linspace(*ends, count) for ends, count in zip(ranges, counts, strict=True))
+        axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, nq)
         edges = [_on_pitch_limits(machine, payload, axes) for payload in machine.payloads if payload.pitch]
         q = np.concatenate([q, *edges])
@@ -118,7 +119,7 @@ def tipping_joints(machine: Machine, payload: Payload) -> list[int]:
 
 
 def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, limit: float) -> Array:
-    """The poses with ``joint`` turned until the link's pitch is ``limit`` [rad] (Newton); those that can be, within ±π."""
+    """The poses with ``joint`` turned until the link's pitch is ``limit`` [rad] (Newton); those that can be."""
     assert payload.link is not None
     q = q.copy()
     step = np.zeros(q.shape[1])

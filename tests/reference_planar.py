@@ -1,17 +1,19 @@
 """An independent planar reference for `armdesign`: the same physics by other methods, in plain numpy and scipy.
 
-It reads the machine file (TOML and URDF) itself and imports nothing of `armdesign`. Where production code uses formulas, this
-file differentiates the definition:
+It reads the machine file (TOML and URDF) itself and imports nothing of `armdesign`. Where production code uses
+formulas, this file differentiates the definition:
 
 - inertia from the Jacobians of the links' centres of mass, in the plane;
 - gravity torque by complex step of the potential energy;
 - moment arm by complex step of the pin-to-pin length;
-- stiffness by eighth-order central differences of the net static torque with the oil trapped, so that neither the oil stiffness
+- stiffness by eighth-order central differences of the net static torque with the oil trapped, so that neither the oil
+stiffness
   β (A1²/V1 + A2²/V2) nor the geometric stiffness ∂g/∂q − Σ F0 H is ever written down.
 
-Scope: a serial chain of revolute joints about −y (x right, z up, positive counter-clockwise), one cylinder per joint, pin to pin
-or through a four-bar; other joints frozen, at 0 unless their axis is −y too; constant bulk modulus, massless cylinders.
-Anything else in the file raises `NotImplementedError`. Arrays have the pose on axis 0, then the cylinder or joint. SI inside.
+Scope: a serial chain of revolute joints about −y (x right, z up, positive counter-clockwise), one cylinder per joint,
+pin to pin or through a four-bar; other joints frozen, at 0 unless their axis is −y too; constant bulk modulus, massless cylinders.
+Anything else in the file raises `NotImplementedError`. Arrays have the pose on axis 0, then the cylinder or joint. SI
+inside.
 """
 
 import itertools
@@ -325,8 +327,8 @@ class Reference:
         return q
 
     def ranges_with(self, end_margin):
-        """Joint ranges (nq, 2): every cylinder at least `end_margin` of its stroke from its ends, cut by the URDF limits."""
-        ranges = np.array(self.limits)
+        """Joint ranges (nq, 2): every cylinder at least `end_margin` of its stroke from its ends, cut by the URDF
+        limits.""" ranges = np.array(self.limits)
         for index, (cylinder, joint) in enumerate(zip(self.cylinders, self.joint_of, strict=True)):
 
             def room(values, index=index, cylinder=cylinder, joint=joint):
@@ -371,8 +373,8 @@ class Reference:
         return np.concatenate(copies)
 
     def workspace(self, payload, end_margin=0.02, points=(21, 21, 121)):
-        """Joint grid with its edges (n, nq): the ends of the ranges and the poses exactly at the payload's pitch limits."""
-        ranges = self.ranges_with(end_margin)
+        """Joint grid with its edges (n, nq): the ends of the ranges and the poses exactly at the payload's pitch
+        limits.""" ranges = self.ranges_with(end_margin)
         axes = [np.linspace(*bounds, number) for bounds, number in zip(ranges, points, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         edges = [  # this joint solved for the limit, the others on the grid
@@ -441,7 +443,8 @@ class Reference:
     def digging_force(self, cylinder, ranges, at=None):
         """ISO 6015 force at the tool [N]: supply pressure on the bore, best angle of the driven joint.
 
-        `at`: angles of the joints beyond the driven one. For the stick: the bucket where its own digging force is largest.
+        `at`: angles of the joints beyond the driven one. For the stick: the bucket where its own digging force is
+        largest.
         """
         q, _, arm = self.joint_scan(cylinder, ranges)
         if at is not None:
@@ -466,8 +469,8 @@ class Reference:
         return euler / (self.supply_pressure * np.pi / 4 * cylinder.bore**2)
 
     def holding_shares(self, original, end_margin, points):
-        """{(direction, cylinder): largest static force / what supply against return pressure gives}, on original's workspace."""
-        push = self.supply_pressure * self.bore_areas - self.return_pressure * self.annulus_areas
+        """{(direction, cylinder): largest static force / what supply against return pressure gives}, on original's
+        workspace.""" push = self.supply_pressure * self.bore_areas - self.return_pressure * self.annulus_areas
         pull = self.supply_pressure * self.annulus_areas - self.return_pressure * self.bore_areas
         shares = {}
         for i, cylinder in enumerate(self.cylinders):

@@ -16,7 +16,7 @@ import pytest
 from checks import assert_same, difference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import ODD, inner_poses, named, random_machine, redundant, scaled
+from machines import BOOM, ODD, STICK, Function, build, inner_poses, named, random_machine, redundant, scaled
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
@@ -346,3 +346,18 @@ def test_one_pose_alone_is_the_same_as_among_many(name: str) -> None:
         alone = ad.natural_modes(machine.at(q[row]))
         assert_allclose(alone.frequencies[0], together.frequencies[row], rtol=1e-10, atol=1e-7)
         assert_allclose(alone.locked_frequencies[0], together.locked_frequencies[row], rtol=1e-10, atol=1e-7)
+
+
+def test_no_poses_have_no_modes(machine: ad.Machine) -> None:
+    """A load case that exists nowhere leaves an empty workspace: shapes hold, nothing raises."""
+    modes = ad.natural_modes(machine.at(np.zeros((0, len(machine.joints)))))
+    assert modes.frequencies.shape == (0, len(machine.joints))
+    assert modes.locked_frequencies.shape == (0, len(machine.cylinders))
+
+
+def test_cylinders_must_hold_every_motion() -> None:
+    """One cylinder across two joints, or the same one twice, leaves the arm to fold (R without full rank)."""
+    long = (("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)))
+    for names in ("a", "ab"):
+        with pytest.raises(ad.ArmDesignError, match="leave a direction of motion free"):
+            build([BOOM, STICK], [Function(name, *long) for name in names])

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.problem import Limits, Problem
+from armdesign.design.limits import Limits, holding_rows, limits, relaxation
+from armdesign.design.problem import Problem
 from armdesign.design.sizing import Step, StepProgramme, dual_bound
 
 ACTIVE = 24  # poses in one programme
@@ -27,7 +28,8 @@ PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps a
 class Search:
     """One run from one start: the state of the search on a problem, reusing one programme.
 
-    ``x`` is the best design so far, ``squared`` its lowest ω² [rad²/s²] over the workspace, ``limits`` its requirements.
+    ``x`` is the best design so far, ``squared`` its lowest ω² [rad²/s²] over the workspace, ``limits`` its
+    requirements.
     """
 
     problem: Problem
@@ -58,19 +60,19 @@ class Search:
     def upper_bound(self) -> float | None:
         """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.
 
-        Convex stiffness is replaced by its chord over the box of allowed areas, buckling (reverse-convex) by its chord too;
-        the multipliers of that programme certify the bound, see ``dual_bound``.
+        Convex stiffness is replaced by its chord over the box of allowed areas, buckling (reverse-convex) by its chord
+        too; the multipliers of that programme certify the bound, see ``dual_bound``.
         """
-        relaxed = self.problem.relaxation()
+        relaxed = relaxation(self.problem)
         if relaxed is None:
             return None
-        limits, low, high = relaxed
+        linear, low, high = relaxed
         bound = math.inf
         base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
         chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
-        room = (limits.values, limits.jacobian, np.zeros(len(low)), high - low)
+        room = (linear.values, linear.jacobian, np.zeros(len(low)), high - low)
         for _ in range(6):
-            programme = StepProgramme(len(chosen), base.shape[1], len(limits.values), len(low))
+            programme = StepProgramme(len(chosen), base.shape[1], len(linear.values), len(low))
             step = programme.solve(base[chosen], slopes[:, chosen], *room)
             bound = min(bound, dual_bound(step, base[chosen], slopes[:, chosen], *room))
             lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
@@ -85,12 +87,12 @@ class Search:
         squared = self.problem.frequencies(self.x)
         lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        self.holding = np.union1d(self.holding, self.problem.holding_rows(self.x)).astype(int)
+        self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x)).astype(int)
         self.squared = float(squared.min())
 
     def _improve(self, trust: float, tolerance: float) -> None:
         squared = self.problem.frequencies(self.x, self.rows)
-        self.limits = self.problem.limits(self.x, self.holding)
+        self.limits = limits(self.problem, self.x, self.holding)
         merit = self._merit(float(squared.min()), self.limits)
         low_x, high_x = self.problem.bounds
         pinned: list[int] = []
@@ -103,7 +105,7 @@ class Search:
                 break
             trial = self.x + step.change
             trial_squared = self.problem.frequencies(trial, self.rows)
-            trial_limits = self.problem.limits(trial, self.holding)
+            trial_limits = limits(self.problem, trial, self.holding)
             gained = self._merit(float(trial_squared.min()), trial_limits) - merit
             if gained > 0.1 * promised:
                 self.x, squared, self.limits, merit = trial, trial_squared, trial_limits, merit + gained
@@ -116,13 +118,13 @@ class Search:
                 break
         self.squared = float(squared.min())
 
-    def _merit(self, squared: float, limits: Limits) -> float:
-        return squared / self.reference - PRICE * float(np.maximum(-limits.values, 0.0).sum())
+    def _merit(self, squared: float, at: Limits) -> float:
+        return squared / self.reference - PRICE * float(np.maximum(-at.values, 0.0).sum())
 
-    def _solve(self, active: Array, limits: Limits, low: Array, high: Array) -> Step:
+    def _solve(self, active: Array, at: Limits, low: Array, high: Array) -> Step:
         base, slopes = self.problem.matrices(self.x, active)
-        value, jacobian = limits.values, limits.jacobian
-        keep = _nearest_limits(limits, low, high, 160)
+        value, jacobian = at.values, at.jacobian
+        keep = _nearest_limits(at, low, high, 160)
         shape = (len(active), base.shape[1], len(keep), len(self.x))
         if self.programme is None or self.programme.shape != shape:
             self.programme = StepProgramme(*shape)
@@ -134,7 +136,7 @@ class Search:
         return replace(step, multipliers=multipliers)
 
     def worth(self) -> dict[str, float]:
-        """What relaxing each requirement by 1 % would gain, relative change of the worst frequency, from its multiplier."""
+        """Relative gain in the worst frequency if a requirement were relaxed by 1 %, from its multiplier."""
         squared = self.problem.frequencies(self.x, self.rows)
         low_x, high_x = self.problem.bounds
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
@@ -143,7 +145,9 @@ class Search:
         gains: dict[str, float] = {}
         for name, gain in zip(self.limits.names, step.multipliers * self.limits.relaxation * scale, strict=True):
             gains[name] = gains.get(name, 0.0) + float(gain)
-        at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(low > -0.05 + 1e-9, step.low_multipliers, 0)
+        at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(
+            low > -0.05 + 1e-9, step.low_multipliers, 0
+        )
         for v, gain in zip(self.problem.variables, 0.01 * at_end * scale, strict=True):
             if v.pin is not None:
                 name = f"pin_box.{self.problem.machine.cylinders[v.cylinder].name}.{v.pin}"
@@ -163,9 +167,10 @@ class Search:
         return self.rows[chosen]
 
 
-def _nearest_limits(limits: Limits, low: Array, high: Array, count: int) -> Array:
+def _nearest_limits(at: Limits, low: Array, high: Array, count: int) -> Array:
     """The constraints that a step in the box could bring nearest to violation; always the same number of them."""
-    lowest = limits.values + np.minimum(limits.jacobian.T * low[:, None], limits.jacobian.T * high[:, None]).sum(axis=0)
+    reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
+    lowest = at.values + reach
     return np.sort(np.argsort(lowest)[: min(count, len(lowest))])
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.codesign import Search, hertz
+from armdesign.design.limits import watched_poses
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, Requirements, check, static_loads
 from armdesign.errors import ArmDesignError, InfeasibleError
@@ -45,7 +46,8 @@ class Design:
         checks: every requirement judged on the new machine.
         worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses [Hz].
-        bound: worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None where none is known.
+        bound: worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None where none is
+            known.
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
     """
@@ -123,9 +125,10 @@ def size_cylinders(
 ) -> Design:
     """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
 
-    With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in the areas: one semidefinite
-    programme is the global optimum and ``bound`` its dual certificate. With "fixed" each step replaces the convex stiffness by
-    its tangent, so frequencies rise from step to step; ``bound`` comes from its chord over all areas that are allowed.
+    With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in the areas: one
+    semidefinite programme is the global optimum and ``bound`` its dual certificate. With "fixed" each step replaces the
+    convex stiffness by its tangent, so frequencies rise from step to step; ``bound`` comes from its chord over all areas
+    that are allowed.
 
     Raises:
         InfeasibleError: no sizes meet the requirements.
@@ -210,8 +213,8 @@ def _missed(search: Search) -> str:
 def _rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
     """The nearest machine that can be written and meets every requirement.
 
-    Limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made to cover the joint ranges, and of
-    the bores and rods around it the best that pass are taken; if none passes, the limits are drawn in more.
+    Limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made to cover the joint ranges,
+    and of the bores and rods around it the best that pass are taken; if none passes, the limits are drawn in more.
     """
     failed: list[Check] = []
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3):
@@ -262,10 +265,8 @@ def _candidates(search: Search) -> list[dict[str, Any]]:
 
 def _light_workspace(problem: Problem) -> Workspace:
     """The workspace with only the poses at which static forces are watched: enough for a first check."""
-    poses = problem.holding_poses
-    return Workspace(
-        problem.workspace.q[poses], problem.workspace.axes, problem.workspace.end_margin, problem.machine
-    )
+    poses = watched_poses(problem)
+    return Workspace(problem.workspace.q[poses], problem.workspace.axes, problem.workspace.end_margin, problem.machine)
 
 
 def _neighbours(value: float) -> list[float]:
@@ -286,7 +287,7 @@ def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         limit = problem.box / mm
         at = [_within(a / mm, b / mm, limit) for a, b in zip(place.at, before.at, strict=True)]
         changes[f"cylinder.{today.cylinders[i].name}.{pin}.at_mm"] = at
-        linkages[i] = replace(linkages[i], **{pin: replace(place, at=tuple(value * mm for value in at))})
+        linkages[i] = linkages[i].with_pin(pin, (at[0] * mm, at[1] * mm, at[2] * mm))
     for i in sorted({i for i, _ in moved}):
         poses = problem.ranges[i]
         if poses is None:

@@ -14,7 +14,7 @@ from armdesign.cylinder import Cylinder, euler_safety, holding_force
 from armdesign.errors import ArmDesignError
 from armdesign.linkage import Linkage
 from armdesign.machine import Machine
-from armdesign.ranges import sweep
+from armdesign.ranges import over, sweep
 from armdesign.units import deg, mm
 from armdesign.workspace import Workspace
 
@@ -35,8 +35,8 @@ class Requirements:
         transmission: angle between rocker and coupler [rad], at least; or today's smallest, if that is lower.
         digging: names of the cylinders whose digging force counts, extending.
         digging_share: their digging force, at least.
-        pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest distance from the first
-            joint to the tool.
+        pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest distance from the
+            first joint to the tool.
     """
 
     end_margin: float = 0.02
@@ -86,8 +86,8 @@ class Requirements:
 class Check:
     """One requirement, judged: ``value`` against ``limit`` in ``unit``; ``slack`` ≥ 0 where it is met.
 
-    The slack is the distance to the limit over the limit (over the pin box, the stroke or today's value where the limit is
-    a length that may be zero). ``words`` say what it is about.
+    The slack is the distance to the limit over the limit (over the pin box, the stroke or today's value where the
+    limit is a length that may be zero). ``words`` say what it is about.
     """
 
     name: str
@@ -181,7 +181,12 @@ def _cylinder(new: Cylinder, old: Cylinder, requirements: Requirements, machine:
         _at_most(f"thrust.{name}", thrust[0], limit, "N", f"thrust of the {name} cylinder"),
         _at_least(f"buckling.{name}", safety[0], safety[1], "", f"Euler safety of the {name} rod"),
         _at_least(
-            f"dead_length.{name}", new.dead_length, old.dead_length, "m", f"closed length less stroke, {name}", old.stroke
+            f"dead_length.{name}",
+            new.dead_length,
+            old.dead_length,
+            "m",
+            f"closed length less stroke, {name}",
+            old.stroke,
         ),
     ]
 
@@ -193,7 +198,7 @@ def _geometry(
     if len(linkage.joints) != 1:
         return []
     joint = linkage.joints[0]
-    poses = sweep(today.arm, joint, np.linspace(*today.ranges[joint], SWEEP))
+    poses = sweep(today.arm, joint, over(today.ranges[joint], SWEEP))
     length = linkage.length(poses)
     name, where = new.name, today.arm.joints[joint].name
     arms = [np.abs(k.actuation(poses).moment_arm[:, joint]) for k in (linkage, old_linkage)]

@@ -1,7 +1,7 @@
 """Semidefinite programmes of the design: the only door to cvxpy.
 
-Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,  low ≤ x ≤ high, where A
-and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a reference.
+Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,  low ≤ x ≤ high, where
+A and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a reference.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class StepProgramme:
         self._problem = cp.Problem(objective, [*self._matrices, self._limits, *self._box])
 
     def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
-        """Solve for matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq) and constraints ``value``, ``jacobian``."""
+        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``."""
         a, b = self._pairs
         self._base.value = base[:, a, b]
         for j, parameter in enumerate(self._slopes):
@@ -73,7 +73,7 @@ class StepProgramme:
         _solve(self._problem)
         return Step(
             change=np.clip(np.asarray(self._change.value), low, high),
-            value=float(self._lambda.value),
+            value=float(np.sum(self._lambda.value)),
             violation=float(np.sum(self._excess.value)),
             multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
             low_multipliers=np.asarray(self._box[0].dual_value),
@@ -82,14 +82,12 @@ class StepProgramme:
         )
 
 
-def dual_bound(
-    step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
-) -> float:
+def dual_bound(step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> float:
     """An upper bound on λ that holds whatever the solver did.
 
     For any weights Z_j ⪰ 0 with Σ tr Z_j = 1 and y ≥ 0, weak duality gives
-    λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The solver's multipliers, made to
-    meet the signs and the trace, are such weights.
+    λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The solver's multipliers,
+    made to meet the signs and the trace, are such weights.
     """
     size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
     weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))

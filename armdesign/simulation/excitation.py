@@ -38,8 +38,9 @@ class Sweep:
 class EvenOpening:
     """Spool command at which a valve passes the same flow to both sides, at the pressures of rest.
 
-    Open by x, a valve lets more oil through on the side with the larger pressure drop: a sine of the spool would drive the
-    piston away. The opening is therefore divided by its side's flow over the mean of both, as a pressure compensator does.
+    Open by x, a valve lets more oil through on the side with the larger pressure drop: a sine of the spool would
+    drive the piston away. The opening is therefore divided by its side's flow over the mean of both, as a pressure
+    compensator does.
     """
 
     function: Function

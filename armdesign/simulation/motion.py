@@ -81,16 +81,18 @@ def simulate(
 ) -> Simulation:
     """Motion of the machine under its payload from rest at one pose, by the nonlinear model of ``Plant``.
 
-    At rest the pressures hold the load; without leakage a machine with shut valves stays there. Valves start shut, or, with
-    leakage, as far open as makes up for it.
+    At rest the pressures hold the load; without leakage a machine with shut valves stays there. Valves start shut,
+    or, with leakage, as far open as makes up for it.
 
     Args:
         machine: the machine; every cylinder needs a valve.
         q: joint positions at rest (nq,) [rad, m].
-        command: spool commands −1…1 at a time [s], one per cylinder (positive extends); or by cylinder name, the others shut.
+        command: spool commands −1…1 at a time [s], one per cylinder (positive extends); or one function of time per
+            cylinder name, the others shut.
         duration: [s].
         rate: instants recorded per second.
-        hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder near its place; None: no loop.
+        hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder near its place;
+            None: no loop.
         preloaded: chamber pressures at rest, see ``Plant.rest``.
 
     Raises:
@@ -108,9 +110,9 @@ def simulate(
 class _Loop:
     """Plant, command and the slow loop, as one system.
 
-    The loop adds K (s0 − s), low-passed twice at the corner ω_c, to the valve's opening; K makes its crossover ω_c/4. The two
-    lags turn what it does at a resonance above ω_c into a little damping, where a plain proportional loop, K_v < 2 ζ ω_n
-    (Merritt 1967, ch. 8), would drive an undamped arm unstable.
+    The loop adds K (s0 − s), low-passed twice at the corner ω_c, to the valve's opening; K makes its crossover ω_c/4.
+    The two lags turn what it does at a resonance above ω_c into a little damping, where a plain proportional loop,
+    K_v < 2 ζ ω_n (Merritt 1967), would drive an undamped arm unstable.
     """
 
     def __init__(self, plant: Plant, rest: Array, command: Command | ByName, hold: float | None) -> None:

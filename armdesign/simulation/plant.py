@@ -6,8 +6,8 @@
 
 with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2): the pins' compliance c in series lets the piston run ahead of the pins. The
 capacity C = V/β(p) + V_hose/β_hose grows without bound near a vacuum: there vapour fills the chamber. Supply and return
-pressure are constant (an ideal pump); port reliefs open above 1.1 × supply pressure. A stop is a stiff spring that damps by
-Hunt and Crossley's law (1975), k δ (1 + a δ̇), so that its force begins at 0.
+pressure are constant (an ideal pump); port reliefs open above 1.1 × supply pressure. A stop is a stiff spring that
+damps by Hunt and Crossley's law (1975), k δ (1 + a δ̇), so that its force begins at 0.
 
 Units inside the state: pressures in bar, everything else SI, so that all numbers are of one order.
 """
@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,7 @@ class Function:
     ) -> tuple[float, float, float]:
         """Force on the pins [N, + pushes] and rates of both pressures [Pa/s] when the pins part at a speed ℓ̇ [m/s].
 
-        Of the three linear equations in ṗ1, ṗ2 and ṡ that the chambers and the series compliance make, ṡ is solved first:
+        The chambers and the series compliance make three linear equations in ṗ1, ṗ2 and ṡ; ṡ is solved first:
         ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2, with leakage counted in Q1 and Q2.
         """
         (bore, ring), compliance = self.areas, self.cylinder.compliance
@@ -134,8 +135,8 @@ class Function:
     def trim(self, cap: float, annulus: float) -> float:
         """Spool position that makes up for the leakage across the piston at rest; 0 without leakage.
 
-        At p1 + p2 = supply + return the same opening feeds one chamber and drains the other by the leakage; at other pressures
-        no opening does, and the valve is taken as shut.
+        At p1 + p2 = supply + return the same opening feeds one chamber and drains the other by the leakage; at other
+        pressures no opening does, and the valve is taken as shut.
         """
         supply, leak = self.supply, self.valve.leakage * (cap - annulus)
         if leak == 0 or abs(cap + annulus - supply.pressure - supply.return_pressure) > 1e-6 * supply.pressure:
@@ -146,9 +147,9 @@ class Function:
     def pressures(self, force: float, preloaded: bool) -> tuple[float, float]:
         """Pressures of cap and annulus [Pa] that hold a static force [N].
 
-        One more condition is needed. ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve leaves when it
-        moves about its middle (Merritt 1967, eq. 5-20), with neither chamber below return pressure. Else the chamber without
-        load is at return pressure.
+        One more condition is needed. ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve leaves
+        when it moves about its middle (Merritt 1967, ch. 5), with neither chamber below return pressure. Else the
+        chamber without load is at return pressure.
         """
         bore, ring = self.areas
         cap, annulus = (float(p) for p in static_pressures(force, bore, ring, self.supply.return_pressure))
@@ -162,7 +163,7 @@ class Function:
 class Plant:
     """A machine under its payload as a system of first-order equations.
 
-    State y: q, q̇, p1, p2 [bar], spool, spool speed; joints in the order of q, the others in the order of the cylinders.
+    State y: q, q̇, p1, p2 [bar], spool, spool speed; joints in the order of q, the rest in that of the cylinders.
 
     Raises:
         SimulationError: a cylinder has no valve.
@@ -176,7 +177,7 @@ class Plant:
         self._reaches = tuple(Reach(linkage) for linkage in machine.linkages)
         self.nq, self.nc = len(machine.joints), len(self.functions)
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, self.nc, self.nc])
-        self._parts = tuple(slice(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False))
+        self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
         self.size = int(edges[-1])
         self.units = np.ones(self.size)  # SI value of each number of the state
         self.units[int(edges[2]) : int(edges[4])] = bar
@@ -199,8 +200,8 @@ class Plant:
 
         Args:
             q: joint positions [rad, m].
-            preloaded: what fixes the chambers' common pressure, see ``Function.pressures``. None: preloaded if the oil has
-                no air. Its stiffness then does not depend on the pressure, and both chambers stay far from
+            preloaded: what fixes the chambers' common pressure, see ``Function.pressures``. None: preloaded if the
+                oil has no air. Its stiffness then does not depend on the pressure, and both chambers stay far from
                 cavitation. With air the stiffness does, so the pressures are those of ``Machine.at``.
 
         Raises:

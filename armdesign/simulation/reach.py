@@ -1,9 +1,9 @@
 """Length and moment arm of a cylinder at one pose, in plain numbers: the lean path of a simulation.
 
 ``Linkage.actuation`` does n poses with second derivatives; here one pose costs a few microseconds. The length is the
-distance of the pins, the moment arms follow from virtual work: what torque a unit force along the cylinder makes in every joint
-between the links that feel it. In a four-bar the unit force at the knee splits along rocker and coupler; the rocker
-pushes on its pivot, the coupler on the lug.
+distance of the pins, the moment arms follow from virtual work: what torque a unit force along the cylinder makes in
+every joint between the links that feel it. In a four-bar the unit force at the knee splits along rocker and coupler;
+the rocker pushes on its pivot, the coupler on the lug.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Moments: TypeAlias = list[tuple[int, float]]  # (joint, moment arm [m/rad])
 
 @dataclass(frozen=True)
 class Point:
-    """A pin on the joint frame that carries its link (−1: the world), and the joints on the way to it from an observer."""
+    """A pin on the joint frame that carries its link (−1: the world); the joints on the way to it from an observer."""
 
     joint: int
     at: Vector

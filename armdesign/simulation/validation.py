@@ -3,8 +3,8 @@
 The spool of one cylinder follows a sine whose frequency sweeps over the mode, while a slow loop holds the piston's mean
 position. Natural frequency and damping are fitted to the response of the cylinder's speed to the speed that the spool
 as it really stood asks for; so neither spool lag nor loop is in it, but the damping of the open valve is. It shows all
-coupled modes that the cylinder takes part in. Every sweep is run at full and at half amplitude: what belongs to amplitude shrinks
-with it, a fault of the model does not.
+coupled modes that the cylinder takes part in. Every sweep is run at full and at half amplitude: what belongs to
+amplitude shrinks with it, a fault of the model does not.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,10 +145,10 @@ def validate(
         machine: the machine; every cylinder needs a valve.
         q: pose (nq,) or poses (n, nq) [rad, m].
         payloads: names of load cases; default: the one at work.
-        cylinders: names of the cylinders that sweep, each over the mode in which it takes its largest share; default: the
-            one that takes the largest share of the lowest mode, over that mode.
-        amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: what makes the
-            pressure of a chamber swing by half of its way to a vacuum or to supply pressure, as the linear model tells.
+        cylinders: names of the cylinders that sweep, each over the mode in which it takes its largest share;
+            default: the one that takes the largest share of the lowest mode, over that mode.
+        amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: what makes
+            a chamber's pressure swing by half of what separates it from a vacuum or the relief, by the linear model.
 
     Raises:
         PoseError: a pose cannot be taken.
@@ -178,9 +179,8 @@ def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) ->
         return [(int(np.argmax(shares[0])), 0)]
     for name in cylinders:
         if name not in names:
-            raise SimulationError(
-                f"{machine.name}: cylinder {name}", "does not exist", f"choose from: {', '.join(names)}"
-            )
+            part = f"{machine.name}: cylinder {name}"
+            raise SimulationError(part, "does not exist", f"choose from: {', '.join(names)}")
     return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
 
 
@@ -280,11 +280,15 @@ def _commands(test: _Test, amplitude: float) -> dict[str, Callable[[float], floa
     sweep, trims = test.sweep(amplitude), test.trims
     centre = test.even.share(trims[test.index])
     commands: dict[str, Callable[[float], float]] = {
-        cylinder.name: lambda _, held=trim: held
+        cylinder.name: partial(_held, trim)
         for cylinder, trim in zip(test.machine.cylinders, trims, strict=True)
         if trim != 0
     }
     return commands | {test.cylinder: lambda time: test.even.spool(centre + sweep(time))}
+
+
+def _held(trim: float, _: float) -> float:
+    return trim
 
 
 def _default_amplitude(test: _Test, plant: Plant, rest: Array, linear: LinearModel) -> float:

@@ -1,0 +1,89 @@
+"""The differentiated plant against the closed formulas of stiffness and damping."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import helpers
+import machines
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import Machine
+from armdesign.linearization import linearize
+from armdesign.units import bar, l_per_min
+from armdesign.valve import Friction
+
+WORST = (1.154, -1.199, -2.191)
+
+
+def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:
+    """K v = ω² M v with trapped oil (closed form) = poles of the differentiated nonlinear model, undamped.
+
+    The plant's piston runs ahead of the pins by c F, which ``natural_modes`` does not know; the closed length is
+    therefore lengthened by c F here, so that both have the same oil volumes.
+    """
+    machine = helpers.with_valves(machine)
+    for pose in machines.inner_poses(machine, 3):
+        poses = machine.at(pose)
+        forces = poses.cylinder_forces[0]
+        cylinders = [
+            replace(c, closed_length=c.closed_length + c.compliance * float(force))
+            for c, force in zip(machine.cylinders, forces, strict=True)
+        ]
+        model = linearize(replace(machine, cylinders=tuple(cylinders)), pose)
+        np.testing.assert_allclose(model.natural_frequencies, ad.natural_modes(poses).frequencies[0], rtol=1e-6)
+        np.testing.assert_allclose(model.damping_ratios, 0, atol=1e-6)
+
+
+def test_leakage_damps_as_merritt_says() -> None:
+    """Symmetric cylinder at mid-stroke: ζ = (C_L/A) √(β M/V_t), M = J/r² (Merritt 1967, ch. 6; THEORY §7).
+
+    The rod is thinned to 1 mm. Left over: gravity's stiffness (5e-4 of the oil's), A1 − A2 and order ζ².
+    """
+    leakage = 0.002 * l_per_min / bar
+    machine = helpers.with_leakage(ad.load("paper_1dof").replace({"cylinder.lift.rod_mm": 1.0}), leakage)
+    poses, cylinder = machine.at([0.0]), machine.cylinders[0]
+    mass = poses.mass_matrix[0, 0, 0] / poses.moment_arms[0, 0, 0] ** 2
+    volume = sum(cylinder.volumes(poses.lengths[0, 0] - cylinder.closed_length))
+    expected = leakage / cylinder.bore_area * math.sqrt(machine.fluid.bulk_modulus * mass / volume)
+    model = linearize(machine, [0.0], preloaded=False)
+    assert expected > 0.001
+    assert model.damping_ratios == pytest.approx([expected], rel=3e-3)
+
+
+def test_viscous_friction_damps_as_a_dashpot() -> None:
+    """One mass: ζ = b/(2 M ω), b of both parallel cylinders."""
+    b = 2e4
+    machine = ad.load("paper_1dof").replace({"cylinder.lift.count": 2})
+    machine = helpers.with_friction(machine, Friction(viscous=b))
+    poses = machine.at([0.1])
+    mass = poses.mass_matrix[0, 0, 0] / poses.moment_arms[0, 0, 0] ** 2
+    omega = 2 * math.pi * ad.natural_modes(poses).frequencies[0, 0]
+    model = linearize(machine, [0.1])
+    assert model.damping_ratios == pytest.approx([2 * b / (2 * mass * omega)], rel=1e-9)
+
+
+def test_dry_friction_is_left_out(excavator: Machine) -> None:
+    dry = helpers.with_friction(excavator, Friction(coulomb=3000, static=4000))
+    np.testing.assert_allclose(linearize(dry, WORST).A, linearize(excavator, WORST).A, atol=1e-12)
+
+
+def test_shapes_names_and_spool(excavator: Machine) -> None:
+    model = linearize(excavator, WORST)
+    assert model.A.shape == (18, 18)
+    assert (model.B.shape, model.C.shape, model.D.shape) == ((18, 3), (3, 18), (3, 3))
+    assert model.inputs == ("boom", "stick", "bucket")
+    assert (model.states[0], model.states[6], model.states[-1]) == (
+        "boom position",
+        "boom cap pressure",
+        "bucket spool speed",
+    )
+    omega = 2 * math.pi * 10.0  # the spools' natural frequency in the file
+    np.testing.assert_allclose(model.B[-3:], omega**2 * np.eye(3), rtol=1e-9)
+    np.testing.assert_allclose(model.C[:, :3], excavator.at(WORST).moment_arms[0], atol=1e-9)
+    assert np.sum(np.isclose(np.abs(model.poles), omega)) == 6
+    with pytest.raises(ValueError, match="read-only"):
+        model.A[0, 0] = 1.0

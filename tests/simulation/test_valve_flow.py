@@ -1,0 +1,73 @@
+"""Orifice, overlap, ports and friction against numbers worked by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from armdesign.units import bar, l_per_min
+from armdesign.valve import (
+    LAMINAR_DROP,
+    Friction,
+    Valve,
+    friction_force,
+    opening,
+    orifice_flow,
+    port_flows,
+    spool_position,
+)
+
+VALVE = Valve(rated_flow=60 * l_per_min, rated_drop=10 * bar, natural_frequency=10, damping_ratio=0.8)
+LAPPED = Valve(rated_flow=60 * l_per_min, rated_drop=10 * bar, natural_frequency=10, damping_ratio=0.8, overlap=0.2)
+TURBULENT = 1e-3  # relative; the laminar term is worth (Δp_lam/2Δp)² = 6e-4 at 10 bar, less above
+
+
+@pytest.mark.parametrize(
+    ("share", "drop", "flow"),
+    [
+        (1.0, 10, 60),  # its rating
+        (1.0, 40, 120),  # four times the drop, twice the flow
+        (0.5, 90, 90),  # half open, nine times the drop: 60 · ½ · 3
+        (1.0, -10, -60),  # backwards
+        (0.0, 100, 0),
+    ],
+)
+def test_orifice_by_hand(share: float, drop: float, flow: float) -> None:
+    found = orifice_flow(VALVE, share, drop * bar) / l_per_min
+    assert found == pytest.approx(flow, rel=TURBULENT)
+
+
+def test_orifice_is_laminar_near_zero_drop() -> None:
+    """Q → K x Δp/√Δp_lam: a slope, where the root has none."""
+    gain = VALVE.rated_flow / math.sqrt(VALVE.rated_drop)
+    assert orifice_flow(VALVE, 1.0, 1.0) == pytest.approx(gain / math.sqrt(LAMINAR_DROP), rel=1e-9)
+    assert orifice_flow(VALVE, 1.0, -1.0) == -orifice_flow(VALVE, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(("spool", "share"), [(0.2, 0.0), (-0.1, 0.0), (0.6, 0.5), (-1.0, -1.0), (1.3, 1.0)])
+def test_overlap_is_a_dead_band(spool: float, share: float) -> None:
+    """(0.6 − 0.2)/(1 − 0.2) = ½."""
+    assert opening(LAPPED, spool) == pytest.approx(share, abs=1e-15)
+
+
+@pytest.mark.parametrize("share", [-1.0, -0.3, 0.0, 0.01, 0.7])
+def test_spool_position_opens_by_the_share(share: float) -> None:
+    assert opening(LAPPED, spool_position(LAPPED, share)) == pytest.approx(share, abs=1e-15)
+
+
+def test_ports() -> None:
+    """Extending: 350 − 100 = 250 bar into the cap, 50 − 10 = 40 bar out of the annulus; retracting: 90 out, 300 in."""
+    extend = port_flows(VALVE, 1.0, 100 * bar, 50 * bar, 350 * bar, 10 * bar)
+    retract = port_flows(VALVE, -1.0, 100 * bar, 50 * bar, 350 * bar, 10 * bar)
+    expected = [60 * 5, -60 * 2, -60 * 3, 60 * math.sqrt(30)]
+    assert [q / l_per_min for q in (*extend, *retract)] == pytest.approx(expected, rel=TURBULENT)
+
+
+def test_friction_curve() -> None:
+    """Static at 0.3 Stribeck speeds (tanh 3 = 0.995, e^−0.09 = 0.914), Coulomb and viscous far above."""
+    friction = Friction(coulomb=1000, static=1500, stribeck_velocity=0.01, viscous=2000)
+    assert friction_force(friction, 0.5) == pytest.approx(1000 + 2000 * 0.5)
+    assert friction_force(friction, 0.003) == pytest.approx((1000 + 500 * 0.9139) * 0.9951 + 6, rel=1e-3)
+    assert friction_force(friction, -0.5) == -friction_force(friction, 0.5)
+    assert friction_force(friction, 0.0) == 0
