@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armdesign import formulas as formulas
+    from armdesign.design.optimum import Design as Design
+    from armdesign.design.optimum import optimize as optimize
+    from armdesign.design.optimum import size_cylinders as size_cylinders
+    from armdesign.design.requirements import Requirements as Requirements
     from armdesign.errors import ArmDesignError as ArmDesignError
+    from armdesign.linearization import LinearModel as LinearModel
+    from armdesign.linearization import linearize as linearize
     from armdesign.machine import Machine as Machine
     from armdesign.machine import load as load
     from armdesign.maps import FrequencyMap as FrequencyMap
@@ -26,6 +32,10 @@ if TYPE_CHECKING:
     from armdesign.modes import Modes as Modes
     from armdesign.modes import natural_modes as natural_modes
     from armdesign.poses import Poses as Poses
+    from armdesign.simulation.motion import Simulation as Simulation
+    from armdesign.simulation.motion import simulate as simulate
+    from armdesign.simulation.validation import Validation as Validation
+    from armdesign.simulation.validation import validate as validate
     from armdesign.workspace import Workspace as Workspace
 
 _HOME = {
@@ -39,6 +49,16 @@ _HOME = {
     "FrequencyMap": "maps",
     "WorstPose": "maps",
     "frequency_map": "maps",
+    "Requirements": "design.requirements",
+    "Design": "design.optimum",
+    "optimize": "design.optimum",
+    "size_cylinders": "design.optimum",
+    "Simulation": "simulation.motion",
+    "simulate": "simulation.motion",
+    "Validation": "simulation.validation",
+    "validate": "simulation.validation",
+    "LinearModel": "linearization",
+    "linearize": "linearization",
 }
 
 __all__ = [*_HOME, "formulas"]

@@ -8,18 +8,24 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armdesign.errors import ArmDesignError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from armdesign.arrays import Array
+    from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap
+    from armdesign.report import Sheet
+    from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
 
 app = typer.Typer(
@@ -45,28 +51,150 @@ def _root() -> None:
 @app.command("map")
 def map_command(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
     """Worst pose, percentiles, which cylinder; writes map.csv and heatmaps."""
-    model, workspace = _model(machine, points)
+    from armdesign import report
+    from armdesign.maps import frequency_map
+
     with _progress("mapping the workspace"):
-        frequencies = _frequency_map(model, workspace)
-    from armdesign.report import map_tables
-
+        model, workspace = _model(machine, points)
+        frequencies = frequency_map(model, workspace)
     with _outputs(out) as folder:
-        frequencies.frame.to_csv(folder / "map.csv", index=False)
-        write_heatmaps(frequencies, folder, "map")
-    _print(*map_tables(frequencies))
+        _write_csv(frequencies.frame, folder / "map.csv")
+        _write_heatmaps(frequencies, folder)
+    _print(report.map_sheets(frequencies))
 
 
-def write_heatmaps(frequencies: FrequencyMap, folder: Path, stem: str, **limits: float) -> list[Path]:
-    """Draw a map over the joints and over reach and height."""
+@app.command()
+def optimize(
+    machine: MachineArgument,
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+    vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
+) -> None:
+    """New cylinder sizes and pins; writes <name>_optimized.toml and its URDF, maps before and after."""
+    from armdesign import report
+
+    with _progress("mapping the workspace") as say:
+        model, workspace = _model(machine, points)
+        design = _design(model, workspace, vary, say)
+    with _outputs(out) as folder:
+        _write_design(design, folder)
+    _print(report.design_sheets(design))
+
+
+@app.command()
+def validate(
+    machine: MachineArgument,
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+) -> None:
+    """Nonlinear runs at the worst, median and best pose against the linear answer; writes validation.csv."""
+    from armdesign import plots, report
+    from armdesign.maps import frequency_map
+
+    with _progress("mapping the workspace") as say:
+        model, workspace = _model(machine, points)
+        frequencies = frequency_map(model, workspace)
+        validations = {}
+        for label, (payload, q) in _poses_to_prove(frequencies).items():
+            say(f"simulating the {label} pose")
+            validations[label] = _validation(model, payload, q)
+    with _outputs(out) as folder:
+        _write_validations(validations, folder)
+        plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
+    _print([report.validation_sheet(validations)])
+
+
+@app.command()
+def design(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
+    """The main job: map, new design, nonlinear proof; writes machine file, maps, CSVs and report.html."""
+    from armdesign import plots, report
+
+    with _progress("mapping the workspace") as say:
+        model, workspace = _model(machine, points)
+        answer = _design(model, workspace, "areas,pins", say)
+        validations = {}
+        for label, frequencies in (("today", answer.before), ("new", answer.after)):
+            say(f"simulating the worst pose, {label}")
+            worst = frequencies.worst
+            validations[label] = _validation(frequencies.machine, worst.payload, worst.q)
+        say("writing the report")
+        sheets = [*report.design_sheets(answer), report.validation_sheet(validations), *report.map_sheets(answer.after)]
+        with _outputs(out) as folder:
+            pictures = _write_design(answer, folder)
+            _write_validations(validations, folder)
+            response = plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
+            pictures.append(("Nonlinear simulation: a small slow sweep at each machine's worst pose", response))
+            title = f"{model.section.title or model.name}: new cylinders and pins"
+            page = report.html(title, report.lead(answer), sheets, pictures)
+            (folder / "report.html").write_text(page, encoding="utf-8")
+    _print(sheets[:5])
+    _print([report.lead(answer)])
+
+
+def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str], None]) -> Design:
+    from armdesign.design.optimum import optimize, size_cylinders
+
+    words = tuple(word.strip() for word in vary.split(",") if word.strip())
+    say("looking for better sizes and pins" if "pins" in words else "looking for better sizes")
+    made = size_cylinders(model, workspace) if words == ("areas",) else optimize(model, workspace, vary=words)
+    say("mapping the new machine")
+    _ = made.before, made.after
+    return made
+
+
+def _validation(model: Machine, payload: str, q: Array) -> Validation:
+    from armdesign.simulation.validation import validate
+
+    return validate(model.with_payload(payload), q)
+
+
+def _poses_to_prove(frequencies: FrequencyMap) -> dict[str, tuple[str, Array]]:
+    """Load case and pose of the worst, the median and the best pose of a map."""
+    frame, joints = frequencies.frame, list(frequencies.machine.joints)
+    order = frame["f1_hz"].to_numpy().argsort()
+    poses = {"worst": (frequencies.worst.payload, frequencies.worst.q)}
+    for label, place in (("median", len(order) // 2), ("best", -1)):
+        row = frame.iloc[int(order[place])]
+        poses[label] = (str(row["payload"]), row[joints].to_numpy(dtype=float))
+    return poses
+
+
+# ---------------------------------------------------------------------------------------------------------- writing
+
+
+def _write_csv(frame: pd.DataFrame, path: Path) -> None:
+    frame.to_csv(path, index=False, float_format="%.9g")
+
+
+def _write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     from armdesign import plots
 
-    written = []
     for plane, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0))):
         fig, (ax,) = plots.figure(1, *size)
-        frequencies.plot(ax, plane=plane, **limits)
+        frequencies.plot(ax, plane=plane)
         fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
-        written.append(plots.save(fig, folder / f"{stem}_{plane}.png"))
-    return written
+        plots.save(fig, folder / f"map_{plane}.png")
+
+
+def _write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
+    """Machine file, maps and pictures of a design; returns the pictures with their captions."""
+    from armdesign import plots
+
+    design.machine.save(folder / f"{design.today.name}_optimized.toml")
+    _write_csv(design.before.frame, folder / "map_before.csv")
+    _write_csv(design.after.frame, folder / "map_after.csv")
+    pictures = [
+        ("Lowest natural frequency over two joints", plots.before_after(design), "map_joints.png"),
+        ("Lowest natural frequency at each place of the tool", plots.before_after(design, "reach"), "map_reach.png"),
+        ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
+    ]
+    return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
+
+
+def _write_validations(validations: dict[str, Validation], folder: Path) -> None:
+    import pandas as pd
+
+    _write_csv(pd.concat([v.frame for v in validations.values()], ignore_index=True), folder / "validation.csv")
 
 
 def _model(machine: str, points: str) -> tuple[Machine, Workspace]:
@@ -81,12 +209,6 @@ def _model(machine: str, points: str) -> tuple[Machine, Workspace]:
     return model, Workspace.grid(model, counts[0] if counts and len(counts) == 1 else counts)
 
 
-def _frequency_map(model: Machine, workspace: Workspace) -> FrequencyMap:
-    from armdesign.maps import frequency_map
-
-    return frequency_map(model, workspace)
-
-
 @contextmanager
 def _outputs(out: Path) -> Iterator[Path]:
     """A folder to write into; its files move to ``out`` only when all of them are there."""
@@ -99,24 +221,26 @@ def _outputs(out: Path) -> Iterator[Path]:
                 shutil.move(Path(temporary) / name, out / name)
     except OSError as error:
         raise ArmDesignError(f"--out {out}", f"cannot be written ({error.strerror})", "name another folder") from None
-    _print(f"wrote {', '.join(written)} to {out}/")
+    print(f"wrote {', '.join(written)} to {out}/")
 
 
 @contextmanager
-def _progress(text: str) -> Iterator[Any]:
+def _progress(text: str) -> Iterator[Callable[[str], None]]:
     """A progress display on stderr that leaves no trace; call what it yields to change the text."""
     from rich.console import Console
 
     with Console(stderr=True).status(text) as status:
-        yield status.update
+        yield lambda words: status.update(words)
 
 
-def _print(*items: Any) -> None:
+def _print(items: Sequence[Sheet | str]) -> None:
     from rich.console import Console
 
-    console = Console(soft_wrap=False)
+    from armdesign.report import rich_table
+
+    console = Console()
     for item in items:
-        console.print(item, highlight=False)
+        console.print(item if isinstance(item, str) else rich_table(item), highlight=False)
 
 
 def main() -> None:

@@ -63,11 +63,14 @@ class LinearModel:
     def modes(self) -> Array:
         """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first; the spools' own are left out.
 
-        The spools drive the rest and feel nothing of it, so its poles are those of its own block of A.
+        The spools drive the rest and feel nothing of it, so its poles are those of its own block of A. At most one pair per
+        joint: pairs slower than these are creep under leakage.
         """
         size = len(self.A) - 2 * len(self.inputs)
+        joints = (size - 2 * len(self.inputs)) // 2
         poles = _by_size(np.linalg.eigvals(self.A[:size, :size]))
-        return poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
+        found = poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
+        return found[-joints:]
 
     @property
     def natural_frequencies(self) -> Array:

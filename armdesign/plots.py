@@ -11,8 +11,10 @@ import numpy as np
 from armdesign.arrays import Array
 
 if TYPE_CHECKING:
+    from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap, WorstPose
+    from armdesign.simulation.validation import Validation
 
 COLOURS = "viridis"
 INK = "#20262e"
@@ -69,6 +71,57 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
         worst = frequencies.worst
         mark(ax, worst.q[0] * scale[0], worst.q[1] * scale[1], worst.frequency)
     return ax
+
+
+def before_after(design: Design, plane: str = "joints") -> Any:
+    """Today's map and the new one side by side on one colour scale; returns the figure."""
+    pair = (("today", design.before), ("new", design.after))
+    planes = [joint_plane(m)[2] if plane == "joints" and len(m.machine.joints) > 1 else None for _, m in pair]
+    values = [p if p is not None else reach_plane(m)[2] for p, (_, m) in zip(planes, pair, strict=True)]
+    limits = {"vmin": min(float(np.nanmin(v)) for v in values), "vmax": max(float(np.nanmax(v)) for v in values)}
+    fig, axes = figure(2, *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
+    for ax, (label, frequencies) in zip(axes, pair, strict=True):
+        frequencies.plot(ax, plane=plane, **limits)
+        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
+    fig.suptitle(design.today.section.title or design.today.name)
+    return fig
+
+
+def moment_arms(design: Design) -> Any:
+    """Moment arm of every cylinder over its joint, today and new: what the pins buy; returns the figure."""
+    from armdesign.ranges import over, sweep
+
+    pairs = [(i, linkage.joints[0]) for i, linkage in enumerate(design.today.linkages) if len(linkage.joints) == 1]
+    fig, axes = figure(len(pairs), 4.4, 3.6)
+    for ax, (i, j) in zip(axes, pairs, strict=True):
+        joint = design.today.arm.joints[j]
+        poses = sweep(design.today.arm, j, over(design.today.ranges[j], 121))
+        x = poses.q[:, j] * (math.degrees(1) if joint.revolute else 1.0)
+        for label, machine, style in (("today", design.today, "--"), ("new", design.machine, "-")):
+            arm = np.abs(machine.linkages[i].actuation(poses).moment_arm[:, j])
+            ax.plot(x, arm * 1000, style, color=INK if label == "today" else MARK, label=label)
+        ax.set(xlabel=f"{joint.name} [{'deg' if joint.revolute else 'm'}]", ylim=(0, None))
+        ax.set_title(f"{design.today.cylinders[i].name} cylinder", fontsize=10)
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("moment arm [mm]")
+    axes[0].legend(frameon=False)
+    return fig
+
+
+def frequency_responses(validations: dict[str, Validation]) -> Any:
+    """Measured and fitted response of every validation's first sweep; returns the figure."""
+    fig, axes = figure(len(validations), 5.4, 3.8)
+    for ax, (label, validation) in zip(axes, validations.items(), strict=True):
+        run = validation.runs[0]
+        ax.semilogy(run.fit.frequency, np.abs(run.fit.response), ".", color=INK, ms=5, label="nonlinear simulation")
+        ax.semilogy(run.fit.frequency, np.abs(run.fit.fitted), "-", color=MARK, lw=1.5, label="fit")
+        ax.axvline(run.linear_frequency, color="#3b82c4", ls="--", lw=1.2, label="linear natural frequency")
+        ax.set(xlabel="frequency [Hz]")
+        ax.set_title(f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz", fontsize=10)
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("cylinder speed / speed the spool asks for")
+    axes[0].legend(frameon=False)
+    return fig
 
 
 def heatmap(ax: Any, x: Array, y: Array, values: Array, **limits: float) -> None:

@@ -213,9 +213,11 @@ def random_machine(seed: int) -> Machine:
     rng = np.random.default_rng(seed)
     for _ in range(50):
         try:
-            return _attempt(rng)
+            machine = _attempt(rng)
         except ArmDesignError:  # a dead centre in the range
             continue
+        if _reachable(machine, rng, 200).size > 100 * len(machine.joints):
+            return machine
     raise AssertionError(f"no machine from seed {seed}")
 
 
@@ -255,14 +257,17 @@ def _attempt(rng: np.random.Generator) -> Machine:
 
 def inner_poses(machine: Machine, count: int, seed: int = 0) -> np.ndarray:
     """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and holds its joint."""
-    rng = np.random.default_rng(seed)
-    low, high = machine.ranges.T
-    q = rng.uniform(low + 0.02 * (high - low), high - 0.02 * (high - low), (20 * count, len(low)))
-    q = q[np.all(machine.margins(q) > 0.01, axis=1)]
-    arms = machine.evaluate(machine.arm.kinematics(q)).moment_arms
-    q = q[np.linalg.svd(arms, compute_uv=False)[:, -1] > 0.01]
+    q = _reachable(machine, np.random.default_rng(seed), 50 * count)
     assert len(q) >= count, "a machine without room to move is no test"
     return q[:count]
+
+
+def _reachable(machine: Machine, rng: np.random.Generator, tries: int) -> np.ndarray:
+    low, high = machine.ranges.T
+    q = rng.uniform(low + 0.02 * (high - low), high - 0.02 * (high - low), (tries, len(low)))
+    q = q[np.all(machine.margins(q) > 0.01, axis=1)]
+    arms = machine.evaluate(machine.arm.kinematics(q)).moment_arms
+    return q[np.linalg.svd(arms, compute_uv=False)[:, -1] > 0.01]
 
 
 def scaled(machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus: float = 1.0) -> Machine:

@@ -162,6 +162,33 @@ def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
     return push, pull
 
 
+def digging_forces(machine: Machine) -> dict[str, float]:
+    """Largest force of each cylinder at the tool [N]: it alone, extending or not, supply pressure, best pose (ISO 6015).
+
+    The force is tangential to the tool's arc about the joint that the cylinder turns; joints further out stand where their
+    own cylinders dig best. Cylinders that turn no single joint between root and tool are left out.
+    """
+    arm = machine.arm
+    best = arm.limits.mean(axis=1)
+    torque: dict[int, tuple[str, float]] = {}
+    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+        if len(linkage.joints) == 1 and arm.joints[linkage.joints[0]].revolute:
+            joint = linkage.joints[0]
+            poses = sweep(arm, joint, over(machine.ranges[joint], 4 * SWEEP))
+            moment_arm = np.abs(linkage.actuation(poses).moment_arm[:, joint])
+            best[joint] = poses.q[moment_arm.argmax(), joint]
+            torque[joint] = (cylinder.name, machine.supply.pressure * cylinder.bore_area * float(moment_arm.max()))
+    poses = arm.kinematics(best[None])
+    tool = arm.point(poses, machine.tool.link, np.array(machine.tool.at))[0]
+    forces = {}
+    for joint in set(torque) & set(arm.chain(machine.tool.link)):
+        axis, lever = poses.axis[0, joint], tool - poses.translation[0, joint]
+        distance = float(np.linalg.norm(lever - axis * (axis @ lever)))
+        if distance > 0:
+            forces[torque[joint][0]] = torque[joint][1] / distance
+    return forces
+
+
 def _holding(machine: Machine, loads: tuple[Array, Array], requirements: Requirements) -> list[Check]:
     checks = []
     for cylinder, push, pull in zip(machine.cylinders, *loads, strict=True):

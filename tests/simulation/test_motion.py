@@ -98,7 +98,7 @@ def test_end_stop_holds(excavator: Machine, size: float) -> None:
 
 
 def test_vapour_and_reliefs_bound_the_pressures(excavator: Machine) -> None:
-    """Unloaded chambers start at 5 bar, so a hard pulse pulls them empty: never below a vacuum, never far above 1.1 supply."""
+    """Unloaded chambers start at 5 bar, a hard pulse empties them: never below a vacuum; never far above 1.1 supply."""
     run = simulate(excavator, (0.3, -1.2, -1.0), {"boom": pulse(-0.1, 0.3)}, duration=3.0, preloaded=False)
     assert -1.02 * bar < run.pressures.min() < 0
     hard = simulate(excavator, (0.3, -1.2, -1.0), {"boom": pulse(-1.0, 0.3)}, duration=1.0)

@@ -93,7 +93,7 @@ def test_damping_is_identified() -> None:
 
 
 def test_air() -> None:
-    """β(p) of each chamber at its static pressure, as in the linear answer; the sweep is small enough for the soft one."""
+    """β(p) of each chamber at its static pressure, as in the linear answer; the sweep is small enough for it."""
     machine = ad.load("excavator_20t").with_payload("full").replace({"fluid.entrained_air_percent": 1.0})
     full, half = validate(machine, WORST).runs
     assert full.linear_frequency < 0.7
