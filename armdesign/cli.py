@@ -239,6 +239,8 @@ def _print(items: Sequence[Sheet | str]) -> None:
     from armdesign.report import rich_table
 
     console = Console()
+    if not console.is_terminal:
+        console.width = 100
     for item in items:
         console.print(item if isinstance(item, str) else rich_table(item), highlight=False)
 

@@ -63,8 +63,8 @@ class LinearModel:
     def modes(self) -> Array:
         """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first; the spools' own are left out.
 
-        The spools drive the rest and feel nothing of it, so its poles are those of its own block of A. At most one pair per
-        joint: pairs slower than these are creep under leakage.
+        The spools drive the rest and feel nothing of it, so its poles are those of its own block of A. At most one pair
+        per joint: pairs slower than these are creep under leakage.
         """
         size = len(self.A) - 2 * len(self.inputs)
         joints = (size - 2 * len(self.inputs)) // 2

@@ -110,6 +110,8 @@ class Machine:
             if payload not in named:
                 raise ArmDesignError(f"{self.name}: payload {payload}", "no such load case", _choose(payload, named))
             return dataclasses.replace(self, payload=named[payload])
+        if isinstance(payload, bool) or not isinstance(payload, int | float | np.number):
+            raise ArmDesignError(f"{self.name}: payload", f"{payload!r} is not allowed", "give a name or a mass [kg]")
         if not (math.isfinite(payload) and payload >= 0):
             raise ArmDesignError(f"{self.name}: payload", f"{payload:g} kg is not allowed", "give a mass in [0, ∞) kg")
         placed = next((case for case in (self.payload, *self.payloads) if case.link is not None), None)
@@ -136,7 +138,10 @@ class Machine:
             self.section.urdf,
         )
         machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
-        return machine.with_payload(self.payload.name) if self.payload in self.payloads else machine
+        named = {case.name for case in machine.payloads}
+        if self.payload.name in named:
+            return machine.with_payload(self.payload.name)
+        return dataclasses.replace(machine, payload=self.payload)  # a mass of its own
 
     def save(self, path: str | Path) -> Path:
         """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""

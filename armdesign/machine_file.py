@@ -241,16 +241,23 @@ def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
         raise MachineFileError(where, f'no "{location[-1]}" in the file', f"choose from: {', '.join(known)}")
 
 
+def _plain(value: Any) -> Any:
+    """Numbers and lists of numpy as Python's own."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
 def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
-    old = node.get(leaf)
+    old, value = node.get(leaf), _plain(value)
     if isinstance(old, dict):
         raise MachineFileError(where, "is a table, not a value", "name one of its keys")
-    if isinstance(old, list) and isinstance(value, list | tuple) and len(old) == len(value):
+    if isinstance(old, list) and isinstance(value, list) and len(old) == len(value):
         for index, item in enumerate(value):  # element by element: spacing and comments of the list stay
             old[index] = item
         return
     try:
-        node[leaf] = list(value) if isinstance(value, tuple) else value
+        node[leaf] = value
     except (TypeError, ValueError, TOMLKitError):
         raise MachineFileError(where, f"cannot hold {value!r}", "give a number or a text") from None
 

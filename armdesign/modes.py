@@ -105,19 +105,20 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
             locked[:, i] = _hertz(stiffness[:, j, j] / mass[:, j, j])
             continue
         held = [k for k in range(nc) if k not in poses.shared[i]]
-        basis = _null_space(poses.moment_arms[:, held])
-        transposed = np.swapaxes(basis, 1, 2)
-        inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass @ basis))
-        small = inverse @ (transposed @ stiffness @ basis) @ np.swapaxes(inverse, 1, 2)
-        locked[:, i] = _hertz(np.linalg.eigvalsh(small)[:, 0])
+        for rows, basis in _null_spaces(poses.moment_arms[:, held]):
+            transposed = np.swapaxes(basis, 1, 2)
+            inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass[rows] @ basis))
+            small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
+            locked[rows, i] = _hertz(np.linalg.eigvalsh(small)[:, 0])
     return locked
 
 
-def _null_space(rows: Array) -> Array:
-    """Orthonormal basis (n, nq, nq − held) of the motions that leave ``rows`` (n, held, nq) unmoved."""
-    n, held, nq = rows.shape
-    if held == 0:
-        return np.broadcast_to(np.eye(nq), (n, nq, nq))
-    _, sizes, right = np.linalg.svd(rows)
-    rank = int((sizes > 1e-9).sum(axis=1).max(initial=0))
-    return np.asarray(np.swapaxes(right[:, rank:], 1, 2))
+def _null_spaces(held: Array) -> list[tuple[Array, Array]]:
+    """Motions that leave the rows ``held`` (n, k, nq) unmoved: poses of one rank, and their orthonormal basis."""
+    n, _, nq = held.shape
+    sizes, right = np.zeros((n, 0)), np.broadcast_to(np.eye(nq), (n, nq, nq))
+    if held.shape[1] > 0:
+        _, sizes, right = np.linalg.svd(held)
+    rank = (sizes > 1e-9).sum(axis=1)
+    poses = [np.flatnonzero(rank == r) for r in np.unique(rank)]
+    return [(rows, np.swapaxes(right[rows, rank[rows[0]] :], 1, 2)) for rows in poses]

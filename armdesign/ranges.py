@@ -48,7 +48,7 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
 def _range_of(
     arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
 ) -> tuple[float, float]:
-    values = over(arm.limits[joint], SAMPLES)
+    values = over(arm.limits[joint], _samples(arm, joint, own))
     poses = sweep(arm, joint, values)
     name = arm.joints[joint].name
 
@@ -80,25 +80,36 @@ def _range_of(
             f"never within [{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m",
             "change closed_length_mm, stroke_mm or the pins",
         )
-    first, last = _longest_run(inside)
+    first, last = _longest_run(inside, values)
     for beyond in (first - 1, last + 1):
-        if 0 <= beyond < SAMPLES and not closes[beyond]:
+        if 0 <= beyond < len(values) and not closes[beyond]:
             raise MachineFileError(
                 f"{where}.four_bar",
                 f'opens at "{name}" = {values[beyond]:.4f}, before stroke or joint limit ends the motion',
                 "change rocker_mm, coupler_mm or the pins, or tighten the joint's limits in the URDF",
             )
     low = values[first] if first == 0 else _root(slack, values[first - 1], values[first])
-    high = values[last] if last == SAMPLES - 1 else _root(slack, values[last + 1], values[last])
+    high = values[last] if last == len(values) - 1 else _root(slack, values[last + 1], values[last])
     _refuse_dead_centre(arm, joint, own, (low, high), source)
     return float(low), float(high)
 
 
-def _longest_run(mask: Flags) -> tuple[int, int]:
+def _samples(arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]]) -> int:
+    """How finely a joint's limits are searched: no stroke of a slide may fall between two samples."""
+    if arm.joints[joint].revolute:
+        return SAMPLES
+    shortest = min(cylinder.stroke for _, cylinder in own)
+    return int(np.clip(8 * np.ptp(arm.limits[joint]) / shortest, SAMPLES, 100_000))
+
+
+def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
+    """First and last of the longest run of true; of runs as long but for a sample, the one nearest to zero."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     starts, ends = edges[::2], edges[1::2] - 1
-    longest = int(np.argmax(ends - starts))
-    return int(starts[longest]), int(ends[longest])
+    long = np.flatnonzero(ends - starts >= (ends - starts).max() - 1)
+    distance = [np.abs(values[starts[k] : ends[k] + 1]).min() for k in long]
+    chosen = long[int(np.argmin(distance))]
+    return int(starts[chosen]), int(ends[chosen])
 
 
 def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:

@@ -126,8 +126,8 @@ def _sizes(design: Design) -> Sheet:
     rows: list[tuple[str, ...]] = []
     for i, new in enumerate(design.machine.cylinders):
         for label, cylinder, machine in (
-            (f"{new.name}, today", design.today.cylinders[i], design.today),
-            (f"{new.name}, new", new, design.machine),
+            (new.name, design.today.cylinders[i], design.today),
+            ("→ new", new, design.machine),
         ):
             linkage = machine.linkages[i]
             pins = [
@@ -158,10 +158,10 @@ def _binding(design: Design) -> Sheet:
         for c in design.binding
     ]
     return Sheet(
-        title="What binds, and what 1 % less of it would buy",
+        title="What binds, and the frequency that relaxing it by 1 % would buy",
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
-        note=f"{len(design.checks)} requirements checked on the saved file, smallest slack {min(design.slacks.values()):.1e}",
+        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again",
     )
 
 
@@ -182,7 +182,7 @@ def _loads(design: Design) -> Sheet:
             force = digging[label].get(c.name)
             rows.append(
                 (
-                    f"{cylinder.name}, {label}",
+                    cylinder.name if label == "today" else "→ new",
                     f"{c.bore_area * c.stroke / litre:.2f}",
                     f"{c.annulus_area * c.stroke / litre:.2f}",
                     f"{machine.supply.pressure * c.bore_area / kN:.0f}",
@@ -200,7 +200,7 @@ def _loads(design: Design) -> Sheet:
         title="Oil, thrust, holding, digging",
         columns=("cylinder", "cap oil [l]", "rod oil [l]", "thrust [kN]", "cap [bar]", "rod [bar]", "digging [kN]"),
         rows=tuple(rows),
-        note=f"oil in all: cap {cap} l, rod {annulus} l; bar: largest static holding pressure of the loaded chamber",
+        note=f"oil in all: cap {cap} l, rod {annulus} l; bar: largest static pressure of the loaded chamber",
         bold=tuple(range(1, len(rows), 2)),
     )
 
@@ -215,11 +215,9 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
         for run in validation.runs:
             rows.append(
                 (
-                    label,
-                    run.payload,
+                    f"{label}, payload {run.payload}",
                     run.cylinder,
-                    f"{run.mode}",
-                    f"{100 * run.amplitude:.3g} %",
+                    f"{100 * run.amplitude:.2g} %",
                     f"{run.linear_frequency:.4f}",
                     f"{run.identified_frequency:.4f}",
                     f"{100 * run.deviation:+.2f} %",
@@ -227,20 +225,9 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
                     f"{run.identified_damping:.4f}",
                 )
             )
-    columns = (
-        "pose",
-        "payload",
-        "cylinder",
-        "mode",
-        "valve",
-        "linear [Hz]",
-        "identified",
-        "deviation",
-        "linear ζ",
-        "ζ",
-    )
+    columns = ("pose", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ")
     return Sheet(
-        title="Nonlinear simulation: frequency and damping fitted to a small slow sweep",
+        title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=columns,
         rows=tuple(rows),
         note="valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it",
@@ -267,7 +254,9 @@ def rich_table(sheet: Sheet) -> Table:
     )
     for index, column in enumerate(sheet.columns or ("", "")):
         words = index == 0 or not sheet.columns or column == "where"
-        table.add_column(column, justify="left" if words else "right")
+        table.add_column(
+            column, justify="left" if words else "right", no_wrap=column != "where" and bool(sheet.columns)
+        )
     for index, row in enumerate(sheet.rows):
         table.add_row(*row, style="bold" if index in sheet.bold else None)
     return table

@@ -163,10 +163,10 @@ def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
 
 
 def digging_forces(machine: Machine) -> dict[str, float]:
-    """Largest force of each cylinder at the tool [N]: it alone, extending or not, supply pressure, best pose (ISO 6015).
+    """Largest force of each cylinder at the tool [N]: it alone, extending, supply pressure, best pose (ISO 6015).
 
-    The force is tangential to the tool's arc about the joint that the cylinder turns; joints further out stand where their
-    own cylinders dig best. Cylinders that turn no single joint between root and tool are left out.
+    The force is tangential to the tool's arc about the joint that the cylinder turns; joints further out stand where
+    their own cylinders dig best. Cylinders that turn no single joint between root and tool are left out.
     """
     arm = machine.arm
     best = arm.limits.mean(axis=1)

@@ -42,7 +42,8 @@ CYCLES = 16.0  # of the mode in a sweep
 HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
 SWING_SHARE = 0.5  # of what pressures and strokes leave, used by the default amplitude
 LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
-SOFTENING = 0.02  # relative change of the bulk modulus that counts as all the room there is, with air
+DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
+SOFTENING = 0.008  # relative change of the bulk modulus that counts as all the room there is, with air
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 AGREES = 0.01  # relative deviation
@@ -322,7 +323,29 @@ def _default_amplitude(test: _Test, plant: Plant, rest: Array, linear: LinearMod
     room = np.minimum(np.minimum(pressures - LOWEST_PRESSURE, limit - pressures), softening)
     room = np.concatenate([room, ends])
     used = np.concatenate([cap_swing, annulus_swing, swing[size:]])
-    return float(min(SWING_SHARE * np.min(room / np.maximum(used, 1e-12)), LARGEST_OPENING))
+    largest = float(min(SWING_SHARE * np.min(room / np.maximum(used, 1e-12)), LARGEST_OPENING))
+    return largest * _undetuned(test, largest * swing[: plant.nq])
+
+
+def _undetuned(test: _Test, swing: Array) -> float:
+    """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
+
+    The joints swing as in the mode, so both ends of the swing lie along its shape.
+    """
+    shape = natural_modes(test.machine.at(test.pose)).shapes[0, :, test.mode]
+    way = shape * np.max(np.abs(swing) / np.abs(shape).max())
+    share = 1.0
+    for _ in range(12):
+        ends = test.machine.rigid_poses(test.pose + share * np.array([way, -way]))
+        if np.all(test.machine.margins(ends) > 0):
+            found = natural_modes(test.machine.evaluate(ends)).frequencies[:, test.mode]
+            change = float(np.abs(found / test.frequencies[test.mode] - 1).max())
+            if change <= DETUNING:
+                break
+            share *= max(0.9 * DETUNING / change, 0.2)
+        else:
+            share /= 2
+    return share
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:
