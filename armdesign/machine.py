@@ -130,6 +130,8 @@ class Machine:
         Raises:
             MachineFileError: a path or value that the file cannot have.
         """
+        if not isinstance(changes, Mapping):
+            raise MachineFileError(self.source.name, f"{changes!r} are no changes", "give {key path: value}")
         text = machine_file.write(self.text, dict(changes), self.source.name)
         section = machine_file.parse(text, self.source.name)
         same_arm = (section.joints, section.frozen, section.urdf) == (
@@ -145,15 +147,15 @@ class Machine:
 
     def save(self, path: str | Path) -> Path:
         """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""
-        target = Path(path)
+        target = _path(path)
         if target.suffix != ".toml":
             raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
         urdf = target.parent / self.section.urdf
-        urdf.parent.mkdir(parents=True, exist_ok=True)
-        if urdf.exists() and urdf.read_text(encoding="utf-8") != self.urdf_text:
+        if urdf == target:
+            raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
+        if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
             raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
-        urdf.write_text(self.urdf_text, encoding="utf-8")
-        target.write_text(self.text, encoding="utf-8")
+        machine_file.write_files({urdf: self.urdf_text, target: self.text})
         return target
 
     # --------------------------------------------------------------------------------------------------- poses
@@ -271,6 +273,8 @@ class Machine:
     def _checked(self, q: ArrayLike) -> Array:
         nq = len(self.joints)
         try:
+            if np.iscomplexobj(q):
+                raise TypeError
             array = np.array(q, dtype=float)
         except (TypeError, ValueError):
             raise PoseError(f"{self.name}: q", "is not an array of numbers", f"give shape (n, {nq})") from None
@@ -332,7 +336,7 @@ def load(path_or_name: str | Path) -> Machine:
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
     """
-    path = _find(Path(path_or_name))
+    path = _find(_path(path_or_name))
     text = machine_file.read_text(path)
     section = machine_file.parse(text, path.name)
     urdf_text = machine_file.read_text(path.parent / section.urdf)
@@ -348,17 +352,26 @@ def shipped() -> dict[str, Path]:
     return {}
 
 
+def _path(value: str | Path) -> Path:
+    try:
+        path = Path(value)
+        path.is_dir()  # a name that is too long raises
+    except (TypeError, OSError) as error:
+        raise MachineFileError(f"{value!r:.80}", f"is not a path ({error})"[:200], "give a path or a name") from None
+    return path
+
+
 def _find(path: Path) -> Path:
+    names = shipped()
+    own = path / f"{path.resolve().name if path.is_dir() else path.name}.toml"
+    if own.is_file():
+        return own
+    if str(path) in names and not path.is_file():  # a folder of results may have the name of its machine
+        return names[str(path)]
     if path.is_dir():
-        own = path / f"{path.resolve().name}.toml"
-        if own.is_file():
-            return own
         raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
     if path.suffix == ".toml" or path.exists():
         return path
-    names = shipped()
-    if str(path) in names:
-        return names[str(path)]
     raise MachineFileError(str(path), "no such machine", f"{_choose(str(path), names)}, or give a .toml file")
 
 

@@ -6,13 +6,16 @@ answered with file, key path, value, range and remedy. Writing changes leaf valu
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import errno
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import tomlkit
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tomlkit.exceptions import TOMLKitError
 
@@ -30,6 +33,25 @@ Ratio = Annotated[float, Field(gt=0, le=10)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
 Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
+
+UNITS = {  # by the end of the key, longer ends first
+    "kg_per_m3": "kg/m³",
+    "l_per_min_per_bar": "l/min/bar",
+    "l_per_min": "l/min",
+    "mm_per_s": "mm/s",
+    "m_per_N": "m/N",
+    "N_s_per_m": "N s/m",
+    "percent": "%",
+    "MPa": "MPa",
+    "bar": "bar",
+    "deg": "deg",
+    "mm": "mm",
+    "kg": "kg",
+    "hz": "Hz",
+    "N": "N",
+    "l": "l",
+}
+COLUMNS = ("payload", "tool_x_m", "tool_y_m", "tool_z_m", "cylinder", "mode", "linear_hz", "identified_hz", "deviation")
 
 
 class Section(BaseModel):
@@ -181,13 +203,39 @@ def read_text(path: Path) -> str:
         MachineFileError: the file is missing or is no text.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_bytes().decode("utf-8-sig")  # line ends as they are: saving changes values only
     except FileNotFoundError:
         raise MachineFileError(str(path), "no such file", "check the path") from None
     except UnicodeDecodeError:
         raise MachineFileError(str(path), "is not UTF-8 text", "save it as UTF-8") from None
-    except OSError as error:
-        raise MachineFileError(str(path), f"cannot be read ({error.strerror})", "check the path") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or error
+        raise MachineFileError(str(path), f"cannot be read ({reason})", "check the path") from None
+
+
+def write_files(texts: dict[Path, str]) -> None:
+    """Write files whole or not at all: each beside its place first, then all of them moved there.
+
+    Raises:
+        MachineFileError: a file or folder that cannot be written.
+    """
+    waiting = {path: path.with_name(f".writing-{path.name}") for path in texts}
+    path = next(iter(texts))
+    try:
+        for path, text in texts.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "is a folder")
+            waiting[path].write_bytes(text.encode())
+        for path, written in waiting.items():
+            written.replace(path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise MachineFileError(str(path), f"cannot be written ({reason})", "name another place") from None
+    finally:
+        for written in waiting.values():
+            with contextlib.suppress(OSError, ValueError):
+                written.unlink(missing_ok=True)
 
 
 def parse(text: str, source: str) -> MachineSection:
@@ -202,7 +250,7 @@ def parse(text: str, source: str) -> MachineSection:
     """
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
         raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
     try:
         section = MachineSection.model_validate(data)
@@ -218,8 +266,13 @@ def write(text: str, changes: dict[str, Any], source: str) -> str:
     Raises:
         MachineFileError: a path that the file's schema does not have.
     """
-    document = tomlkit.parse(text)
+    try:
+        document = tomlkit.parse(text)
+    except (TOMLKitError, ValueError, RecursionError) as error:
+        raise MachineFileError(source, f"cannot be edited: {error}", "write it as plainer TOML") from None
     for path, value in changes.items():
+        if not isinstance(path, str) or not path:
+            raise MachineFileError(source, f"{path!r} is not a key path", "give one such as cylinder.boom.bore_mm")
         *tables, leaf = path.split(".")
         node: Any = document
         for depth, key in enumerate(tables):
@@ -252,12 +305,12 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
     old, value = node.get(leaf), _plain(value)
     if isinstance(old, dict):
         raise MachineFileError(where, "is a table, not a value", "name one of its keys")
-    if isinstance(old, list) and isinstance(value, list) and len(old) == len(value):
-        for index, item in enumerate(value):  # element by element: spacing and comments of the list stay
-            old[index] = item
-        return
     try:
-        node[leaf] = value
+        if isinstance(old, list) and isinstance(value, list) and len(old) == len(value):
+            for index, item in enumerate(value):  # element by element: spacing and comments of the list stay
+                old[index] = item
+        else:
+            node[leaf] = value
     except (TypeError, ValueError, TOMLKitError):
         raise MachineFileError(where, f"cannot hold {value!r}", "give a number or a text") from None
 
@@ -310,16 +363,27 @@ def _allowed(location: tuple[Any, ...]) -> str:
         for bound in constraints:
             low = f"({bound.gt:g}" if isinstance(bound, Gt) else f"[{bound.ge:g}" if isinstance(bound, Ge) else low
             high = f"{bound.lt:g})" if isinstance(bound, Lt) else f"{bound.le:g}]" if isinstance(bound, Le) else high
-        return f"{'a whole number' if kind is int else 'a number'} in {low}, {high}"
+        return f"{'a whole number' if kind is int else 'a number'} in {low}, {high}{_unit(location)}"
     if get_origin(kind) is list:
-        sizes = [c.min_length for c in constraints if hasattr(c, "min_length")]
-        return f"a list of {sizes[0] if sizes else 'some'} values, each {_allowed((*location, 0))}"
+        least = next((c.min_length for c in constraints if isinstance(c, MinLen)), 0)
+        exact = any(isinstance(c, MaxLen) and c.max_length == least for c in constraints)
+        words = f"{least} values" if exact else f"at least {least}" if least else "any number of values"
+        return f"a list of {words}, each {_allowed((*location, 0))}"
     if kind is str:
-        return "a text"
+        return "a text of letters, digits, _ and -" if (kind, constraints) == _unwrap(Name) else "a text"
     if get_origin(kind) is dict:
         return "a table of named entries (names of letters, digits, _ and -)"
     required = [name for name, field in kind.model_fields.items() if field.is_required()]
     return f"a table with {', '.join(required)}" if required else "a table"
+
+
+def _unit(location: tuple[Any, ...]) -> str:
+    """Unit of a number, which its key names, with a space before it."""
+    for key in reversed(location[-2:]):  # the key itself, or that of its list or table
+        found = re.search(rf"_({'|'.join(UNITS)})$", str(key))
+        if found:
+            return f" {UNITS[found[1]]}"
+    return ""
 
 
 def _explain(error: ValidationError, source: str) -> MachineFileError:
@@ -347,7 +411,13 @@ def _explain(error: ValidationError, source: str) -> MachineFileError:
 
 
 def _shown(value: Any) -> str:
-    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else repr(value)
+    if isinstance(value, dict):
+        return "a table" if value else "an empty table"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    if isinstance(value, list):
+        text = f"[{', '.join(_shown(item) for item in value)}]"
+    elif isinstance(value, str):
+        text = f'"{value}"'
     return text if len(text) <= 60 else text[:57] + "…"
 
 
@@ -359,6 +429,9 @@ def _check_sense(machine: MachineSection, source: str) -> None:
 
     if len(set(machine.joints)) < len(machine.joints):
         refuse("joints", "a joint is named twice", "name each joint once")
+    for name in machine.joints:
+        if name in COLUMNS or re.fullmatch(r"f\d+_hz", name):
+            refuse("joints", f'"{name}" is a column of the CSV files', "rename the joint")
     for name in machine.frozen:
         if name in machine.joints:
             refuse(f"frozen.{name}", "is also in joints", "a joint is either a coordinate or frozen")
@@ -404,8 +477,8 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
             f"give a rod in (0, {cylinder.bore_mm:g}) mm",
         )
     if (cylinder.rod_end is None) == (cylinder.four_bar is None):
-        given = "neither" if cylinder.rod_end is None else "both"
-        refuse(f"{path}.rod_end", f"{given} rod_end and four_bar given", "give exactly one of them")
+        given = "neither rod_end nor" if cylinder.rod_end is None else "both rod_end and"
+        refuse(f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them")
     volumes = (("cap", cylinder.hose.cap_l), ("annulus", cylinder.hose.annulus_l))
     for side, hose in volumes:
         dead = getattr(cylinder.dead_volume_l, side)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
@@ -71,7 +72,7 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
     Raises:
-        PoseError: a pose that this machine cannot take.
+        PoseError: a pose that this machine cannot take, or no load case at any of them.
     """
     import pandas as pd
 
@@ -82,10 +83,20 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         if len(rows) == 0:
             continue
         poses = case.at(workspace.rigid[rows])
-        modes = natural_modes(poses)
+        try:
+            modes = natural_modes(poses)
+        except PoseError as error:
+            where = f"{machine.source.name}: payload.{payload.name}"
+            raise PoseError(where, f"the {error.part} {error.problem}", error.remedy) from None
         frames.append(_frame(case, poses, modes))
         limiting.append(energy_shares(poses, modes.shapes).argmax(axis=1))
         worst.append(_worst(case, workspace, poses.q, modes.frequencies[:, 0]))
+    if not frames:
+        raise PoseError(
+            f"{machine.source.name}: payload",
+            "at no pose of the workspace does any load case's link have its pitch",
+            "widen pitch_deg of a load case or add one without it",
+        )
     names = np.array([cylinder.name for cylinder in machine.cylinders])
     return FrequencyMap(
         frame=pd.concat(frames, ignore_index=True),

@@ -63,35 +63,54 @@ def _range_of(
 
     with np.errstate(invalid="ignore"):
         inside = slack(values) >= 0
-        closes = np.all([linkage.closes(poses) for linkage, _ in own], axis=0)
-    cylinder = own[0][1]
-    where = f"{source}: cylinder.{cylinder.name}"
-    if not closes.any():
-        raise MachineFileError(
-            f"{where}.four_bar",
-            f'does not close at any "{name}" in [{values[0]:.4f}, {values[-1]:.4f}]',
-            "rocker + coupler must exceed the distance pivot–lug and |rocker − coupler| stay below it",
-        )
+        each = [linkage.closes(poses) for linkage, _ in own]
+    unit = "rad" if arm.joints[joint].revolute else "m"
+    for closes, (_, cylinder) in zip(each, own, strict=True):
+        if not closes.any():
+            raise MachineFileError(
+                f"{source}: cylinder.{cylinder.name}.four_bar",
+                f'does not close at any "{name}" in [{values[0]:.4f}, {values[-1]:.4f}] {unit}',
+                "rocker + coupler must exceed the distance pivot–lug and |rocker − coupler| stay below it",
+            )
     if not inside.any():
-        lengths = own[0][0].length(poses)
-        raise MachineFileError(
-            f"{where}.stroke_mm",
-            f'over joint "{name}" the pins are {np.nanmin(lengths):.4f} to {np.nanmax(lengths):.4f} m apart, '
-            f"never within [{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m",
-            "change closed_length_mm, stroke_mm or the pins",
-        )
+        raise _never_in_stroke(own, poses, end_margin, name, source)
     first, last = _longest_run(inside, values)
     for beyond in (first - 1, last + 1):
-        if 0 <= beyond < len(values) and not closes[beyond]:
+        opened = [c.name for closes, (_, c) in zip(each, own, strict=True) if not closes[beyond % len(values)]]
+        if 0 <= beyond < len(values) and opened:
             raise MachineFileError(
-                f"{where}.four_bar",
-                f'opens at "{name}" = {values[beyond]:.4f}, before stroke or joint limit ends the motion',
+                f"{source}: cylinder.{opened[0]}.four_bar",
+                f'opens at "{name}" = {values[beyond]:.4f} {unit}, before stroke or joint limit ends the motion',
                 "change rocker_mm, coupler_mm or the pins, or tighten the joint's limits in the URDF",
             )
     low = values[first] if first == 0 else _root(slack, values[first - 1], values[first])
     high = values[last] if last == len(values) - 1 else _root(slack, values[last + 1], values[last])
     _refuse_dead_centre(arm, joint, own, (low, high), source)
     return float(low), float(high)
+
+
+def _never_in_stroke(
+    own: list[tuple[Linkage, Cylinder]], poses: RigidPoses, end_margin: float, joint: str, source: str
+) -> MachineFileError:
+    """What to say when no position of a joint suits its cylinders."""
+    for linkage, cylinder in own:
+        length, margin = linkage.length(poses), end_margin * cylinder.stroke
+        low, high = cylinder.closed_length + margin, cylinder.open_length - margin
+        if not np.any((length >= low) & (length <= high)):
+            kept = f" ({100 * end_margin:g} % of the stroke kept free at both ends)" if end_margin else ""
+            margin_too = " or end_margin" if end_margin else ""
+            return MachineFileError(
+                f"{source}: cylinder.{cylinder.name}.stroke_mm",
+                f'over joint "{joint}" the pins are {np.nanmin(length):.4f} to {np.nanmax(length):.4f} m apart, '
+                f"never within [{low:.4f}, {high:.4f}] m{kept}",
+                f"change closed_length_mm, stroke_mm, the pins{margin_too}",
+            )
+    names = ", ".join(cylinder.name for _, cylinder in own)
+    return MachineFileError(
+        f"{source}: cylinder.{own[0][1].name}.stroke_mm",
+        f'at no "{joint}" are the cylinders {names} in stroke together',
+        "change closed_length_mm, stroke_mm or the pins of one of them",
+    )
 
 
 def _samples(arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]]) -> int:

@@ -76,7 +76,8 @@ def _parse(urdf: str, source: str) -> ET.Element:
     except ET.ParseError as error:
         raise MachineFileError(source, f"not well-formed XML ({error})", "correct the URDF at that place") from None
     if robot.tag != "robot":
-        raise MachineFileError(source, f"the XML root is <{robot.tag}>, not <robot>", "give a URDF file")
+        tag = robot.tag.replace("{", "").replace("}", " ")  # a namespace is in braces
+        raise MachineFileError(source, f"the XML root is <{tag}>, not <robot>", "give a URDF file")
     robot.attrib = {"name": "arm"}
     _keep_only(robot, "link", "joint")
     for link in robot.findall("link"):
@@ -174,7 +175,10 @@ def _check_limits(joint: ET.Element, where: str) -> None:
     if not lower < upper:
         raise MachineFileError(where, f"limits [{lower:g}, {upper:g}] are empty", "lower must be below upper")
     for key in ("effort", "velocity"):
-        limit.set(key, str(_numbers(limit, key, "0", 1, where)[0]))
+        value = float(_numbers(limit, key, "0", 1, where)[0])
+        if value < 0:
+            raise MachineFileError(where, f"{key} {value:g} is negative", f"give a limit with {key} ≥ 0")
+        limit.set(key, str(value))
 
 
 def _fix(joint: ET.Element, value: float, where: str) -> None:
@@ -236,6 +240,8 @@ def _tree(robot: ET.Element, joints: list[str], source: str) -> tuple[tuple[Join
         for end in ("parent", "child"):
             found = element.find(end)
             link = None if found is None else found.get("link")
+            if link is None:
+                raise MachineFileError(where, f"has no {end}", f'add <{end} link="…"/>')
             if link not in children:
                 raise MachineFileError(where, f'{end} link "{link}" does not exist', f"choose from: {', '.join(names)}")
             ends.append(str(link))

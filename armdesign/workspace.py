@@ -57,8 +57,8 @@ class Workspace:
         nq = len(machine.joints)
         counts = _counts(machine, points)
         margin = machine.section.requirements.end_margin if end_margin is None else end_margin
-        if not 0 <= margin < 0.5:
-            raise ArmDesignError("end_margin", f"{margin:g} is not allowed", "give a share of the stroke in [0, 0.5)")
+        if isinstance(margin, bool) or not isinstance(margin, int | float | np.number) or not 0 <= margin < 0.5:
+            raise ArmDesignError("end_margin", f"{margin!r} is not allowed", "give a share of the stroke in [0, 0.5)")
         ranges = machine.range_within(margin)
         axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, nq)
@@ -89,7 +89,9 @@ def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
     if points is None:
         base = max(min(int((POSES / 1.5) ** (1 / nq)), 240), 5)
         return [base] * (nq - 1) + [3 * base // 2]
-    counts = [int(points)] * nq if isinstance(points, int | np.integer) else [int(count) for count in points]
+    each = list(points) if isinstance(points, Sequence | np.ndarray) and not isinstance(points, str) else [points] * nq
+    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in each)
+    counts = [int(n) for n in each] if whole else []
     if len(counts) != nq or min(counts) < 2:
         raise ArmDesignError("points", f"{points} is not allowed", f"give one number ≥ 2, or {nq} (one per joint)")
     if math.prod(counts) > 5_000_000:

@@ -327,8 +327,8 @@ class Reference:
         return q
 
     def ranges_with(self, end_margin):
-        """Joint ranges (nq, 2): every cylinder at least `end_margin` of its stroke from its ends, cut by the URDF
-        limits.""" ranges = np.array(self.limits)
+        """Joint ranges (nq, 2): every cylinder at least `end_margin` from its ends, cut by the URDF limits."""
+        ranges = np.array(self.limits)
         for index, (cylinder, joint) in enumerate(zip(self.cylinders, self.joint_of, strict=True)):
 
             def room(values, index=index, cylinder=cylinder, joint=joint):
@@ -373,8 +373,8 @@ class Reference:
         return np.concatenate(copies)
 
     def workspace(self, payload, end_margin=0.02, points=(21, 21, 121)):
-        """Joint grid with its edges (n, nq): the ends of the ranges and the poses exactly at the payload's pitch
-        limits.""" ranges = self.ranges_with(end_margin)
+        """Joint grid with its edges (n, nq): ends of the ranges and poses exactly at the payload's pitch limits."""
+        ranges = self.ranges_with(end_margin)
         axes = [np.linspace(*bounds, number) for bounds, number in zip(ranges, points, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         edges = [  # this joint solved for the limit, the others on the grid
@@ -469,8 +469,8 @@ class Reference:
         return euler / (self.supply_pressure * np.pi / 4 * cylinder.bore**2)
 
     def holding_shares(self, original, end_margin, points):
-        """{(direction, cylinder): largest static force / what supply against return pressure gives}, on original's
-        workspace.""" push = self.supply_pressure * self.bore_areas - self.return_pressure * self.annulus_areas
+        """{(direction, cylinder): largest static force / what supply against return pressure gives}, today's poses."""
+        push = self.supply_pressure * self.bore_areas - self.return_pressure * self.annulus_areas
         pull = self.supply_pressure * self.annulus_areas - self.return_pressure * self.bore_areas
         shares = {}
         for i, cylinder in enumerate(self.cylinders):

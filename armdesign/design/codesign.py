@@ -142,8 +142,10 @@ class Search:
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
         step = self._solve(self._active(squared, []), self.limits, low, high)
         scale = 0.5 * self.reference / float(squared.min())  # f ~ sqrt(λ)
+        # a limit that no variable moves has no price, whatever the solver's multiplier says
+        multipliers = np.where(np.any(self.limits.jacobian != 0, axis=1), step.multipliers, 0.0)
         gains: dict[str, float] = {}
-        for name, gain in zip(self.limits.names, step.multipliers * self.limits.relaxation * scale, strict=True):
+        for name, gain in zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True):
             gains[name] = gains.get(name, 0.0) + float(gain)
         at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(
             low > -0.05 + 1e-9, step.low_multipliers, 0

@@ -55,7 +55,7 @@ class EvenOpening:
         speeds = []
         for share in (1.0, -1.0):
             flows = port_flows(valve, share, cap, annulus, supply.pressure, supply.return_pressure)
-            speeds.append(abs(function.free_speed(extension, cap, annulus, flows)))
+            speeds.append(max(abs(function.free_speed(extension, cap, annulus, flows)), 1e-12))
         mean = sum(speeds) / 2
         return cls(function, mean, mean / speeds[0], mean / speeds[1])
 

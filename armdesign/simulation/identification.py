@@ -5,7 +5,7 @@ linear system the spectra of a record of length T obey, at the frequencies k/T a
 
     A(s) Y(s) = B(s) U(s) + E(s),   s = jω,
 
-where the polynomial E holds the difference of the state at both ends of the record (Pintelon & Schoukens 2012, ch. 6).
+where the polynomial E holds the difference of the state at both ends of the record (Pintelon & Schoukens 2012).
 A, B and E are fitted together by least squares within a band; A has one pair of roots per mode in the band, the degrees
 that B and E have to spare stand for the modes outside. Then H = B/A, and the measured response, smeared no more, is
 (Y − E/A)/U.

@@ -99,8 +99,9 @@ def simulate(
         PoseError: the pose cannot be taken.
         SimulationError: a valve is missing, or the integration gives up.
     """
-    if not (math.isfinite(duration) and duration > 0 and rate > 0):
-        raise SimulationError(f"{machine.name}: duration", f"{duration:g} s at {rate:g} 1/s", "give positive numbers")
+    for name, value in (("duration", duration), ("rate", rate), ("hold", 1.0 if hold is None else hold)):
+        if not (math.isfinite(value) and value > 0):
+            raise SimulationError(f"{machine.name}: {name}", f"{value:g} is not allowed", "give a positive number")
     plant = Plant(machine)
     loop = _Loop(plant, plant.rest(q, preloaded), command, hold)
     time = np.linspace(0.0, duration, max(round(duration * rate), 1) + 1)
@@ -125,6 +126,11 @@ class _Loop:
         self._gains = [self._corner / 4 / v if ok else 0.0 for v, ok in zip(speeds, held, strict=True)]
         self.start = np.concatenate([rest, np.zeros(2 * plant.nc)])
         self.evaluations = 0
+        if len(self._command(0.0)) != plant.nc:
+            problem = f"gives {len(self._command(0.0))} numbers"
+            raise SimulationError(
+                f"{plant.machine.name}: command", problem, f"give one per cylinder: {', '.join(names)}"
+            )
 
     def commands(self, time: float, corrections: Sequence[float]) -> list[float]:
         """Spool commands with the loop's correction of the opening."""
@@ -140,24 +146,24 @@ class _Loop:
         """Rates of the plant's state and of the loop's two low-passes."""
         self.evaluations += 1
         if self.evaluations > MOST_EVALUATIONS:
-            raise _GaveUpError(time, f"more than {MOST_EVALUATIONS} evaluations")
+            raise _GaveUpError(time, state, f"more than {MOST_EVALUATIONS} evaluations")
         values, nc = state.tolist(), self.plant.nc
         body, first, second = values[: -2 * nc], values[-2 * nc : -nc], values[-nc:]
         try:
             rates, extensions = self.plant.evaluate(body, self.commands(time, second))
-        except ValueError:
-            raise _GaveUpError(time, "a four-bar has opened") from None
+        except (ValueError, ArithmeticError):
+            raise _GaveUpError(time, state, "a four-bar has opened") from None
         errors = [gain * (s0 - s) for gain, s0, s in zip(self._gains, self._place, extensions, strict=True)]
         rates += [self._corner * (e - h) for e, h in zip(errors, first, strict=True)]
         return rates + [self._corner * (h1 - h2) for h1, h2 in zip(first, second, strict=True)]
 
 
 class _GaveUpError(Exception):
-    """The right-hand side cannot go on, at a time [s]."""
+    """The right-hand side cannot go on, at a time [s] and state."""
 
-    def __init__(self, time: float, cause: str) -> None:
+    def __init__(self, time: float, state: Array, cause: str) -> None:
         super().__init__(cause)
-        self.time = time
+        self.time, self.state = time, state.copy()
 
 
 def _by_order(command: Command | ByName, names: Sequence[str]) -> Command:
@@ -196,7 +202,7 @@ def _integrated(loop: _Loop, time: Array) -> Array:
                 atol=TOLERANCE,
             )
         except _GaveUpError as stop:
-            raise _failure(loop.plant, stop.time, loop.start, str(stop)) from None
+            raise _failure(loop.plant, stop.time, stop.state, str(stop)) from None
     if not run.success or not np.all(np.isfinite(run.y)):
         raise _failure(loop.plant, float(run.t[-1]), run.y[:, -1], str(run.message))
     return np.asarray(run.y.T)

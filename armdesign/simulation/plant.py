@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder, Fluid, Supply, static_pressures
-from armdesign.errors import SimulationError
+from armdesign.errors import PoseError, SimulationError
 from armdesign.fluid import bulk_modulus
 from armdesign.machine import Machine
 from armdesign.simulation.reach import Reach
@@ -209,6 +209,8 @@ class Plant:
         """
         preloaded = self.machine.fluid.air == 0 if preloaded is None else preloaded
         poses = self.machine.at(q)
+        if len(poses) != 1:
+            raise PoseError(f"{self.machine.name}: q", f"holds {len(poses)} poses", "give one")
         forces = poses.cylinder_forces[0]
         held = [f.pressures(float(force), preloaded) for f, force in zip(self.functions, forces, strict=True)]
         state = np.zeros(self.size)

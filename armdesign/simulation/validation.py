@@ -10,42 +10,27 @@ amplitude shrinks with it, a fault of the model does not.
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Fluid
 from armdesign.errors import SimulationError
-from armdesign.fluid import bulk_modulus
-from armdesign.linearization import LinearModel, linearize
+from armdesign.linearization import linearize
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.poses import Poses
-from armdesign.simulation.excitation import EvenOpening, Sweep
-from armdesign.simulation.identification import Fit, fit_modes, record_length
+from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.identification import Fit, fit_modes
 from armdesign.simulation.motion import simulate
-from armdesign.simulation.plant import RELIEF_SHARE, Plant
-from armdesign.units import bar, mm
 
 if TYPE_CHECKING:
     import pandas as pd
 
-BAND = (0.5, 1.6)  # of the sweep, relative to the mode
-NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much room
-CYCLES = 16.0  # of the mode in a sweep
 HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
-SWING_SHARE = 0.5  # of what pressures and strokes leave, used by the default amplitude
-LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
-DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
-SOFTENING = 0.008  # relative change of the bulk modulus that counts as all the room there is, with air
-LARGEST_OPENING = 0.5
-LEAST_END = 1e-3  # of the stroke
 AGREES = 0.01  # relative deviation
 
 
@@ -59,13 +44,14 @@ class Run:
         cylinder: name of the one that moves.
         mode: number of the coupled mode, 1 is the lowest.
         linear_frequency: of that mode [Hz].
-        linear_damping: damping ratio of the linear plant with valves shut.
+        linear_damping: damping ratio of the plant linearised at rest, see ``linearize``.
         amplitude: mean opening of the valve in the sweep.
         fit: the response, measured and fitted.
         found: which of the fit's modes it is.
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
-        remark: in a word, what to think of the deviation.
+        remark: what to think of the deviation: "agrees"; "amplitude" if it shrinks with it; "friction" if it does not,
+            but the cylinder has dry friction; else "fault".
     """
 
     payload: str
@@ -80,6 +66,10 @@ class Run:
     mean: Array
     span: Array
     remark: str = ""
+
+    def __post_init__(self) -> None:
+        for value in (self.q, self.mean, self.span):
+            value.setflags(write=False)
 
     @property
     def identified_frequency(self) -> float:
@@ -148,8 +138,8 @@ def validate(
         payloads: names of load cases; default: the one at work.
         cylinders: names of the cylinders that sweep, each over the mode in which it takes its largest share;
             default: the one that takes the largest share of the lowest mode, over that mode.
-        amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: what makes
-            a chamber's pressure swing by half of what separates it from a vacuum or the relief, by the linear model.
+        amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: see
+            ``Experiment.default_amplitude``.
 
     Raises:
         PoseError: a pose cannot be taken.
@@ -159,7 +149,7 @@ def validate(
         raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
     loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
     runs: list[Run] = []
-    for pose in np.atleast_2d(np.asarray(q, dtype=float)):
+    for pose in machine.at(q).q:
         for case in loaded:
             for index, mode in _choices(case, case.at(pose), cylinders):
                 runs += _judged(_sweeps(case, pose, index, mode, amplitude), case, index)
@@ -185,186 +175,42 @@ def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) ->
     return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
 
 
-@dataclass(frozen=True, eq=False)
-class _Test:
-    """What both sweeps of one cylinder have in common."""
-
-    machine: Machine
-    pose: Array
-    index: int
-    mode: int
-    frequencies: Array  # of the linear modes (nq,) [Hz]
-    band: tuple[float, float]
-    duration: float
-    even: EvenOpening
-    trims: list[float]  # spool positions at rest (nc,)
-
-    @property
-    def cylinder(self) -> str:
-        """Name of the cylinder that sweeps."""
-        return self.machine.cylinders[self.index].name
-
-    @property
-    def modes(self) -> int:
-        """How many modes lie in the band."""
-        return int(np.sum((self.frequencies >= self.band[0]) & (self.frequencies <= self.band[1])))
-
-    def sweep(self, amplitude: float) -> Sweep:
-        """The sweep of the valve's opening."""
-        return Sweep(amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration)
-
-    @property
-    def rate(self) -> float:
-        """Records per second: 16 per period of the fastest mode and of the band's end."""
-        return 16 * float(max(self.band[1], self.frequencies.max()))
-
-
 def _sweeps(machine: Machine, pose: Array, index: int, mode: int, amplitude: float | None) -> list[Run]:
     """The runs at full and half amplitude."""
-    frequencies = natural_modes(machine.at(pose)).frequencies[0]
-    if frequencies[mode] == 0:
-        raise SimulationError(
-            f"{machine.name}: mode {mode + 1}", "is unstable on its trapped oil", "choose another pose"
-        )
-    band = _band(frequencies, frequencies[mode])
-    inside = int(np.sum((frequencies >= band[0]) & (frequencies <= band[1])))
-    duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, inside))
-    plant = Plant(machine)
-    rest = plant.rest(pose)
-    even, trims = EvenOpening.all(plant, rest)[index], plant.split(rest)[4].tolist()
-    test = _Test(machine, pose, index, mode, frequencies, band, duration, even, trims)
+    experiment = Experiment.of(machine, pose, index, mode)
+    full = amplitude or experiment.default_amplitude()
     linear = linearize(machine, pose)
-    full = amplitude or _default_amplitude(test, plant, rest, linear)
-    return [_run(test, linear, size) for size in (full, full / 2)]
+    nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
+    damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
+    return [_run(experiment, size, damping) for size in (full, full / 2)]
 
 
-def _band(frequencies: Array, target: float) -> tuple[float, float]:
-    """Band [Hz] about a mode, widened so that no neighbour sits on its edge."""
-    low, high = BAND[0] * target, BAND[1] * target
-    for other in np.sort(frequencies):
-        if low / NEIGHBOUR < other < high * NEIGHBOUR:
-            low, high = min(low, other / NEIGHBOUR), max(high, other * NEIGHBOUR)
-    return float(low), float(high)
-
-
-def _run(test: _Test, linear: LinearModel, amplitude: float) -> Run:
-    target = float(test.frequencies[test.mode])
+def _run(experiment: Experiment, amplitude: float, damping: float) -> Run:
     motion = simulate(
-        test.machine,
-        test.pose,
-        _commands(test, amplitude),
-        duration=test.duration,
-        rate=test.rate,
-        hold=HOLD_SHARE * test.band[0],
+        experiment.machine,
+        experiment.pose,
+        experiment.commands(amplitude),
+        duration=experiment.duration,
+        rate=experiment.rate,
+        hold=HOLD_SHARE * experiment.band[0],
     )
-    wanted = test.even.speed * np.array([test.even.share(x) for x in motion.spool[:, test.index].tolist()])
-    part = f"{test.machine.name}: sweep of {test.cylinder}"
-    fit = fit_modes(motion.time, wanted, motion.speeds[:, test.index], test.band, test.modes, part)
-    nearest = int(np.argmin(np.abs(linear.natural_frequencies - target))) if len(linear.modes) else -1
+    asked = experiment.asked_speed(motion.spool[:, experiment.index])
+    answer = motion.speeds[:, experiment.index]
+    part = f"{experiment.machine.name}: sweep of {experiment.cylinder}"
+    fit = fit_modes(motion.time, asked, answer, experiment.band, experiment.modes, part)
     return Run(
-        payload=test.machine.payload.name,
-        q=test.pose,
-        cylinder=test.cylinder,
-        mode=test.mode + 1,
-        linear_frequency=target,
-        linear_damping=float(linear.damping_ratios[nearest]) if nearest >= 0 else 1.0,
+        payload=experiment.machine.payload.name,
+        q=np.array(experiment.pose),
+        cylinder=experiment.cylinder,
+        mode=experiment.mode + 1,
+        linear_frequency=experiment.target,
+        linear_damping=damping,
         amplitude=amplitude,
         fit=fit,
-        found=int(np.argmin(np.abs(fit.natural_frequencies - target))),
+        found=int(np.argmin(np.abs(fit.natural_frequencies - experiment.target))),
         mean=motion.q.mean(axis=0),
         span=np.ptp(motion.q, axis=0),
     )
-
-
-def _commands(test: _Test, amplitude: float) -> dict[str, Callable[[float], float]]:
-    """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
-    sweep, trims = test.sweep(amplitude), test.trims
-    centre = test.even.share(trims[test.index])
-    commands: dict[str, Callable[[float], float]] = {
-        cylinder.name: partial(_held, trim)
-        for cylinder, trim in zip(test.machine.cylinders, trims, strict=True)
-        if trim != 0
-    }
-    return commands | {test.cylinder: lambda time: test.even.spool(centre + sweep(time))}
-
-
-def _held(trim: float, _: float) -> float:
-    return trim
-
-
-def _default_amplitude(test: _Test, plant: Plant, rest: Array, linear: LinearModel) -> float:
-    """Opening at which the linear response stays within ``SWING_SHARE`` of what pressures and strokes leave.
-
-    Raises:
-        SimulationError: the piston stands on an end stop.
-    """
-    from scipy.signal import StateSpace, lsim
-
-    size = len(linear.A) - 2 * plant.nc
-    time = np.arange(0, test.duration, 1 / test.rate)
-    outputs = np.vstack([np.eye(size), linear.C[:, :size]])
-    column = _opening_column(test, plant, rest)[:size, None]
-    system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
-    swing = np.abs(lsim(system, [test.sweep(1.0)(t) for t in time], time)[1]).max(axis=0)
-    caps, annuli = plant.split(rest)[2:4]
-    _, _, cap_swing, annulus_swing, _, _ = plant.split(
-        np.concatenate([swing[:size], np.zeros(2 * plant.nc)]) / plant.units
-    )
-    places = np.array(plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1])
-    ends = np.minimum(places, [c.stroke for c in test.machine.cylinders] - places)
-    for cylinder, end in zip(test.machine.cylinders, ends, strict=True):
-        if end < LEAST_END * cylinder.stroke:
-            part = f"{test.machine.name}: {cylinder.name} cylinder"
-            raise SimulationError(
-                part, f"stands {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke"
-            )
-    pressures, limit = np.concatenate([caps, annuli]), RELIEF_SHARE * test.machine.supply.pressure
-    softening = [_softening(test.machine.fluid, p) for p in pressures.tolist()]
-    room = np.minimum(np.minimum(pressures - LOWEST_PRESSURE, limit - pressures), softening)
-    room = np.concatenate([room, ends])
-    used = np.concatenate([cap_swing, annulus_swing, swing[size:]])
-    largest = float(min(SWING_SHARE * np.min(room / np.maximum(used, 1e-12)), LARGEST_OPENING))
-    return largest * _undetuned(test, largest * swing[: plant.nq])
-
-
-def _undetuned(test: _Test, swing: Array) -> float:
-    """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
-
-    The joints swing as in the mode, so both ends of the swing lie along its shape.
-    """
-    shape = natural_modes(test.machine.at(test.pose)).shapes[0, :, test.mode]
-    way = shape * np.max(np.abs(swing) / np.abs(shape).max())
-    share = 1.0
-    for _ in range(12):
-        ends = test.machine.rigid_poses(test.pose + share * np.array([way, -way]))
-        if np.all(test.machine.margins(ends) > 0):
-            found = natural_modes(test.machine.evaluate(ends)).frequencies[:, test.mode]
-            change = float(np.abs(found / test.frequencies[test.mode] - 1).max())
-            if change <= DETUNING:
-                break
-            share *= max(0.9 * DETUNING / change, 0.2)
-        else:
-            share /= 2
-    return share
-
-
-def _softening(fluid: Fluid, pressure: float) -> float:
-    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
-    if fluid.air == 0:
-        return math.inf
-    step = 1e-3 * bar
-    moduli = [math.log(bulk_modulus(pressure + h, fluid.bulk_modulus, fluid.air)) for h in (-step, step)]
-    return SOFTENING * 2 * step / (moduli[1] - moduli[0])
-
-
-def _opening_column(test: _Test, plant: Plant, rest: Array) -> Array:
-    """What a unit of mean opening adds to ẏ at rest (size,), SI: B of the arm with the spool as it stands."""
-    column = np.zeros(plant.size)
-    for sign in (1.0, -1.0):
-        state = rest.copy()
-        plant.split(state)[4][test.index] = test.even.spool(sign)
-        column += sign / 2 * np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
-    return column
 
 
 def _judged(runs: list[Run], machine: Machine, index: int) -> list[Run]:

@@ -137,6 +137,10 @@ def test_faults_of_a_call(excavator: Machine) -> None:
         simulate(excavator, WORST, {"arm": pulse(0.1)}, duration=1.0)
     with pytest.raises(SimulationError, match="duration"):
         simulate(excavator, WORST, {}, duration=-1.0)
+    with pytest.raises(SimulationError, match="gives 2 numbers; give one per cylinder: boom, stick, bucket"):
+        simulate(excavator, WORST, lambda _: [0.0, 0.0], duration=1.0)
+    with pytest.raises(PoseError, match="holds 2 poses"):
+        simulate(excavator, [WORST, WORST], {}, duration=1.0)
 
 
 def test_giving_up_names_time_and_place(excavator: Machine, monkeypatch: pytest.MonkeyPatch) -> None:

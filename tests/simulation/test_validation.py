@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import helpers
+import machines
 import numpy as np
 import pytest
 
@@ -100,6 +101,13 @@ def test_air() -> None:
     assert abs(half.deviation) < abs(full.deviation) < 0.01
 
 
+@pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
+def test_odd_machines(name: str) -> None:
+    """Soft small cylinders whose geometry changes fast; cylinders seen from behind, across a telescope; one joint."""
+    machine = helpers.with_valves(machines.named(name).with_payload("load"))
+    assert validate(machine, machines.inner_poses(machine, 1)[0]).worst_deviation < 3e-3
+
+
 def test_overlap_is_leapt() -> None:
     machine = ad.load("paper_1dof").replace({"cylinder.lift.valve.overlap_percent": 5.0})
     assert validate(machine, [0.0]).worst_deviation < 5e-3
@@ -138,6 +146,11 @@ def test_faults(excavator: Machine) -> None:
         validate(excavator, WORST, amplitude=2.0)
     with pytest.raises(PoseError):
         validate(excavator, (3.0, 0.0, 0.0))
+    with pytest.raises(SimulationError, match=r"boom cylinder: needs \d+ bar to hold the load, supply is 350 bar"):
+        validate(excavator.with_payload(6000.0), WORST)
+    edge = excavator.ranges[0, 1]
+    with pytest.raises(SimulationError, match=r"boom cylinder: is .* mm from its end stop"):
+        validate(excavator.with_payload("empty"), (edge, *WORST[1:]))
     bare = replace(excavator, cylinders=tuple(replace(c, valve=None) for c in excavator.cylinders))
     with pytest.raises(SimulationError, match=r"cylinder\.boom\.valve: missing"):
         validate(bare, WORST)

@@ -1,0 +1,226 @@
+"""A frequency measurement on one cylinder at one pose: over which band, how long and how hard to sweep.
+
+The default amplitude comes from the linear plant: as large as pressures, strokes, the change of geometry and the
+softness of air leave it a small motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.cylinder import Fluid
+from armdesign.errors import SimulationError
+from armdesign.fluid import bulk_modulus
+from armdesign.linearization import LinearModel, linearize
+from armdesign.machine import Machine
+from armdesign.modes import natural_modes
+from armdesign.simulation.excitation import EvenOpening, Sweep
+from armdesign.simulation.identification import record_length
+from armdesign.simulation.plant import Plant
+from armdesign.units import bar, mm
+
+BAND = (0.5, 1.6)  # of the sweep, relative to the mode
+NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much room
+CYCLES = 16.0  # of the mode in a sweep
+SHARE = 0.5  # of what pressures and strokes leave
+LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
+DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
+SOFTENING = 0.004  # relative change of the bulk modulus, with air
+LARGEST_OPENING = 0.5
+LEAST_END = 1e-3  # of the stroke
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What the sweeps of one cylinder at one pose have in common.
+
+    Attributes:
+        machine: under the payload at work.
+        pose: (nq,) [rad, m].
+        index: of the cylinder that sweeps.
+        mode: that it sweeps over, 0 is the lowest.
+        frequencies: of the linear modes (nq,) [Hz].
+        band: of the sweep [Hz].
+        duration: of the sweep [s].
+        plant: the nonlinear model.
+        rest: its state at rest.
+        even: the cylinder's valve, made even.
+    """
+
+    machine: Machine
+    pose: Array
+    index: int
+    mode: int
+    frequencies: Array
+    band: tuple[float, float]
+    duration: float
+    plant: Plant
+    rest: Array
+    even: EvenOpening
+
+    @classmethod
+    def of(cls, machine: Machine, pose: Array, index: int, mode: int) -> Experiment:
+        """The experiment for one cylinder and mode.
+
+        Raises:
+            PoseError: the pose cannot be taken.
+            SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a piston is at its end.
+        """
+        plant = Plant(machine)
+        rest = plant.rest(pose)
+        frequencies = natural_modes(machine.at(pose)).frequencies[0]
+        if frequencies[mode] == 0:
+            part = f"{machine.name}: mode {mode + 1}"
+            raise SimulationError(part, "is unstable on its trapped oil", "choose another pose")
+        _refuse_limits(plant, rest)
+        band = _band(frequencies, frequencies[mode])
+        duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
+        even = EvenOpening.all(plant, rest)[index]
+        return cls(machine, pose, index, mode, frequencies, band, duration, plant, rest, even)
+
+    @property
+    def cylinder(self) -> str:
+        """Name of the cylinder that sweeps."""
+        return self.machine.cylinders[self.index].name
+
+    @property
+    def target(self) -> float:
+        """Linear frequency of the mode [Hz]."""
+        return float(self.frequencies[self.mode])
+
+    @property
+    def modes(self) -> int:
+        """How many modes lie in the band."""
+        return _count(self.frequencies, self.band)
+
+    @property
+    def rate(self) -> float:
+        """Records per second: 16 per period of the fastest mode and of the band's end."""
+        return 16 * float(max(self.band[1], self.frequencies.max()))
+
+    def sweep(self, amplitude: float) -> Sweep:
+        """The sweep of the valve's mean opening."""
+        return Sweep(amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration)
+
+    def commands(self, amplitude: float) -> dict[str, Callable[[float], float]]:
+        """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
+        sweep, trims = self.sweep(amplitude), self.plant.split(self.rest)[4].tolist()
+        centre = self.even.share(trims[self.index])
+        commands: dict[str, Callable[[float], float]] = {
+            cylinder.name: partial(_held, trim)
+            for cylinder, trim in zip(self.machine.cylinders, trims, strict=True)
+            if trim != 0
+        }
+        return commands | {self.cylinder: lambda time: self.even.spool(centre + sweep(time))}
+
+    def asked_speed(self, spool: Array) -> Array:
+        """Piston speed [m/s] that the spool's positions (n,) ask for, at the pressures of rest."""
+        return self.even.speed * np.array([self.even.share(x) for x in spool.tolist()])
+
+    def default_amplitude(self) -> float:
+        """Mean opening at which the linear response to the sweep is small in every respect."""
+        joints, cap, annulus, pistons = self._swing(linearize(self.machine, self.pose))
+        _, _, caps, annuli, _, _ = self.plant.split(self.rest)
+        room = np.concatenate([self._pressure_room(caps), self._pressure_room(annuli), self._ends()])
+        used = np.concatenate([cap, annulus, pistons])
+        largest = min(float(np.min(room / np.maximum(used, 1e-12))), LARGEST_OPENING)
+        return largest * self._undetuned(largest * joints)
+
+    def _swing(self, linear: LinearModel) -> tuple[Array, Array, Array, Array]:
+        """Largest swings of joints, cap and annulus pressures [Pa] and pistons [m] in a sweep of opening 1, linear."""
+        from scipy.signal import StateSpace, lsim
+
+        plant, size = self.plant, len(linear.A) - 2 * self.plant.nc
+        time = np.arange(0, self.duration, 1 / self.rate)
+        outputs = np.vstack([np.eye(size), linear.C[:, :size]])
+        column = self._opening_column()[:size, None]
+        system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
+        opening = [self.sweep(1.0)(t) for t in time]
+        swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
+        edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc])
+        joints, _, cap, annulus, pistons = np.split(swing, edges)
+        return joints, cap, annulus, pistons
+
+    def _opening_column(self) -> Array:
+        """What a unit of mean opening adds to ẏ at rest (size,), SI: B of the arm, with the spool as it stands."""
+        plant, column = self.plant, np.zeros(self.plant.size)
+        for sign in (1.0, -1.0):
+            state = self.rest.copy()
+            plant.split(state)[4][self.index] = self.even.spool(sign)
+            column += sign / 2 * np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
+        return column
+
+    def _pressure_room(self, pressures: Array) -> Array:
+        """How far pressures (nc,) may swing [Pa]: half of the way to vapour or supply, little with air."""
+        ways = np.minimum(pressures - LOWEST_PRESSURE, self.machine.supply.pressure - pressures)
+        soft = [_softening(self.machine.fluid, p) for p in pressures.tolist()]
+        return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
+
+    def _ends(self) -> Array:
+        """How far the pistons may swing (nc,) [m]."""
+        places = np.array(self.plant.evaluate(self.rest.tolist(), [0.0] * self.plant.nc)[1])
+        return SHARE * np.minimum(places, [c.stroke for c in self.machine.cylinders] - places)
+
+    def _undetuned(self, swing: Array) -> float:
+        """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
+
+        The joints swing as in the mode, so both ends of the swing lie along its shape.
+        """
+        shape = natural_modes(self.machine.at(self.pose)).shapes[0, :, self.mode]
+        way = shape * np.max(np.abs(swing) / np.abs(shape).max())
+        share = 1.0
+        for _ in range(20):
+            ends = self.machine.rigid_poses(self.pose + share * np.array([way, -way]))
+            change = 1.0
+            if np.all(self.machine.margins(ends) > 0):
+                found = natural_modes(self.machine.evaluate(ends)).frequencies[:, self.mode]
+                change = float(np.abs(found / self.target - 1).max())
+            if change <= DETUNING:
+                break
+            share *= max(0.9 * DETUNING / change, 0.2)
+        return share
+
+
+def _count(frequencies: Array, band: tuple[float, float]) -> int:
+    return int(np.sum((frequencies >= band[0]) & (frequencies <= band[1])))
+
+
+def _band(frequencies: Array, target: float) -> tuple[float, float]:
+    """Band [Hz] about a mode, widened so that no neighbour sits on its edge."""
+    low, high = BAND[0] * target, BAND[1] * target
+    for other in np.sort(frequencies):
+        if low / NEIGHBOUR < other < high * NEIGHBOUR:
+            low, high = min(low, other / NEIGHBOUR), max(high, other * NEIGHBOUR)
+    return float(low), float(high)
+
+
+def _refuse_limits(plant: Plant, rest: Array) -> None:
+    """Where nothing can oscillate freely: a load above supply pressure, a piston on its stop."""
+    _, _, caps, annuli, _, _ = plant.split(rest)
+    places, supply = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1], plant.machine.supply.pressure
+    for cylinder, place, pressure in zip(plant.machine.cylinders, places, np.maximum(caps, annuli), strict=True):
+        part, end = f"{plant.machine.name}: {cylinder.name} cylinder", min(place, cylinder.stroke - place)
+        if pressure >= supply:
+            problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
+            raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
+        if end < LEAST_END * cylinder.stroke:
+            raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
+
+
+def _held(trim: float, _: float) -> float:
+    return trim
+
+
+def _softening(fluid: Fluid, pressure: float) -> float:
+    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
+    if fluid.air == 0:
+        return math.inf
+    step = 1e-3 * bar
+    low, high = (math.log(bulk_modulus(pressure + h, fluid.bulk_modulus, fluid.air)) for h in (-step, step))
+    return SOFTENING * 2 * step / max(abs(high - low), 1e-15)
