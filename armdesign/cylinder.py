@@ -103,8 +103,11 @@ def stiffness(
 ) -> Any:
     """Stiffness [N/m] of a cylinder like ``cylinder`` but with other areas [m²] and stroke [m]; complex-safe.
 
-    Each chamber has its own bulk modulus at its static pressure when the oil carries air.
+    Each chamber has its own bulk modulus at its static pressure when the oil carries air. A series compliance gives way
+    under the static force, so the piston stands further out than the pins say.
     """
+    if cylinder.compliance > 0:
+        extension = extension + cylinder.compliance * force
     beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
     if fluid.air > 0:
         pressures = static_pressures(force, bore_area, annulus_area, return_pressure)

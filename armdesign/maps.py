@@ -89,7 +89,7 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
             where = f"{machine.source.name}: payload.{payload.name}"
             raise PoseError(where, f"the {error.part} {error.problem}", error.remedy) from None
         frames.append(_frame(case, poses, modes))
-        limiting.append(energy_shares(poses, modes.shapes).argmax(axis=1))
+        limiting.append(energy_shares(poses, modes)[:, 0].argmax(axis=1))
         worst.append(_worst(case, workspace, poses.q, modes.frequencies[:, 0]))
     if not frames:
         raise PoseError(
@@ -135,7 +135,7 @@ def _worst(machine: Machine, workspace: Workspace, q: Array, frequency: Array) -
             if value < best:
                 best_q, best = refined, value
     poses = machine.at(best_q)
-    share = energy_shares(poses, natural_modes(poses).shapes)[0]
+    share = energy_shares(poses, natural_modes(poses))[0, 0]
     return WorstPose(
         q=best_q,
         payload=machine.payload.name,

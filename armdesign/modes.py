@@ -64,13 +64,13 @@ def lowest_frequency(poses: Poses) -> Array:
     return _hertz(np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ np.swapaxes(inverse, 1, 2))[:, 0])
 
 
-def energy_shares(poses: Poses, shapes: Array) -> Array:
-    """Share of each cylinder in the oil-spring energy of the lowest mode (n, nc): k_i (r_i·v)² over their sum.
+def energy_shares(poses: Poses, modes: Modes) -> Array:
+    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc): k_i (r_i·v)² over their sum.
 
-    The cylinder with the largest share is the one that limits the pose.
+    The cylinder with the largest share in the lowest mode is the one that limits the pose.
     """
-    energy = poses.oil_stiffness * np.einsum("ncj,nj->nc", poses.moment_arms, shapes[:, :, 0]) ** 2
-    return np.asarray(energy / energy.sum(axis=1, keepdims=True))
+    energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
+    return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
 
 
 def _inverse_cholesky(poses: Poses) -> Array:

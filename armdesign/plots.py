@@ -114,7 +114,7 @@ def frequency_responses(validations: dict[str, Validation]) -> Any:
     for ax, (label, validation) in zip(axes, validations.items(), strict=True):
         run = validation.runs[0]
         ax.semilogy(run.fit.frequency, np.abs(run.fit.response), ".", color=INK, ms=5, label="nonlinear simulation")
-        ax.semilogy(run.fit.frequency, np.abs(run.fit.fitted), "-", color=MARK, lw=1.5, label="fit")
+        ax.semilogy(*run.fit.curve, "-", color=MARK, lw=1.5, label="fit")
         ax.axvline(run.linear_frequency, color="#3b82c4", ls="--", lw=1.2, label="linear natural frequency")
         ax.set(xlabel="frequency [Hz]")
         ax.set_title(f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz", fontsize=10)

@@ -11,7 +11,8 @@ stiffness
   β (A1²/V1 + A2²/V2) nor the geometric stiffness ∂g/∂q − Σ F0 H is ever written down.
 
 Scope: a serial chain of revolute joints about −y (x right, z up, positive counter-clockwise), one cylinder per joint,
-pin to pin or through a four-bar; other joints frozen, at 0 unless their axis is −y too; constant bulk modulus, massless cylinders.
+pin to pin or through a four-bar; other joints frozen, at 0 unless their axis is −y too; constant bulk modulus, massless
+cylinders.
 Anything else in the file raises `NotImplementedError`. Arrays have the pose on axis 0, then the cylinder or joint. SI
 inside.
 """
@@ -29,7 +30,8 @@ from scipy.optimize import brentq
 GRAVITY = 9.81  # [m/s²], as in pinocchio and in the paper's M_eq = F/9.81
 STEEL = 210e9  # Young's modulus of the rods [Pa]; cancels in the ratio of two machines
 COMPLEX_STEP = 1e-30
-# Central difference of order 8: coefficients of f(q + k h) − f(q − k h), k = 1…4. With 4 mrad truncation and rounding are both ~1e-11.
+# Central difference of order 8: coefficients of f(q + k h) − f(q − k h), k = 1…4; with 4 mrad truncation and rounding
+# are both about 1e-11.
 DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 DIFFERENCE_STEP = 4e-3  # [rad]
 PITCH_TOLERANCE = 1e-9  # [rad], so that a pose exactly on the limit of the pitch counts
@@ -428,7 +430,11 @@ class Reference:
         machine = workspace_of or self
         found = []
         for payload in self.payloads:
-            value, q = machine.smallest(lambda q: self.frequencies(q, payload)[:, 0], end_margin, points, payload)
+
+            def lowest(q: np.ndarray, payload: str = payload) -> np.ndarray:
+                return self.frequencies(q, payload)[:, 0]
+
+            value, q = machine.smallest(lowest, end_margin, points, payload)
             found.append((float(value), q, payload))
         return min(found, key=lambda triple: triple[0])
 
@@ -567,7 +573,7 @@ def _pins(cylinder):
     return [value for pin in pins if pin for value in (pin.x, pin.z)]
 
 
-# ---- reading -----------------------------------------------------------------------------------------------------------
+# ---- reading ----------------------------------------------------------------------------------------------------
 
 
 def _read_pin(table):

@@ -155,9 +155,10 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
     force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
     area = np.array([(c.bore_area, c.annulus_area) for c in machine.cylinders]).T[:, None]
     pressure = np.array(static_pressures(force, area[0], area[1], machine.supply.return_pressure))
-    volume = np.stack(
-        [c.volumes(start.lengths[:, i] - c.closed_length) for i, c in enumerate(machine.cylinders)], axis=-1
-    )
+    piston = [
+        start.lengths[:, i] - c.closed_length + c.compliance * force[:, i] for i, c in enumerate(machine.cylinders)
+    ]
+    volume = np.stack([c.volumes(x) for c, x in zip(machine.cylinders, piston, strict=True)], axis=-1)
     hoses = np.array([(c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus) for c in machine.cylinders])
     capacity = volume / bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air) + hoses.T[:, None]
     yielding = np.array([c.compliance for c in machine.cylinders])

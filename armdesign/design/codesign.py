@@ -34,12 +34,21 @@ class Search:
 
     problem: Problem
     x: Array
-    reference: float  # ω² of today's machine
     programme: StepProgramme | None = None
     squared: float = 0.0
     limits: Limits = field(init=False)
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    @property
+    def reference(self) -> float:
+        """The ω² that others are measured by [rad²/s²]."""
+        return self.problem.scale
+
+    @property
+    def merit(self) -> float:
+        """Lowest ω² over the reference, less the price of missed requirements."""
+        return self._merit(self.squared, self.limits)
 
     @property
     def violation(self) -> float:
@@ -51,9 +60,9 @@ class Search:
         self._look_at_all()
         for _ in range(looks):
             self._improve(trust, tolerance)
-            worst = self.squared
+            hoped = self.merit
             self._look_at_all()
-            if self.squared > worst * (1 - 10 * tolerance):
+            if self.merit > hoped - 10 * tolerance * self.squared / self.reference:
                 break
         return self
 
@@ -83,16 +92,16 @@ class Search:
         return hertz(bound * self.reference)
 
     def _look_at_all(self) -> None:
-        """Watch the lowest poses of the whole workspace."""
-        squared = self.problem.frequencies(self.x)
+        """Watch the lowest and the most loaded poses of the whole workspace."""
+        squared, forces = self.problem.look(self.x)
         lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x)).astype(int)
+        self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x, forces)).astype(int)
         self.squared = float(squared.min())
+        self.limits = limits(self.problem, self.x, self.holding)
 
     def _improve(self, trust: float, tolerance: float) -> None:
         squared = self.problem.frequencies(self.x, self.rows)
-        self.limits = limits(self.problem, self.x, self.holding)
         merit = self._merit(float(squared.min()), self.limits)
         low_x, high_x = self.problem.bounds
         pinned: list[int] = []

@@ -17,7 +17,6 @@ from armdesign.errors import InfeasibleError
 from armdesign.poses import static_forces
 
 HOLDING_POSES = 6  # per cylinder, load case and direction
-WATCHED_POSES = 4000  # among which those are looked for
 ROUNDING_LENGTH = 3e-4  # [m] what rounding to 0.1 mm may cost the dead length
 
 
@@ -78,10 +77,12 @@ def _sizes(problem: Problem, areas: Array, closed: Array, stroke: Array, stack: 
     """Thrust, dead length and buckling of each cylinder."""
     tight = problem.tightening
     share = problem.requirements.thrust_share * (1 - tight)
+    moving = {v.cylinder for v in problem.variables if v.pin is not None}
     for i, cylinder in enumerate(problem.machine.cylinders):
         today = problem.areas_today[i, 0]
         stack.add(f"thrust.{cylinder.name}", share - areas[:, i, 0] / today, 0.01 * share)
-        dead = closed[:, i] - stroke[:, i] - cylinder.dead_length - (ROUNDING_LENGTH if tight else 0.0)
+        room = ROUNDING_LENGTH if tight and i in moving else 0.0
+        dead = closed[:, i] - stroke[:, i] - cylinder.dead_length - room
         relaxation = 0.01 * abs(cylinder.dead_length) / cylinder.stroke
         stack.add(f"dead_length.{cylinder.name}", dead / cylinder.stroke, relaxation)
         open_length = closed[:, i] + stroke[:, i]
@@ -139,26 +140,23 @@ def _holding(problem: Problem, x: Array, areas: Array, rows: Array, stack: _Stac
         stack.add(f"holding.{cylinder.name}", (least * held - used) / scale, relaxation)
 
 
-def watched_poses(problem: Problem) -> Array:
-    """Poses at which static forces are watched: a regular share of the workspace."""
-    n = len(problem.workspace)
-    return np.arange(0, n, max(1, n // WATCHED_POSES))
+def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:
+    """Rows at which some cylinder carries most, a few per cylinder, load case and direction.
 
-
-def holding_rows(problem: Problem, x: Array) -> Array:
-    """Rows at which some cylinder carries most, a few per cylinder, load case and direction."""
-    watched = watched_poses(problem)
-    known = np.flatnonzero(np.isin(problem.rows.pose, watched))
-    arm = problem.geometry(x, problem.workspace.rigid[watched]).arm
-    back = np.searchsorted(watched, problem.rows.pose[known])
-    forces = static_forces(arm[back], problem.rows.gravity[known], problem.areas(x)[:, 0])
+    ``forces`` (rows, nc) are the static forces of all rows at x, if known.
+    """
+    forces = problem.look(x)[1] if forces is None else forces
     chosen: list[Array] = []
     for k in range(len(problem.machine.payloads)):
-        mine = np.flatnonzero(problem.rows.payload[known] == k)
+        mine = np.flatnonzero(problem.rows.payload == k)
         for i in range(forces.shape[1]):
-            order = mine[np.argsort(forces[mine, i])]
-            chosen += [order[:HOLDING_POSES], order[-HOLDING_POSES:]]
-    return np.unique(known[np.concatenate(chosen)])
+            few = min(HOLDING_POSES, len(mine))
+            if few == 0:
+                continue
+            ends = [few - 1, len(mine) - few]
+            order = mine[np.argpartition(forces[mine, i], ends)]
+            chosen += [order[:few], order[-few:]]
+    return np.unique(np.concatenate(chosen))
 
 
 # ------------------------------------------------------------------------------------------- relaxation, areas only

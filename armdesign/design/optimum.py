@@ -19,7 +19,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.codesign import Search, hertz
-from armdesign.design.limits import watched_poses
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, Requirements, check, static_loads
 from armdesign.errors import ArmDesignError, InfeasibleError
@@ -112,8 +111,8 @@ def optimize(
     workspace, requirements = _defaults(machine, workspace, requirements)
     problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
     searches = _multistart(problem, starts if "pins" in vary else 1, seed)
-    best = max(searches, key=lambda s: (s.violation < 1e-6, s.squared))
-    return _design(best, None, tuple(hertz(s.squared) for s in searches))
+    best = max(searches, key=lambda s: (s.violation < 1e-6, s.merit))
+    return _design(best, tuple(hertz(s.squared) for s in searches))
 
 
 def size_cylinders(
@@ -143,8 +142,8 @@ def size_cylinders(
         vary=("areas",),
         proportional=dead_volume == "proportional",
     )
-    search = _search(problem, problem.start).run(trust=1.0, tolerance=1e-6)
-    return _design(search, search.upper_bound(), (hertz(search.squared),))
+    search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
+    return _design(search, (hertz(search.squared),))
 
 
 def _defaults(
@@ -157,10 +156,6 @@ def _defaults(
     return workspace or Workspace.grid(machine, end_margin=requirements.end_margin), requirements
 
 
-def _search(problem: Problem, x: Array) -> Search:
-    return Search(problem=problem, x=x, reference=float(problem.frequencies(problem.start).min()))
-
-
 def _multistart(problem: Problem, starts: int, seed: int) -> list[Search]:
     """From today's machine and from random pins, first roughly; the best is finished."""
     random = np.random.default_rng(seed)
@@ -171,19 +166,19 @@ def _multistart(problem: Problem, starts: int, seed: int) -> list[Search]:
         if k > 0:
             pins = np.array([v.pin is not None for v in problem.variables])
             x[pins] = random.uniform(-0.7, 0.7, pins.sum())
-        search = _search(problem, x)
-        search.programme = programme
+        search = Search(problem=problem, x=x, programme=programme)
         searches.append(search.run(trust=0.2, tolerance=2e-3, looks=3))
         programme = search.programme
-    best = max(searches, key=lambda s: (s.violation < 1e-3, s.squared))
+    best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
     best.run(trust=0.05, tolerance=1e-5)
     return searches
 
 
-def _design(search: Search, bound: float | None, starts: tuple[float, ...]) -> Design:
+def _design(search: Search, starts: tuple[float, ...]) -> Design:
     problem = search.problem
     if search.violation > 1e-5:
         raise InfeasibleError(problem.machine.name, f"no design meets {_missed(search)}", "loosen one of them")
+    bound = search.upper_bound()
     worth = search.worth()
     machine, checks = _rounded(search)
     return Design(

@@ -102,7 +102,7 @@ class Problem:
         made = []
         for i in range(len(self.machine.cylinders)):
             for axis in (0, 1):
-                low, high = (0.2, 2.0) if "areas" in self.vary else (1.0, 1.0)
+                low, high = (0.1, max(2.0, self.requirements.thrust_share)) if "areas" in self.vary else (1.0, 1.0)
                 made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
         if "pins" in self.vary and self.box > 0:
             for i, linkage in enumerate(self.machine.linkages):
@@ -195,17 +195,49 @@ class Problem:
 
     def frequencies(self, x: Array, rows: Array | None = None) -> Array:
         """Lowest coupled ω² of rows [rad²/s²] at x (all rows if None)."""
+        return self.look(x, rows)[0]
+
+    def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
+        """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
         rows = np.arange(len(self)) if rows is None else rows
-        poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            g = self.geometry(x, self.workspace.rigid[poses])
+        if self._fixed is not None:
+            g, back = self._fixed, self.rows.pose[rows]
+        else:
+            poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                g = self.geometry(x, self.workspace.rigid[poses])
         strokes = self._strokes(x, self._range_lengths(x)[0])
-        matrix = self._stiffness(g.length[back], g.arm[back], g.curve[back], *strokes, self.areas(x), rows)
+        arm = g.arm[back]
+        forces = static_forces(arm, self.rows.gravity[rows], self.areas(x)[:, 0])
+        matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, self.areas(x), rows, forces)
         lower = self._inverse_cholesky[rows]
         scaled = lower @ matrix @ np.swapaxes(lower, 1, 2)
         bad = ~np.isfinite(scaled).all(axis=(1, 2))
         scaled[bad] = 0.0
-        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
+        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0]), forces
+
+    @cached_property
+    def _fixed(self) -> Geometry | None:
+        """Today's geometry at all poses where no pin varies."""
+        if any(v.pin is not None for v in self.variables):
+            return None
+        return self.geometry(self.start, self.workspace.rigid)
+
+    @cached_property
+    def scale(self) -> float:
+        """The ω² that others are measured by [rad²/s²]: today's lowest, or 1 % of today's median if that is larger.
+
+        The latter is for a machine that is next to unstable, or is unstable, at its worst pose.
+        """
+        squared = self.frequencies(self.start)
+        return float(max(squared.min(), 0.01 * np.median(np.abs(squared))))
+
+    def tightened(self, share: float) -> Problem:
+        """The same problem with limits drawn in by a share; what does not hang on it is not computed again."""
+        other = dataclasses.replace(self, tightening=share)
+        fields = {f.name for f in dataclasses.fields(self)}
+        vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
+        return other
 
     def matrices(self, x: Array, rows: Array) -> tuple[Array, Array]:
         """L⁻¹K L⁻ᵀ of rows (n, nq, nq) and its derivatives by x (nx, n, nq, nq)."""
@@ -244,11 +276,20 @@ class Problem:
         return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
 
     def _stiffness(
-        self, length: Array, arm: Array, curve: Array, closed: Array, stroke: Array, areas: Array, rows: Array
+        self,
+        length: Array,
+        arm: Array,
+        curve: Array,
+        closed: Array,
+        stroke: Array,
+        areas: Array,
+        rows: Array,
+        forces: Array | None = None,
     ) -> Array:
         """K of rows: hydraulic + gravity + geometric (n, nq, nq); complex-safe."""
-        gravity, slope = self.rows.gravity[rows], self.rows.slope[rows]
-        forces = static_forces(arm, gravity, areas[:, 0])
+        if forces is None:
+            forces = static_forces(arm, self.rows.gravity[rows], areas[:, 0])
+        slope = self.rows.slope[rows]
         fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
         oil = []
         for i, cylinder in enumerate(self.machine.cylinders):

@@ -38,6 +38,7 @@ class Fit:
         frequency: lines of the band (k,) [Hz].
         response: measured response there (k,), complex, freed of what rings at the record's ends.
         fitted: fitted response there (k,), complex.
+        curve: the fitted response at many frequencies between, to draw: rows of frequency [Hz] and magnitude (2, 800).
         residual: root mean square of what the fit leaves of the output's spectrum, relative.
     """
 
@@ -48,6 +49,7 @@ class Fit:
     frequency: Array
     response: Array
     fitted: Array
+    curve: Array
     residual: float
 
     def __post_init__(self) -> None:
@@ -93,6 +95,9 @@ def fit_modes(
     roots = roots[np.argsort(np.abs(roots))]
     size, zeta, size_deviation, zeta_deviation = _spread(roots, a, covariance)
     denominator = _polynomial(s, [*a, 1.0])
+    dense = np.linspace(frequency[0], frequency[-1], 800)
+    s_dense = 2j * math.pi * dense / omega
+    magnitude = np.abs(_polynomial(s_dense, b) / _polynomial(s_dense, [*a, 1.0])) * scale
     return Fit(
         natural_frequencies=size * omega / (2 * math.pi),
         damping_ratios=zeta,
@@ -101,6 +106,7 @@ def fit_modes(
         frequency=frequency,
         response=(y - _polynomial(s, e) / denominator) / u,
         fitted=_polynomial(s, b) / denominator * scale,
+        curve=np.stack([dense, magnitude]),
         residual=residual,
     )
 

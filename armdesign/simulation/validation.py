@@ -21,7 +21,7 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
 from armdesign.machine import Machine
-from armdesign.modes import natural_modes
+from armdesign.modes import energy_shares, natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification import Fit, fit_modes
@@ -156,16 +156,9 @@ def validate(
     return Validation(machine.joints, tuple(runs))
 
 
-def oil_shares(poses: Poses) -> Array:
-    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc): k_i (r_i v)² over their sum."""
-    motion = poses.moment_arms @ natural_modes(poses).shapes
-    energy = poses.oil_stiffness[:, :, None] * motion**2
-    return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
-
-
 def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
-    shares, names = oil_shares(poses)[0], [cylinder.name for cylinder in machine.cylinders]
+    shares, names = energy_shares(poses, natural_modes(poses))[0], [cylinder.name for cylinder in machine.cylinders]
     if cylinders is None:
         return [(int(np.argmax(shares[0])), 0)]
     for name in cylinders:

@@ -13,7 +13,8 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.linearization import linearize
-from armdesign.simulation.validation import Validation, oil_shares, validate
+from armdesign.modes import energy_shares, natural_modes
+from armdesign.simulation.validation import Validation, validate
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
 
@@ -115,7 +116,8 @@ def test_overlap_is_leapt() -> None:
 
 def test_cylinders_by_name_sweep_their_own_mode(excavator: Machine) -> None:
     """Bucket and stick each over the mode of which they hold most; the shares of a mode add up to 1."""
-    shares = oil_shares(excavator.at(WORST))[0]
+    poses = excavator.at(WORST)
+    shares = energy_shares(poses, natural_modes(poses))[0]
     np.testing.assert_allclose(shares.sum(axis=1), 1)
     validation = validate(excavator, WORST, cylinders=["bucket"])
     assert validation.runs[0].mode == 1 + np.argmax(shares[:, 2]) == 2

@@ -1,0 +1,268 @@
+"""Workspaces and maps: exact edges, refinement, columns, pictures; and the answers of an independent implementation."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import machines
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from reference_planar import Reference
+
+import armdesign as ad
+from armdesign import plots
+from armdesign.workspace import onto_pitch_limit, tipping_joints
+
+SHIPPED = Path(__file__).parent.parent / "robots"
+SERIAL = ("paper_1dof", "excavator_20t", "four_bar_left", "crossing", "branched")
+# Found by tests/reference_planar.py (grid 21 × 21 × 121, zoomed), which shares no code with the package.
+WORST_FREQUENCY, WORST_Q = 0.910210, [1.154484, -1.057556, -2.191324]
+
+
+@cache
+def workspace(name: str, points: int | tuple[int, ...] = 5) -> ad.Workspace:
+    return ad.Workspace.grid(machines.named(name), points)
+
+
+@cache
+def mapped(name: str, points: int | tuple[int, ...] = 5) -> ad.FrequencyMap:
+    return ad.frequency_map(machines.named(name), workspace(name, points))
+
+
+# --------------------------------------------------------------------------------------------------------- workspace
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.02, 0.3])
+@pytest.mark.parametrize("name", SERIAL)
+def test_grid_ends_where_the_end_margin_begins(name: str, margin: float) -> None:
+    """Definition of the workspace: the range that keeps the margin; its ends leave exactly that share of the stroke."""
+    machine = machines.named(name)
+    space = ad.Workspace.grid(machine, 3, end_margin=margin)
+    assert_allclose(space.ranges, machine.range_within(margin), rtol=0, atol=0)
+    assert space.end_margin == margin
+    assert machine.margins(space.q).min() >= margin - 1e-9
+    for linkage, column in zip(machine.linkages, range(len(machine.cylinders)), strict=True):
+        if len(linkage.joints) == 1:
+            joint = linkage.joints[0]
+            for side in (0, 1):
+                if abs(space.ranges[joint, side] - machine.arm.limits[joint, side]) > 1e-6:  # not cut by the URDF
+                    q = machine.ranges.mean(axis=1)
+                    q[joint] = space.ranges[joint, side]
+                    shared = [k for k, other in enumerate(machine.linkages) if joint in other.joints]
+                    assert machine.margins(q)[0, shared].min() == pytest.approx(margin, abs=1e-9), column
+
+
+def test_default_margin_is_that_of_the_requirements() -> None:
+    machine = machines.named("excavator_20t").replace({"requirements.end_margin": 0.1})
+    assert ad.Workspace.grid(machine, 3).end_margin == 0.1
+
+
+def test_points_per_joint_and_the_default() -> None:
+    """By hand: 3 · 4 · 5 grid poses, last joint fastest; the default is about 20 000 poses, the last joint finest."""
+    machine = machines.named("excavator_20t")
+    space = ad.Workspace.grid(machine, [3, 4, 5])
+    assert [len(axis) for axis in space.axes] == [3, 4, 5]
+    assert len(space) >= 60
+    assert_allclose(space.q[:5, 2], space.axes[2], atol=0)
+    default = ad.Workspace.grid(machine)
+    counts = [len(axis) for axis in default.axes]
+    assert 10_000 < np.prod(counts) < 40_000
+    assert counts[2] == max(counts)
+    assert not default.q.flags.writeable
+
+
+def test_poses_on_the_pitch_limits_belong_to_it(excavator: ad.Machine) -> None:
+    """The load case's limits, 120° and 240°, are met exactly, and the bucket holds its load there."""
+    space = workspace("excavator_20t")
+    excess = excavator.pitch_excess(excavator.arm.kinematics(space.q), excavator.payload)
+    on_limit = np.abs(excess) < 1e-8
+    assert on_limit.sum() > 50
+    assert excavator.holds(space.q[on_limit]).all()
+    pitch = np.rad2deg(excavator.arm.pitch(excavator.arm.kinematics(space.q[on_limit]), "bucket")) % 360
+    assert_allclose(np.minimum(abs(pitch - 120), abs(pitch - 240)), 0, atol=1e-6)
+    assert (abs(pitch - 120) < 1e-6).any()
+    assert (abs(pitch - 240) < 1e-6).any()
+
+
+def test_each_joint_is_turned_onto_the_pitch_limit(excavator: ad.Machine) -> None:
+    q = machines.inner_poses(excavator, 5)
+    for joint in tipping_joints(excavator, excavator.payload):
+        moved = onto_pitch_limit(excavator, excavator.payload, q, joint, np.deg2rad(120))
+        assert len(moved) == 5
+        others = [j for j in range(3) if j != joint]
+        assert_allclose(moved[:, others], q[:, others], atol=0)
+        assert_allclose(excavator.pitch_excess(excavator.arm.kinematics(moved), excavator.payload), 0, atol=1e-9)
+
+
+def test_a_cylinder_across_two_joints_bounds_the_workspace() -> None:
+    """Poses at which any cylinder, also one across joints, has less than its margin are no part of it."""
+    machine, space = machines.named("crossing"), workspace("crossing", 9)
+    assert len(space) <= 81
+    assert machine.margins(space.q).min() >= space.end_margin - 1e-9
+
+
+# --------------------------------------------------------------------------------------------------------------- map
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing"])
+def test_columns_are_those_of_the_csv_file(name: str) -> None:
+    """DESIGN, map.csv: joints, payload, tool, coupled, locked, rigid, forces, extensions, in this order."""
+    machine, frame = machines.named(name), mapped(name).frame
+    cylinders = [cylinder.name for cylinder in machine.cylinders]
+    assert list(frame.columns) == [
+        *machine.joints,
+        "payload",
+        *("tool_x_m", "tool_y_m", "tool_z_m"),
+        *(f"f{i + 1}_hz" for i in range(len(machine.joints))),
+        *(f"locked_{c}_hz" for c in cylinders),
+        *(f"rigid_{c}_hz" for c in cylinders),
+        *(f"{c}_force_n" for c in cylinders),
+        *(f"{c}_extension" for c in cylinders),
+    ]
+    assert not frame.drop(columns="payload").isna().any().any()
+
+
+def test_rows_say_what_the_machine_says_at_their_pose() -> None:
+    frame = mapped("excavator_20t").frame
+    for row in (0, len(frame) // 2, len(frame) - 1):
+        values = frame.iloc[row]
+        machine = machines.named("excavator_20t").with_payload(values["payload"])
+        poses = machine.at(values[list(machine.joints)].to_numpy(dtype=float))
+        modes = ad.natural_modes(poses)
+        assert_allclose(values[["f1_hz", "f2_hz", "f3_hz"]].to_numpy(float), modes.frequencies[0], rtol=1e-12)
+        assert_allclose(values["locked_boom_hz"], modes.locked_frequencies[0, 0], rtol=1e-12)
+        assert_allclose(values["rigid_boom_hz"], modes.rigid_frequencies[0, 0], rtol=1e-12)
+        assert_allclose(values["stick_force_n"], poses.cylinder_forces[0, 1], rtol=1e-12)
+        assert_allclose(values[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy(float), poses.tool[0], atol=1e-12)
+        length = machine.cylinders[0].closed_length + values["boom_extension"] * machine.cylinders[0].stroke
+        assert_allclose(length, poses.lengths[0, 0], rtol=1e-12)
+
+
+def test_a_load_case_exists_only_where_it_is_held() -> None:
+    frame, machine = mapped("excavator_20t").frame, machines.named("excavator_20t")
+    full = frame[frame["payload"] == "full"]
+    assert 0 < len(full) < (frame["payload"] == "empty").sum()
+    assert machine.with_payload("full").holds(full[list(machine.joints)].to_numpy()).all()
+
+
+@pytest.mark.parametrize("name", [*SERIAL, "redundant", "spatial"])
+def test_worst_pose_is_below_the_grid_and_inside(name: str) -> None:
+    """Refinement only lowers the minimum, never leaves the workspace, and its numbers belong to its pose."""
+    found, machine = mapped(name, 4), machines.named(name)
+    worst = found.worst
+    assert worst.frequency <= found.frame["f1_hz"].min() + 1e-12
+    loaded = machine.with_payload(worst.payload)
+    low, high = found.workspace.ranges.T
+    assert np.all((worst.q >= low) & (worst.q <= high))
+    assert loaded.margins(worst.q).min() >= found.workspace.end_margin - 1e-9
+    assert loaded.holds(worst.q).all()
+    poses = loaded.at(worst.q)
+    assert_allclose(worst.frequency, ad.natural_modes(poses).frequencies[0, 0], rtol=1e-12)
+    assert_allclose(worst.tool, poses.tool[0], atol=1e-12)
+    assert worst.cylinder in {cylinder.name for cylinder in machine.cylinders}
+    assert worst.joints == machine.joints
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing"])
+def test_grid_minimum_never_rises_when_the_grid_is_refined(name: str) -> None:
+    """STYLE, known answer 7: grids of 3, 5, 9 values contain each other; the worst pose hardly moves."""
+    minima = [mapped(name, points).frame["f1_hz"].min() for points in (3, 5, 9)]
+    assert minima[0] >= minima[1] - 1e-12
+    assert minima[1] >= minima[2] - 1e-12
+    assert mapped(name, 9).worst.frequency == pytest.approx(mapped(name, 5).worst.frequency, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "redundant"])
+def test_the_limiting_cylinder_is_the_one_whose_stiffening_helps_most(name: str) -> None:
+    """Rayleigh: f² rises with k_i in proportion to cylinder i's share of the mode's spring energy."""
+    found, machine = mapped(name, 4), machines.named(name)
+    assert len(found.limiting) == len(found.frame)
+    worst = found.worst
+    poses = machine.with_payload(worst.payload).at(worst.q)
+    gains = []
+    for i in range(len(machine.cylinders)):
+        extra = 1e-4 * poses.oil_stiffness[0, i] * np.outer(poses.moment_arms[0, i], poses.moment_arms[0, i])
+        shape = ad.natural_modes(poses).shapes[0, :, 0]
+        gains.append(shape @ extra @ shape)
+    assert machine.cylinders[int(np.argmax(gains))].name == worst.cylinder
+
+
+def test_a_machine_without_a_pose_for_any_load_case_says_so() -> None:
+    machine = machines.named("excavator_20t").replace(
+        {"payload.full.link": "chassis", "payload.empty.link": "chassis", "payload.empty.pitch_deg": [100, 110]}
+    )
+    with pytest.raises(ad.ArmDesignError, match=r"excavator_20t\.toml: payload.*pitch_deg"):
+        ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
+
+
+# --------------------------------------------------------------------------------------- an independent implementation
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof"])
+def test_frequencies_agree_with_an_independent_implementation(name: str) -> None:
+    """tests/reference_planar.py: complex steps and differences of energies in the plane; its own error is near 1e-9."""
+    reference = Reference.load(SHIPPED / name / f"{name}.toml")
+    machine = machines.named(name)
+    q = machines.inner_poses(machine, 12, seed=5)
+    for payload in machine.payloads:
+        ours = ad.natural_modes(machine.with_payload(payload.name).at(q)).frequencies
+        assert_allclose(ours, reference.frequencies(q, payload.name), rtol=1e-6)
+
+
+def test_ranges_agree_with_an_independent_implementation() -> None:
+    reference = Reference.load(SHIPPED / "excavator_20t" / "excavator_20t.toml")
+    assert_allclose(machines.named("excavator_20t").range_within(0.02), reference.ranges_with(0.02), atol=1e-8)
+
+
+@pytest.mark.parametrize("points", [(5, 5, 7), (9, 9, 15)])
+def test_worst_pose_agrees_with_an_independent_search(points: tuple[int, ...]) -> None:
+    worst = mapped("excavator_20t", points).worst
+    assert worst.frequency == pytest.approx(WORST_FREQUENCY, abs=1e-6)
+    assert_allclose(worst.q, WORST_Q, atol=2e-5)
+    assert worst.payload == "full"
+    assert worst.cylinder == "boom"
+
+
+# ----------------------------------------------------------------------------------------------------------- pictures
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
+def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
+    found = mapped(name)
+    x, y, values = plots.joint_plane(found)
+    assert values.shape == (len(x), len(y))
+    assert np.nanmin(values) == found.frame["f1_hz"].min()
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
+def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
+    """Cells between grid poses are interpolated, which cannot go below the least grid value."""
+    found = mapped(name)
+    x, z, values = plots.reach_plane(found)
+    assert values.shape == (len(x), len(z))
+    assert np.nanmin(values) == pytest.approx(found.frame["f1_hz"].min(), rel=1e-12)
+
+
+def test_places_out_of_reach_are_blank() -> None:
+    """The corners of a picture around an arm's reach lie outside its annulus; joint pairs that cannot be, too."""
+    _, _, values = plots.reach_plane(mapped("excavator_20t"))
+    assert np.isnan(values[-1, -1])
+    assert np.isfinite(values).sum() > 0.3 * values.size
+    machine = machines.named("crossing")
+    stroke = machine.section.cylinder["long"].stroke_mm
+    machine = machine.replace({"cylinder.long.stroke_mm": 0.58 * stroke})  # the one across both joints now stops them
+    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 9))
+    _, _, cells = plots.joint_plane(found)
+    assert np.isnan(cells).any()
+    assert np.isfinite(cells).sum() == len(found.frame)
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach"])
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing", "spatial"])
+def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
+    """Without a display and without a warning (warnings are errors)."""
+    fig, (ax,) = plots.figure()
+    assert mapped(name, 3).plot(ax, plane=plane) is ax
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
