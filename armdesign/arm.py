@@ -16,6 +16,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import MachineFileError
+from armdesign.jets import VectorJet, cross
 from armdesign.units import GRAVITY
 from armdesign.urdf import read_urdf, rotations
 
@@ -38,18 +39,6 @@ class RigidPoses:
     def __getitem__(self, rows: Any) -> RigidPoses:
         """The poses ``rows`` selects (slice, mask or indices)."""
         return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
-
-@dataclass(frozen=True, eq=False)
-class PointMotion:
-    """A point of a link as seen from another link, in world components.
-
-    position (n, 3) [m]; jacobian (n, k, 3) = ∂/∂q_j; hessian (n, k, k, 3) = ∂²/∂q_j∂q_k over the k joints asked for.
-    """
-
-    position: Array
-    jacobian: Array
-    hessian: Array
 
 
 class Arm:
@@ -160,7 +149,7 @@ class Arm:
             return np.broadcast_to(local, (len(poses), 3))
         return np.asarray(poses.translation[:, body.joint] + poses.rotation[:, body.joint] @ local)
 
-    def motion(self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]) -> PointMotion:
+    def motion(self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]) -> VectorJet:
         """A point of ``link`` and its first two derivatives by ``joints``, as an observer on ``seen_from`` sees it.
 
         A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one shifts it; of two
@@ -170,30 +159,30 @@ class Arm:
 
     def direction(
         self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]
-    ) -> PointMotion:
+    ) -> VectorJet:
         """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
         vector = np.asarray(self.link_rotation(poses, link) @ local)
         return self._seen(poses, vector, False, self.path(seen_from, link), joints)
 
     def _seen(
         self, poses: RigidPoses, vector: Array, bound: bool, path: tuple[tuple[int, int], ...], joints: tuple[int, ...]
-    ) -> PointMotion:
+    ) -> VectorJet:
         """Derivatives of a point (``bound`` to a place) or a free direction by the joints on a path, nearest first."""
         n, k = len(vector), len(joints)
-        jacobian, hessian = np.zeros((n, k, 3)), np.zeros((n, k, k, 3))
+        first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
         path = tuple((j, sign) for j, sign in path if j in joints and (bound or self.joints[j].revolute))
         for j, sign in path:
             axis = sign * poses.axis[:, j]
             lever = vector - poses.translation[:, j] if bound else vector
-            jacobian[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
+            first[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
         for near, (j, sign) in enumerate(path):
             if not self.joints[j].revolute:
                 continue
             axis = sign * poses.axis[:, j]
             for further, _ in path[near:]:
                 a, b = joints.index(j), joints.index(further)
-                hessian[:, a, b] = hessian[:, b, a] = cross(axis, jacobian[:, b])
-        return PointMotion(vector, jacobian, hessian)
+                second[:, a, b] = second[:, b, a] = cross(axis, first[:, b])
+        return VectorJet(vector, first, second)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:
         """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""
@@ -238,9 +227,9 @@ class Arm:
         joints = tuple(range(len(self.joints)))
         motion = self.motion(poses, link, at, self.root, joints)
         return (
-            mass * np.einsum("nji,nki->njk", motion.jacobian, motion.jacobian),
-            mass * GRAVITY * motion.jacobian[:, :, 2],
-            mass * GRAVITY * motion.hessian[:, :, :, 2],
+            mass * np.einsum("nji,nki->njk", motion.first, motion.first),
+            mass * GRAVITY * motion.first[:, :, 2],
+            mass * GRAVITY * motion.second[:, :, :, 2],
         )
 
     def dynamics(
@@ -310,15 +299,3 @@ class Dynamics:
         buffer = self._buffers[row]
         buffer[self._order] = values
         return buffer
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross product over the last axis; on small arrays several times faster than numpy's."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )

@@ -5,13 +5,13 @@ Every command computes first and writes at the end, all files or none. Bad input
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from armdesign.report import Sheet
     from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
+
+_UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
 
 app = typer.Typer(
     help="Natural frequencies of hydraulic booms, and the cylinders and pins that raise them.",
@@ -50,12 +52,15 @@ def _root() -> None:
 
 @app.command("map")
 def map_command(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
-    """Worst pose, percentiles, which cylinder; writes map.csv and heatmaps."""
+    """Find the worst pose; write map.csv, heatmaps.
+
+    Prints the worst pose, percentiles and which cylinder limits.
+    """
     from armdesign import report
     from armdesign.maps import frequency_map
 
     with _progress("mapping the workspace"):
-        model, workspace = _model(machine, points)
+        model, workspace = _model(machine, points, out)
         frequencies = frequency_map(model, workspace)
     with _outputs(out) as folder:
         _write_csv(frequencies.frame, folder / "map.csv")
@@ -70,11 +75,14 @@ def optimize(
     points: PointsOption = "",
     vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
 ) -> None:
-    """New cylinder sizes and pins; writes <name>_optimized.toml and its URDF, maps before and after."""
+    """Find new sizes and pins; write the machine.
+
+    Writes <name>_optimized.toml and its URDF, maps before and after on one colour scale, moment arms.
+    """
     from armdesign import report
 
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points)
+        model, workspace = _model(machine, points, out)
         design = _design(model, workspace, vary, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
@@ -87,12 +95,15 @@ def validate(
     out: OutOption = Path("out"),
     points: PointsOption = "",
 ) -> None:
-    """Nonlinear runs at the worst, median and best pose against the linear answer; writes validation.csv."""
+    """Prove the linear answer in nonlinear runs.
+
+    At the worst, the median and the best pose; writes validation.csv and the frequency responses.
+    """
     from armdesign import plots, report
     from armdesign.maps import frequency_map
 
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points)
+        model, workspace = _model(machine, points, out)
         frequencies = frequency_map(model, workspace)
         validations = {}
         for label, (payload, q) in _poses_to_prove(frequencies).items():
@@ -106,11 +117,14 @@ def validate(
 
 @app.command()
 def design(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
-    """The main job: map, new design, nonlinear proof; writes machine file, maps, CSVs and report.html."""
+    """The main job: all three, and report.html.
+
+    Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file, maps, CSVs and report.
+    """
     from armdesign import plots, report
 
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points)
+        model, workspace = _model(machine, points, out)
         answer = _design(model, workspace, "areas,pins", say)
         validations = {}
         for label, frequencies in (("today", answer.before), ("new", answer.after)):
@@ -118,7 +132,7 @@ def design(machine: MachineArgument, out: OutOption = Path("out"), points: Point
             worst = frequencies.worst
             validations[label] = _validation(frequencies.machine, worst.payload, worst.q)
         say("writing the report")
-        sheets = [*report.design_sheets(answer), report.validation_sheet(validations), *report.map_sheets(answer.after)]
+        sheets = [*report.design_sheets(answer), report.validation_sheet(validations)]
         with _outputs(out) as folder:
             pictures = _write_design(answer, folder)
             _write_validations(validations, folder)
@@ -127,8 +141,7 @@ def design(machine: MachineArgument, out: OutOption = Path("out"), points: Point
             title = f"{model.section.title or model.name}: new cylinders and pins"
             page = report.html(title, report.lead(answer), sheets, pictures)
             (folder / "report.html").write_text(page, encoding="utf-8")
-    _print(sheets[:5])
-    _print([report.lead(answer)])
+    _print([*sheets, report.lead(answer)])
 
 
 def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str], None]) -> Design:
@@ -197,7 +210,8 @@ def _write_validations(validations: dict[str, Validation], folder: Path) -> None
     _write_csv(pd.concat([v.frame for v in validations.values()], ignore_index=True), folder / "validation.csv")
 
 
-def _model(machine: str, points: str) -> tuple[Machine, Workspace]:
+def _model(machine: str, points: str, out: Path) -> tuple[Machine, Workspace]:
+    """The machine and its workspace; what is wrong with the options is said before anything is computed."""
     from armdesign.machine import load
     from armdesign.workspace import Workspace
 
@@ -205,6 +219,14 @@ def _model(machine: str, points: str) -> tuple[Machine, Workspace]:
         counts = [int(word) for word in points.split(",")] if points else None
     except ValueError:
         raise ArmDesignError("--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61") from None
+    try:
+        there = next(place for place in (out, *out.absolute().parents) if place.exists())
+    except OSError as error:
+        raise ArmDesignError(
+            f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
+        ) from None
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
     model = load(machine)
     return model, Workspace.grid(model, counts[0] if counts and len(counts) == 1 else counts)
 
@@ -216,12 +238,13 @@ def _outputs(out: Path) -> Iterator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as temporary:
             yield Path(temporary)
-            written = sorted(p.name for p in Path(temporary).iterdir())
+            written = sorted(p.relative_to(temporary) for p in Path(temporary).rglob("*") if p.is_file())
             for name in written:
-                shutil.move(Path(temporary) / name, out / name)
+                (out / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(Path(temporary) / name, out / name)
     except OSError as error:
         raise ArmDesignError(f"--out {out}", f"cannot be written ({error.strerror})", "name another folder") from None
-    print(f"wrote {', '.join(written)} to {out}/")
+    print(f"wrote {', '.join(map(str, written))} to {out}/")
 
 
 @contextmanager
@@ -248,13 +271,16 @@ def _print(items: Sequence[Sheet | str]) -> None:
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
     except ArmDesignError as error:
         print(f"armdesign: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
+    except _UsageError as error:
+        message = error.format_message()
+        print(message if message.startswith("Usage") else f"armdesign: {message}", file=sys.stderr)
+    except (KeyboardInterrupt, typer.Abort):
         print("armdesign: interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)
+    sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -111,7 +111,9 @@ class Machine:
                 raise ArmDesignError(f"{self.name}: payload {payload}", "no such load case", _choose(payload, named))
             return dataclasses.replace(self, payload=named[payload])
         if isinstance(payload, bool) or not isinstance(payload, int | float | np.number):
-            raise ArmDesignError(f"{self.name}: payload", f"{payload!r} is not allowed", "give a name or a mass [kg]")
+            raise ArmDesignError(
+                f"{self.name}: payload", f"a {type(payload).__name__} is not allowed", "give a name or a mass [kg]"
+            )
         if not (math.isfinite(payload) and payload >= 0):
             raise ArmDesignError(f"{self.name}: payload", f"{payload:g} kg is not allowed", "give a mass in [0, ∞) kg")
         placed = next((case for case in (self.payload, *self.payloads) if case.link is not None), None)
@@ -356,8 +358,10 @@ def _path(value: str | Path) -> Path:
     try:
         path = Path(value)
         path.is_dir()  # a name that is too long raises
-    except (TypeError, OSError) as error:
-        raise MachineFileError(f"{value!r:.80}", f"is not a path ({error})"[:200], "give a path or a name") from None
+    except TypeError:
+        raise MachineFileError(str(value), "is not a path", "give a path or a name") from None
+    except OSError as error:
+        raise MachineFileError(f"{value!s:.60}…", f"cannot be read ({error.strerror})", "check the path") from None
     return path
 
 

@@ -72,7 +72,7 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
     Raises:
-        PoseError: a pose that this machine cannot take, or no load case at any of them.
+        PoseError: a pose that this machine cannot take, or a load case that exists at none of them.
     """
     import pandas as pd
 
@@ -81,7 +81,11 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         case = machine.with_payload(payload.name)
         rows = np.flatnonzero(case.holds(workspace.rigid))
         if len(rows) == 0:
-            continue
+            raise PoseError(
+                f"{machine.source.name}: payload.{payload.name}.pitch_deg",
+                f"link {payload.link} has that pitch at no pose of the workspace",
+                "widen it, or remove the load case",
+            )
         poses = case.at(workspace.rigid[rows])
         try:
             modes = natural_modes(poses)
@@ -91,12 +95,6 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         frames.append(_frame(case, poses, modes))
         limiting.append(energy_shares(poses, modes)[:, 0].argmax(axis=1))
         worst.append(_worst(case, workspace, poses.q, modes.frequencies[:, 0]))
-    if not frames:
-        raise PoseError(
-            f"{machine.source.name}: payload",
-            "at no pose of the workspace does any load case's link have its pitch",
-            "widen pitch_deg of a load case or add one without it",
-        )
     names = np.array([cylinder.name for cylinder in machine.cylinders])
     return FrequencyMap(
         frame=pd.concat(frames, ignore_index=True),

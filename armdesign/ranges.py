@@ -48,7 +48,7 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
 def _range_of(
     arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
 ) -> tuple[float, float]:
-    values = over(arm.limits[joint], _samples(arm, joint, own))
+    values = _samples(arm, joint, own)
     poses = sweep(arm, joint, values)
     name = arm.joints[joint].name
 
@@ -113,12 +113,26 @@ def _never_in_stroke(
     )
 
 
-def _samples(arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]]) -> int:
-    """How finely a joint's limits are searched: no stroke of a slide may fall between two samples."""
-    if arm.joints[joint].revolute:
-        return SAMPLES
-    shortest = min(cylinder.stroke for _, cylinder in own)
-    return int(np.clip(8 * np.ptp(arm.limits[joint]) / shortest, SAMPLES, 100_000))
+def _samples(arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]]) -> Array:
+    """Where a joint's limits are searched: evenly, and at the middle of each stroke, however short that is."""
+    values = over(arm.limits[joint], SAMPLES)
+    poses = sweep(arm, joint, values)
+    for linkage, cylinder in own:
+        middle = cylinder.closed_length + cylinder.stroke / 2
+
+        def beyond(x: float, linkage: Linkage = linkage, middle: float = middle) -> float:
+            return float(linkage.length(sweep(arm, joint, np.array([x])))[0]) - middle
+
+        sides = np.sign(linkage.length(poses) - middle)
+        for k in np.flatnonzero(sides[:-1] * sides[1:] < 0):
+            values = np.append(values, _zero(beyond, values[k], values[k + 1]))
+    return np.unique(values)
+
+
+def _zero(function: Callable[[float], float], a: float, b: float) -> float:
+    from scipy.optimize import brentq
+
+    return float(brentq(function, a, b, xtol=1e-14))
 
 
 def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
@@ -133,9 +147,7 @@ def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
 
 def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:
     """Where the slack vanishes between a value outside and one inside, on the inner side, by bisection."""
-    from scipy.optimize import brentq
-
-    root = float(brentq(lambda x: float(slack(np.array([x]))[0]), outside, inside, xtol=1e-14))
+    root = _zero(lambda x: float(slack(np.array([x]))[0]), outside, inside)
     return float(np.nextafter(root, inside)) if slack(np.array([root]))[0] < 0 else root
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # how a check's SI unit is shown: factor and unit of the workshop
 _WORKSHOP = {"m³": (litre, "l"), "N": (kN, "kN"), "N m": (kN, "kN m"), "m": (mm, "mm"), "rad": (deg, "deg")}
 _WORKSHOP |= {"m/rad": (mm, "mm"), "": (1.0, "")}
+UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,25 +56,30 @@ def pose_text(machine: Machine, worst: WorstPose) -> str:
 
 def map_sheets(frequencies: FrequencyMap) -> list[Sheet]:
     """Worst pose, percentiles and the cylinder that limits, of one map."""
-    machine, worst, frame = frequencies.machine, frequencies.worst, frequencies.frame
+    machine, worst = frequencies.machine, frequencies.worst
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
-            ("worst frequency", f"{worst.frequency:.3f} Hz"),
+            ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
             ("at", pose_text(machine, worst)),
             ("tool at", f"reach {worst.tool[0]:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} cylinder"),
         ),
         bold=(0,),
     )
+    return [head, _spread({"": frequencies}), _limiting_sheet(frequencies)]
+
+
+def _spread(maps: dict[str, FrequencyMap]) -> Sheet:
+    """Percentiles of the lowest frequency per load case, of one or more maps."""
     rows = []
-    for payload, part in frame.groupby("payload", sort=False):
-        f = part["f1_hz"].to_numpy()
-        spread = (f"{value:.3f}" for value in (f.min(), *np.percentile(f, [5, 50, 95])))
-        rows.append((str(payload), f"{len(f)}", *spread))
+    for label, frequencies in maps.items():
+        for payload, part in frequencies.frame.groupby("payload", sort=False):
+            f = part["f1_hz"].to_numpy()
+            spread = (f"{value:.3f}" for value in (f.min(), *np.percentile(f, [5, 50, 95])))
+            rows.append((f"{label}, {payload}" if label else str(payload), f"{len(f)}", *spread))
     columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
-    spread_sheet = Sheet(title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows))
-    return [head, spread_sheet, _limiting_sheet(frequencies)]
+    return Sheet(title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows))
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
@@ -97,8 +103,9 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
 
 
 def design_sheets(design: Design) -> list[Sheet]:
-    """Gain, sizes and pins, what binds, forces and oil, of one design."""
-    return [_gain(design), _sizes(design), _binding(design), _loads(design)]
+    """Gain, sizes and pins, what binds, forces and oil, percentiles, of one design."""
+    spread = _spread({"today": design.before, "new": design.after})
+    return [_gain(design), _sizes(design), _binding(design), _loads(design), spread]
 
 
 def _gain(design: Design) -> Sheet:

@@ -77,7 +77,7 @@ def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
         to_local = np.swapaxes(machine.arm.link_rotation(poses, bars.pivot.link), 1, 2)
         pivot = machine.arm.point(poses, bars.pivot.link, np.array(bars.pivot.at))
         lug = machine.arm.point(poses, bars.lug.link, np.array(bars.lug.at))
-        knee = linkage._rod_end(poses).position
+        knee = linkage._rod_end(poses).value
         rocker, to_lug = (np.einsum("nij,nj->ni", to_local, x - pivot)[:, [0, 2]] for x in (knee, lug))
         assert_allclose(np.linalg.norm(rocker, axis=1), bars.rocker, rtol=1e-12)
         assert_allclose(np.linalg.norm(rocker - to_lug, axis=1), bars.coupler, rtol=1e-12)

@@ -16,6 +16,7 @@ from armdesign.arrays import Array
 from armdesign.design.limits import Limits, holding_rows, limits, relaxation
 from armdesign.design.problem import Problem
 from armdesign.design.sizing import Step, StepProgramme, dual_bound
+from armdesign.errors import InfeasibleError
 
 ACTIVE = 24  # poses in one programme
 MEMORY = 300  # lowest poses watched between looks at the whole workspace,
@@ -37,18 +38,17 @@ class Search:
     programme: StepProgramme | None = None
     squared: float = 0.0
     limits: Limits = field(init=False)
+    reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
-    @property
-    def reference(self) -> float:
-        """The ω² that others are measured by [rad²/s²]."""
-        return self.problem.scale
+    def __post_init__(self) -> None:
+        self.reference = self.problem.scale
 
     @property
     def merit(self) -> float:
-        """Lowest ω² over the reference, less the price of missed requirements."""
-        return self._merit(self.squared, self.limits)
+        """Lowest ω² over the problem's scale, less the price of missed requirements: for comparing searches."""
+        return self.squared / self.problem.scale - PRICE * _missed(self.limits)
 
     @property
     def violation(self) -> float:
@@ -59,10 +59,12 @@ class Search:
         """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
         self._look_at_all()
         for _ in range(looks):
+            self.reference = max(self.problem.scale, self.squared)  # so that prices keep pace with what is gained
             self._improve(trust, tolerance)
-            hoped = self.merit
+            hoped = self._merit(self.squared, self.limits)
             self._look_at_all()
-            if self.merit > hoped - 10 * tolerance * self.squared / self.reference:
+            found = self._merit(self.squared, self.limits)
+            if found > hoped - 10 * tolerance and self.squared < 2 * self.reference:
                 break
         return self
 
@@ -72,24 +74,30 @@ class Search:
         Convex stiffness is replaced by its chord over the box of allowed areas, buckling (reverse-convex) by its chord
         too; the multipliers of that programme certify the bound, see ``dual_bound``.
         """
-        relaxed = relaxation(self.problem)
+        try:
+            relaxed = relaxation(self.problem)
+        except InfeasibleError:  # by less than the search lets pass
+            return None
         if relaxed is None:
             return None
         linear, low, high = relaxed
         bound = math.inf
         base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
         chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
-        room = (linear.values, linear.jacobian, np.zeros(len(low)), high - low)
+        room = (*_padded(linear.values, linear.jacobian), np.zeros(len(low)), high - low)
         for _ in range(6):
-            programme = StepProgramme(len(chosen), base.shape[1], len(linear.values), len(low))
-            step = programme.solve(base[chosen], slopes[:, chosen], *room)
+            programme = self._programme((len(chosen), base.shape[1], len(room[0]), len(low)))
+            try:
+                step = programme.solve(base[chosen], slopes[:, chosen], *room)
+            except InfeasibleError:  # the solver gave up: what is known so far still holds
+                break
             bound = min(bound, dual_bound(step, base[chosen], slopes[:, chosen], *room))
             lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
             worse = np.setdiff1d(np.argsort(lowest)[:8], chosen)
             if len(worse) == 0 or lowest.min() > bound * (1 - 1e-4):
                 break
             chosen = np.concatenate([chosen, worse])
-        return hertz(bound * self.reference)
+        return hertz(bound * self.reference) if math.isfinite(bound) else None
 
     def _look_at_all(self) -> None:
         """Watch the lowest and the most loaded poses of the whole workspace."""
@@ -108,7 +116,13 @@ class Search:
         for _ in range(STEPS):
             active = self._active(squared, pinned)
             low, high = np.maximum(low_x - self.x, -trust), np.minimum(high_x - self.x, trust)
-            step = self._solve(active, self.limits, low, high)
+            try:
+                step = self._solve(active, self.limits, low, high)
+            except InfeasibleError:  # the solver gave up: a smaller box is an easier programme
+                trust *= 0.35
+                if trust < 1e-6:
+                    break
+                continue
             promised = step.value - PRICE * step.violation - merit
             if promised < tolerance:
                 break
@@ -128,28 +142,33 @@ class Search:
         self.squared = float(squared.min())
 
     def _merit(self, squared: float, at: Limits) -> float:
-        return squared / self.reference - PRICE * float(np.maximum(-at.values, 0.0).sum())
+        return squared / self.reference - PRICE * _missed(at)
 
     def _solve(self, active: Array, at: Limits, low: Array, high: Array) -> Step:
         base, slopes = self.problem.matrices(self.x, active)
-        value, jacobian = at.values, at.jacobian
         keep = _nearest_limits(at, low, high, 160)
-        shape = (len(active), base.shape[1], len(keep), len(self.x))
+        value, jacobian = _padded(at.values[keep], at.jacobian[keep])
+        programme = self._programme((len(active), base.shape[1], len(value), len(self.x)))
+        step = programme.solve(base / self.reference, slopes / self.reference, value, jacobian, low, high)
+        multipliers = np.zeros(len(at.values))
+        multipliers[keep] = step.multipliers[: len(keep)]
+        return replace(step, multipliers=multipliers)
+
+    def _programme(self, shape: tuple[int, int, int, int]) -> StepProgramme:
+        """The programme of this shape: the one at hand, if it fits, because setting one up costs several solutions."""
         if self.programme is None or self.programme.shape != shape:
             self.programme = StepProgramme(*shape)
-        step = self.programme.solve(
-            base / self.reference, slopes / self.reference, value[keep], jacobian[keep], low, high
-        )
-        multipliers = np.zeros(len(value))
-        multipliers[keep] = step.multipliers
-        return replace(step, multipliers=multipliers)
+        return self.programme
 
     def worth(self) -> dict[str, float]:
         """Relative gain in the worst frequency if a requirement were relaxed by 1 %, from its multiplier."""
         squared = self.problem.frequencies(self.x, self.rows)
         low_x, high_x = self.problem.bounds
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
-        step = self._solve(self._active(squared, []), self.limits, low, high)
+        try:
+            step = self._solve(self._active(squared, []), self.limits, low, high)
+        except InfeasibleError:  # the solver gave up: nothing is known
+            return {}
         scale = 0.5 * self.reference / float(squared.min())  # f ~ sqrt(λ)
         # a limit that no variable moves has no price, whatever the solver's multiplier says
         multipliers = np.where(np.any(self.limits.jacobian != 0, axis=1), step.multipliers, 0.0)
@@ -176,6 +195,17 @@ class Search:
                 if index not in chosen and all(np.abs(place[index] - place[c]).max() > spacing for c in chosen):
                     chosen.append(int(index))
         return self.rows[chosen]
+
+
+def _missed(at: Limits) -> float:
+    """Sum of what requirements are missed by."""
+    return float(np.maximum(-at.values, 0.0).sum())
+
+
+def _padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Constraints filled up with ones that always hold, to a multiple of 40, so that a programme serves many times."""
+    more = -len(value) % 40
+    return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
 
 def _nearest_limits(at: Limits, low: Array, high: Array, count: int) -> Array:

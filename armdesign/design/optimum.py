@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from armdesign.design.requirements import Check, Requirements, check, static_loa
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine, load
 from armdesign.maps import FrequencyMap, frequency_map
+from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
 from armdesign.workspace import Workspace
 
@@ -110,7 +111,7 @@ def optimize(
         raise ArmDesignError("vary", f"{list(vary)} is not allowed", 'give "areas", "pins" or both')
     workspace, requirements = _defaults(machine, workspace, requirements)
     problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
-    searches = _multistart(problem, starts if "pins" in vary else 1, seed)
+    searches = _multistart(problem, starts if any(v.pin for v in problem.variables) else 1, seed)
     best = max(searches, key=lambda s: (s.violation < 1e-6, s.merit))
     return _design(best, tuple(hertz(s.squared) for s in searches))
 
@@ -206,62 +207,96 @@ def _missed(search: Search) -> str:
 
 
 def _rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
-    """The nearest machine that can be written and meets every requirement.
+    """The nearest machine that can be written and meets every requirement; today's if rounding leaves none better.
 
     Limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made to cover the joint ranges,
     and of the bores and rods around it the best that pass are taken; if none passes, the limits are drawn in more.
     """
+    today, workspace, requirements = search.problem.machine, search.problem.workspace, search.problem.requirements
     failed: list[Check] = []
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3):
-        problem = replace(search.problem, tightening=tightening)
-        inner = Search(problem=problem, x=search.x, reference=search.reference, programme=search.programme)
-        inner.rows = search.rows
+        problem = search.problem.tightened(tightening)
+        inner = Search(problem=problem, x=search.x, programme=search.programme)
+        inner.rows, inner.holding = search.rows, search.holding
         inner.run(trust=0.02, tolerance=1e-4)
         for changes in _candidates(inner):
-            machine = _through_file(problem.machine, changes)
-            checks = check(machine, problem.machine, problem.workspace, problem.requirements)
-            failed = [c for c in checks if c.slack < -TOLERANCE]
-            if not failed:
-                return machine, checks
-    names = ", ".join(c.name for c in failed)
-    raise InfeasibleError(search.problem.machine.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
+            machine = _through_file(today, changes)
+            checks = check(machine, today, workspace, requirements)
+            failed = [c for c in checks if c.slack < -TOLERANCE] or failed
+            if min(c.slack for c in checks) >= -TOLERANCE:
+                return _better(machine, checks, search)
+    if not _hardly_gained(search):
+        names = ", ".join(c.name for c in failed) or "all requirements"
+        raise InfeasibleError(today.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
+    return today, check(today, today, workspace, requirements)
 
 
-def _candidates(search: Search) -> list[dict[str, Any]]:
-    """Changes to the machine file for the best few roundings of the bores and rods, best first."""
+def _better(machine: Machine, checks: tuple[Check, ...], search: Search) -> tuple[Machine, tuple[Check, ...]]:
+    """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
+    today, workspace = search.problem.machine, search.problem.workspace
+    if not _hardly_gained(search) or _worst(machine, workspace) > _worst(today, workspace):
+        return machine, checks
+    return today, check(today, today, workspace, search.problem.requirements)
+
+
+def _hardly_gained(search: Search) -> bool:
+    """Whether today's machine is allowed and the optimum less than 1 % above it, which rounding may eat up."""
+    problem = search.problem
+    if search.squared > 1.02 * problem.frequencies(problem.start).min():
+        return False
+    checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
+    return min(c.slack for c in checks) >= -TOLERANCE
+
+
+def _worst(machine: Machine, workspace: Workspace) -> float:
+    """Lowest coupled frequency over the workspace's poses and all load cases [Hz]."""
+    cases = [machine.with_payload(payload.name) for payload in machine.payloads]
+    held = [(case, workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
+    return min(float(lowest_frequency(case.evaluate(rigid)).min()) for case, rigid in held if len(rigid) > 0)
+
+
+def _candidates(search: Search) -> Iterator[dict[str, Any]]:
+    """Changes to the machine file for roundings of the bores and rods that pass a first check, best first."""
     problem = search.problem
     today = problem.machine
     changes = _pin_changes(problem, search.x)
     frame = today.replace(changes) if changes else today  # pins and strokes as they will be, sizes of today
-    options = []
+    options, wanted = [], []
     for cylinder, (a1, a2) in zip(today.cylinders, problem.areas(search.x), strict=True):
         bore = 2 * math.sqrt(a1 / cylinder.count / math.pi) / mm
         rod = 2 * math.sqrt((a1 - a2) / cylinder.count / math.pi) / mm
+        wanted += [bore, rod]
         options += [_neighbours(bore), _neighbours(rod)] if "areas" in problem.vary else [[bore], [rod]]
-    wanted = np.array([sum(pair) / len(pair) for pair in options])
     choices = sorted(
-        itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.array(c) - wanted).sum())
+        itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.subtract(c, wanted)).sum())
     )[:COMBINATIONS]
-    light = _light_workspace(problem)
-    loads = static_loads(frame, light) if len(frame.cylinders) == len(frame.joints) else None  # else they hang on areas
-    passing = []
+    low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
+    found = []
     for choice in choices:
         sizes = [(bore * mm, rod * mm) for bore, rod in zip(choice[::2], choice[1::2], strict=True)]
         cylinders = tuple(replace(c, bore=b, rod=r) for c, (b, r) in zip(frame.cylinders, sizes, strict=True))
+        x = search.x.copy()
+        areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
+        x[: areas.size] = (areas / problem.areas_today).ravel()
+        found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
+    found.sort(key=lambda entry: -entry[0])
+    light, limits = _light_workspace(search), replace(problem.requirements, pin_box=problem.box)
+    loads = static_loads(frame, light) if len(frame.cylinders) == len(frame.joints) else None  # else they hang on areas
+    passed = 0
+    for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)
-        if min(c.slack for c in check(trial, today, light, problem.requirements, loads)) >= -TOLERANCE:
-            x = search.x.copy()
-            areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
-            x[: areas.size] = (areas / problem.areas(problem.start)).ravel()
-            passing.append((float(problem.frequencies(x, search.rows[:100]).min()), choice, x))
-    passing.sort(key=lambda entry: -entry[0])
-    return [changes | _size_changes(problem, choice, x) for _, choice, x in passing[:5]]
+        if min(c.slack for c in check(trial, today, light, limits, loads)) >= -TOLERANCE:
+            yield changes | _size_changes(problem, choice, x)
+            passed += 1
+        if passed == 5:
+            return
 
 
-def _light_workspace(problem: Problem) -> Workspace:
-    """The workspace with only the poses at which static forces are watched: enough for a first check."""
-    poses = watched_poses(problem)
-    return Workspace(problem.workspace.q[poses], problem.workspace.axes, problem.workspace.end_margin, problem.machine)
+def _light_workspace(search: Search) -> Workspace:
+    """The workspace with only the poses of the largest static forces: enough for a first check."""
+    whole = search.problem.workspace
+    q = whole.q[np.unique(search.problem.rows.pose[search.holding])]
+    return Workspace(q, whole.axes, whole.end_margin, whole.machine)
 
 
 def _neighbours(value: float) -> list[float]:

@@ -5,10 +5,13 @@ The check uses two machines as their files describe them and nothing of the opti
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
+from armdesign.arm import Arm
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder, euler_safety, holding_force
 from armdesign.errors import ArmDesignError
@@ -99,15 +102,19 @@ class Check:
 
 
 def _at_most(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
-    return Check(
-        name=name, value=value, limit=limit, unit=unit, slack=(limit - value) / (scale or limit or 1.0), words=words
-    )
+    slack = _slack(limit - value, scale or limit or 1.0)
+    return Check(name=name, value=value, limit=limit, unit=unit, slack=slack, words=words)
 
 
 def _at_least(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
-    return Check(
-        name=name, value=value, limit=limit, unit=unit, slack=(value - limit) / (scale or limit or 1.0), words=words
-    )
+    slack = _slack(value - limit, scale or limit or 1.0)
+    return Check(name=name, value=value, limit=limit, unit=unit, slack=slack, words=words)
+
+
+def _slack(room: float, scale: float) -> float:
+    """Room over scale; exactly on the limit where only the rounding of the arithmetic is left."""
+    slack = room / scale
+    return 0.0 if abs(slack) < 1e-12 else slack
 
 
 def check(
@@ -225,10 +232,11 @@ def _geometry(
     if len(linkage.joints) != 1:
         return []
     joint = linkage.joints[0]
-    poses = sweep(today.arm, joint, over(today.ranges[joint], SWEEP))
-    length = linkage.length(poses)
+    ends = (float(today.ranges[joint, 0]), float(today.ranges[joint, 1]))
+    swept = [_swept(k, today.arm, ends) for k in (linkage, old_linkage)]
+    length = swept[0][0]
     name, where = new.name, today.arm.joints[joint].name
-    arms = [np.abs(k.actuation(poses).moment_arm[:, joint]) for k in (linkage, old_linkage)]
+    arms = [arm for _, arm, _ in swept]
     checks = [
         _at_least(f"range.open.{name}", new.open_length, length.max(), "m", f"stroke covers {where}", old.stroke),
         _at_most(f"range.closed.{name}", new.closed_length, length.min(), "m", f"stroke covers {where}", old.stroke),
@@ -242,10 +250,23 @@ def _geometry(
         limit = requirements.digging_share * torque[1]
         checks.append(_at_least(f"digging.{name}", torque[0], limit, "N m", f"digging torque of the {name} cylinder"))
     if linkage.four_bar is not None:
-        angle = [float(k.transmission_angle(poses).min()) for k in (linkage, old_linkage)]
+        angle = [angle for _, _, angle in swept]
         limit = min(requirements.transmission, angle[1])
         checks.append(_at_least(f"transmission.{name}", angle[0], limit, "rad", f"rocker–coupler angle, {name}"))
     return checks
+
+
+@lru_cache(maxsize=64)
+def _swept(linkage: Linkage, arm: Arm, ends: tuple[float, float]) -> tuple[Array, Array, float]:
+    """Length, size of the moment arm and smallest transmission angle (π/2 without a four-bar) over its joint's range.
+
+    Remembered, because many sizes are tried on the same pins.
+    """
+    joint = linkage.joints[0]
+    poses = sweep(arm, joint, over(np.array(ends), SWEEP))
+    actuation = linkage.actuation(poses)
+    angle = float(linkage.transmission_angle(poses).min()) if linkage.four_bar else math.pi / 2
+    return actuation.length, np.abs(actuation.moment_arm[:, joint]), angle
 
 
 def _box(new: Cylinder, linkage: Linkage, old: Linkage, box: float) -> list[Check]:

@@ -43,7 +43,7 @@ class StepProgramme:
         self.shape = (n, nq, m, nx)
         pairs = [(a, b) for a in range(nq) for b in range(a, nq)]
         self._pairs = np.array(pairs).T
-        self._base = cp.Parameter((n, len(pairs)))
+        self._base, self._unit = cp.Parameter((n, len(pairs))), cp.Parameter((n, len(pairs)))
         self._slopes = [cp.Parameter((len(pairs), nx)) for _ in range(n)]
         self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
         self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
@@ -54,9 +54,8 @@ class StepProgramme:
         for k, (a, b) in enumerate(pairs):
             place[a * nq + b, k] = place[b * nq + a, k] = 1.0
         for j in range(n):
-            entries = self._base[j] + self._slopes[j] @ self._change
-            matrix = cp.reshape(place @ entries, (nq, nq), order="C") - self._lambda * np.eye(nq)
-            self._matrices.append(matrix >> 0)
+            entries = self._base[j] + self._slopes[j] @ self._change - self._unit[j] * self._lambda
+            self._matrices.append(cp.reshape(place @ entries, (nq, nq), order="C") >> 0)
         self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
         self._box = [self._change >= self._low, self._change <= self._high]
         objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
@@ -65,9 +64,11 @@ class StepProgramme:
     def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
         """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``."""
         a, b = self._pairs
-        self._base.value = base[:, a, b]
+        frame = _levelled(base)
+        turned = np.swapaxes(frame, 1, 2)
+        self._base.value, self._unit.value = (frame @ base @ turned)[:, a, b], (frame @ turned)[:, a, b]
         for j, parameter in enumerate(self._slopes):
-            parameter.value = slopes[:, j, a, b].T
+            parameter.value = (frame[j] @ slopes[:, j] @ turned[j])[:, a, b].T
         self._value.value, self._jacobian.value = value, jacobian
         self._low.value, self._high.value = low, high
         _solve(self._problem)
@@ -78,8 +79,14 @@ class StepProgramme:
             multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
             low_multipliers=np.asarray(self._box[0].dual_value),
             high_multipliers=np.asarray(self._box[1].dual_value),
-            weights=np.array([c.dual_value for c in self._matrices]).reshape(-1, self.shape[1], self.shape[1]),
+            weights=turned @ np.array([c.dual_value for c in self._matrices]).reshape(base.shape) @ frame,
         )
+
+
+def _levelled(base: Array) -> Array:
+    """A congruence T for each matrix A, so that T A Tᵀ has no large entries: stiff modes may be 10⁵ × the lowest."""
+    size, vectors = np.linalg.eigh(base)
+    return np.asarray(np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2))
 
 
 def dual_bound(step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> float:

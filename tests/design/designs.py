@@ -1,0 +1,81 @@
+"""Small design problems, and the machine that a vector of design variables describes, unrounded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, build
+
+from armdesign import Machine, Requirements, Workspace, load
+from armdesign.design.codesign import Search
+from armdesign.design.problem import Problem
+
+
+@cache
+def single() -> Machine:
+    """One joint, one cylinder."""
+    return build([BOOM], [LIFT])
+
+
+@cache
+def double(reverse: bool = False) -> Machine:
+    """Two joints, a cylinder each, in one order of the file or the other."""
+    return build([BOOM, STICK], [FOLD, LIFT] if reverse else [LIFT, FOLD])
+
+
+@cache
+def odd() -> Machine:
+    """Everything at once: a four-bar with its knee right, pairs of cylinders, air, hoses, compliance."""
+    tilt = Function(
+        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
+        knee="right", extra=SOFT,
+    )  # fmt: skip
+    return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
+
+
+MACHINES = {"single": single, "double": double, "odd": odd, "excavator": lambda: load("excavator_20t")}
+POINTS = {"single": (9,), "double": (5, 5), "odd": (4, 4, 4), "excavator": (5, 5, 9)}
+
+
+@cache
+def workspace_of(name: str) -> Workspace:
+    return Workspace.grid(MACHINES[name](), points=POINTS[name])
+
+
+def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:
+    """The problem of a named machine; settings are those of Problem or of Requirements."""
+    machine = MACHINES[name]()
+    own = {key: settings.pop(key) for key in ("proportional", "tightening") if key in settings}
+    requirements = replace(Requirements.of(machine), **settings)
+    return Problem(machine=machine, workspace=workspace_of(name), requirements=requirements, vary=vary, **own)
+
+
+def some_x(problem: Problem, seed: int, size: float = 0.05) -> np.ndarray:
+    """A design near today's."""
+    free = np.ptp(problem.bounds, axis=0) > 0
+    return problem.start + np.random.default_rng(seed).uniform(-size, size, len(problem.start)) * free
+
+
+def as_machine(problem: Problem, x: np.ndarray) -> Machine:
+    """The machine at x with all its digits."""
+    closed, stroke = (value[0].real for value in problem.stepped_strokes(x))
+    cylinders = []
+    for i, (cylinder, (a1, a2)) in enumerate(zip(problem.machine.cylinders, problem.areas(x), strict=True)):
+        bore, rod = (2 * math.sqrt(area / cylinder.count / math.pi) for area in (a1, a1 - a2))
+        sizes = {"bore": bore, "rod": rod, "closed_length": float(closed[i]), "stroke": float(stroke[i])}
+        if problem.proportional:
+            old = problem.areas_today[i]
+            sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
+            sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]
+        cylinders.append(replace(cylinder, **sizes))
+    return replace(problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x)))
+
+
+def solved(problem: Problem, tolerance: float = 1e-7) -> Search:
+    """The search from today's machine, finished."""
+    trust = 1.0 if problem.vary == ("areas",) else 0.2
+    return Search(problem=problem, x=problem.start).run(trust=trust, tolerance=tolerance)

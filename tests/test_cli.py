@@ -1,0 +1,266 @@
+"""The command line: what it writes, and that bad input is one line, exit code 2 and nothing written."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+import machines
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign import cli
+from armdesign.errors import ArmDesignError
+
+COMMANDS = ["map", "optimize", "validate", "design"]  # all take MACHINE, --out and --points
+QUICK = {  # what each writes for the one-joint machine
+    "map": {"map.csv", "map_joints.png", "map_reach.png"},
+}
+ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
+
+
+def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*ARMDESIGN, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
+    )
+
+
+def main(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> int:
+    """The entry point in this process: its exit code."""
+    monkeypatch.setattr(sys, "argv", ["armdesign", *words])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    return int(caught.value.code or 0)
+
+
+# ------------------------------------------------------------------------------------------------------- what it does
+
+
+@pytest.mark.parametrize("command", QUICK)
+def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Path) -> None:
+    done = run(command, "paper_1dof", "--out", "results/here", "--points", "15", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert {path.name for path in (tmp_path / "results" / "here").iterdir()} == QUICK[command]
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+    assert "Traceback" not in done.stdout
+    assert "results/here" in done.stdout
+
+
+def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "a"
+    assert main(["map", "excavator_20t", "--out", str(out), "--points", "3,3,5"], monkeypatch) == 0
+    machine = machines.named("excavator_20t")
+    frame = ad.frequency_map(machine, ad.Workspace.grid(machine, [3, 3, 5])).frame
+    pd.testing.assert_frame_equal(pd.read_csv(out / "map.csv"), frame, check_dtype=False, rtol=1e-8, atol=1e-8)
+
+
+def test_the_worst_frequency_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """0.910 Hz by boom cylinder, full bucket: tests/reference_planar.py."""
+    assert main(["map", "excavator_20t", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
+    printed = capsys.readouterr().out
+    assert "0.910 Hz" in printed
+    assert "boom" in printed
+    assert "payload full" in printed
+
+
+def test_a_second_run_replaces_its_files_and_leaves_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    for points in ("5", "6"):
+        assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", points], monkeypatch) == 0
+    assert len(pd.read_csv(tmp_path / "map.csv")) == 6
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert {path.name for path in tmp_path.iterdir()} == {*QUICK["map"], "notes.txt"}
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*([command] if command else []), "--help"], monkeypatch) == 0
+    printed = capsys.readouterr().out
+    for word in [command, "--out", "--points"] if command else COMMANDS:
+        assert word in printed
+
+
+# ---------------------------------------------------------------------------------------------------------- bad input
+
+
+def broken(folder: Path, old: str, new: str) -> str:
+    """A copy of the excavator with one text changed, as `broken.toml` in the folder."""
+    machine = machines.named("excavator_20t")
+    assert old in machine.text
+    (folder / "broken.toml").write_text(machine.text.replace(old, new, 1), encoding="utf-8")
+    (folder / "excavator_20t.urdf").write_text(machine.urdf_text, encoding="utf-8")
+    return "broken.toml"
+
+
+BAD = [
+    (["excavater_20t"], 'did you mean "excavator_20t"'),
+    (["none.toml"], "none.toml: no such file"),
+    ([""], "holds no"),
+    (["."], "holds no"),
+    (["excavator_20t", "--points", "x"], '--points: "x" is not a list of numbers; give 21 or 21,21,61'),
+    (["excavator_20t", "--points", "1"], "points: 1 is not allowed"),
+    (["excavator_20t", "--points", "3,3"], "points: [3, 3] is not allowed"),
+    (["excavator_20t", "--points", "3,3,3,3"], "is not allowed; give one number ≥ 2, or 3"),
+    (["excavator_20t", "--points", "-5"], "points: -5 is not allowed"),
+    (["excavator_20t", "--points", "3.5"], "is not a list of numbers"),
+    (["excavator_20t", "--points", "999999"], "poses are too many; give at most 5 million"),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
+def test_bad_arguments_are_one_line(
+    command: str,
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([command, *words, "--out", "out"], monkeypatch) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert_one_line(err, message)
+    assert not list(tmp_path.iterdir())
+
+
+FILES = [
+    ("bore_mm = 120", "bore = 120", 'broken.toml: cylinder.boom.bore: unknown key; did you mean "bore_mm"?'),
+    ("bore_mm = 120\n", "", "broken.toml: cylinder.boom.bore_mm: missing; add bore_mm: a number in (0, 100000] mm"),
+    ("bore_mm = 120", "bore_mm = nan", "cylinder.boom.bore_mm: nan is not allowed; give a number in (0, 100000] mm"),
+    ("bore_mm = 120", 'bore_mm = "120"', 'cylinder.boom.bore_mm: "120" is not allowed; give a number'),
+    ("bore_mm = 120", "bore_mm = -120", "cylinder.boom.bore_mm: -120 is not allowed; give a number in (0, 100000] mm"),
+    ('link = "chassis"', 'link = "chasis"', 'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean'),
+    ("closed_length_mm = 1825", "closed_length_mm = 9000", "cylinder.boom.stroke_mm: over joint"),
+    ("rocker_mm = 578.7", "rocker_mm = 5000", "cylinder.bucket.four_bar: does not close at any"),
+    (
+        'link = "bucket"\nat_mm = [645',
+        "at_mm = [645",
+        "payload.full.link: missing: a mass must sit somewhere; add link",
+    ),
+    ("[461.5, 0, -602.5]", "[0, 0, 0]", "cylinder.boom: is at its dead centre"),
+    ("excavator_20t.urdf", "none.urdf", "none.urdf: no such file; check the path"),
+    ("[fluid]", "[fluid", "broken.toml: not valid TOML"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), FILES, ids=[message[:40] for *_, message in FILES])
+def test_a_broken_file_is_one_line(
+    old: str,
+    new: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """The list of the requirement, each with key, value, range and remedy."""
+    monkeypatch.chdir(tmp_path)
+    before = {path.name for path in tmp_path.iterdir()} | {broken(tmp_path, old, new), "excavator_20t.urdf"}
+    assert main(["map", "broken.toml", "--out", "out", "--points", "3"], monkeypatch) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert_one_line(err, message)
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def assert_one_line(text: str, message: str) -> None:
+    assert text.count("\n") == 1, text
+    assert text.startswith("armdesign: ")
+    assert message in text
+    assert "Traceback" not in text
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_process_of_its_own_says_the_same(command: str, tmp_path: Path) -> None:
+    """Nothing on the way to the terminal: no warning, no C++ parser, no progress display."""
+    name = broken(tmp_path, "rod_mm = 85", "rod_mm = 850")
+    done = run(command, name, folder=tmp_path, PYTHONWARNINGS="error")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert_one_line(
+        done.stderr, "broken.toml: cylinder.boom.rod_mm: 850 mm does not fit the bore; give a rod in (0, 120)"
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.toml", "excavator_20t.urdf"]
+
+
+@pytest.mark.parametrize("out", ["/proc/none", "/dev/null/x", "notes.txt", "l" * 300])
+def test_a_place_that_cannot_be_written(
+    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["map", "paper_1dof", "--out", out, "--points", "5"], monkeypatch) == 2
+    assert_one_line(capfd.readouterr().err, f"--out {out[:40]}")
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("words", [["map"], ["nothing"], ["map", "a", "b"], ["map", "a", "--nothing"]])
+def test_wrong_usage_is_code_2(words: list[str], tmp_path: Path) -> None:
+    done = run(*words, folder=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+# -------------------------------------------------------------------------------------------------------- interruption
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")])
+def test_a_failed_write_leaves_the_old_files(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The CSV is written, then the second picture fails: neither is there, the files of the last run are."""
+    from armdesign import plots
+
+    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    capfd.readouterr()
+
+    def failing(fig: object, path: Path) -> Path:
+        raise error
+
+    monkeypatch.setattr(plots, "save", failing)
+    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "9"], monkeypatch) == 2
+    assert capfd.readouterr().err.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_interrupted_by_the_keyboard(tmp_path: Path) -> None:
+    """Ctrl-C in the middle: no traceback, nothing written."""
+    process = subprocess.Popen(
+        [*ARMDESIGN, "map", "excavator_20t", "--out", "out", "--points", "150"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, (process.returncode, out, err)  # 128 + SIGINT
+    assert "Traceback" not in err
+    assert err.count("\n") <= 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_installed_as_a_script() -> None:
+    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+    assert project["project"]["scripts"] == {"armdesign": "armdesign.cli:main"}

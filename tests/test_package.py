@@ -1,0 +1,226 @@
+"""The house: imports point downwards, heavy doors stay shut, types, lint and docstrings hold."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "armdesign"
+
+# From the ground up: a module may import those above it in this list only.
+ORDER = [
+    *("units", "errors", "arrays"),
+    *("fluid", "valve", "cylinder", "formulas"),
+    *("urdf", "jets", "arm", "linkage"),
+    *("machine_file", "poses", "ranges", "machine", "modes"),
+    *("workspace", "maps"),
+    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.optimum"),
+    *(
+        "simulation.reach",
+        "simulation.plant",
+        "simulation.excitation",
+        "simulation.identification",
+        "simulation.motion",
+    ),
+    *("linearization", "simulation.experiment", "simulation.validation"),
+    *("plots", "report", "cli"),
+]
+# Results draw themselves: two lines that open the door to drawing when they are asked to.
+UPWARDS = {
+    ("maps", "plots"),
+    ("design.optimum", "plots"),
+    ("simulation.validation", "plots"),
+    ("simulation.motion", "plots"),
+    ("linearization", "plots"),
+}
+DOORS = {  # library: the only modules that may import it
+    "pinocchio": {"arm"},
+    "matplotlib": {"plots"},
+    "cvxpy": {"design.sizing"},
+    "tomlkit": {"machine_file"},
+    "pydantic": {"machine_file"},
+    "typer": {"cli"},
+    "jinja2": {"report"},
+}
+
+
+def name_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+
+
+SOURCES = {
+    name_of(path): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted(PACKAGE.rglob("*.py"))
+    if path.name != "__init__.py"
+}
+
+
+def imports(tree: ast.Module) -> set[str]:
+    """Dotted names of all imports, inside functions too, but not those for type checkers alone."""
+    hidden = {
+        id(node)
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.unparse(block.test)
+        for child in block.body
+        for node in ast.walk(child)
+    }
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if id(node) in hidden:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "absolute imports only"
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def own(tree: ast.Module) -> set[str]:
+    """Modules of the package that a module imports."""
+    found = set()
+    for name in imports(tree):
+        words = name.split(".")
+        if words[0] == "armdesign":
+            module = next((".".join(words[1:n]) for n in (4, 3, 2) if ".".join(words[1:n]) in SOURCES), None)
+            assert module is not None, name
+            found.add(module)
+    return found
+
+
+def test_the_order_names_every_module() -> None:
+    assert set(ORDER) == set(SOURCES)
+    assert len(ORDER) == len(set(ORDER))
+
+
+@pytest.mark.parametrize("module", ORDER)
+def test_imports_point_downwards(module: str) -> None:
+    above = {other for other in own(SOURCES[module]) if ORDER.index(other) >= ORDER.index(module)}
+    assert {(module, other) for other in above} <= UPWARDS
+
+
+def test_simulation_and_design_do_not_know_each_other() -> None:
+    for module, tree in SOURCES.items():
+        for one, other in (("design", "simulation"), ("simulation", "design")):
+            if module.startswith(f"{one}."):
+                assert not {name for name in own(tree) if name.startswith(f"{other}.")}, module
+
+
+@pytest.mark.parametrize("library", DOORS)
+def test_each_library_has_its_door(library: str) -> None:
+    users = {module for module, tree in SOURCES.items() if library in {name.split(".")[0] for name in imports(tree)}}
+    assert users <= DOORS[library]
+
+
+def test_importing_the_package_loads_no_heavy_library() -> None:
+    """In a process of its own: `import armdesign` and the command line's module."""
+    heavy = ["pinocchio", "cvxpy", "matplotlib", "pandas", "scipy", "numpy", "joblib", "pydantic"]
+    code = (
+        "import sys, armdesign, armdesign.cli\n"
+        f"print([name for name in {heavy} if name in sys.modules])\n"
+        "armdesign.load, armdesign.optimize\n"
+        "print([name for name in ('cvxpy', 'matplotlib', 'pandas', 'pinocchio') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == ["[]", "[]"], run.stdout
+
+
+def test_public_names() -> None:
+    """DESIGN's table; every name that is listed is there, and the rest is an AttributeError."""
+    import armdesign as ad
+
+    for name in ad.__all__:
+        assert getattr(ad, name) is not None
+        assert name in dir(ad)
+    core = {"load", "Machine", "natural_modes", "Modes", "Poses", "Workspace", "frequency_map", "FrequencyMap"}
+    more = {"Requirements", "optimize", "size_cylinders", "Design", "simulate", "validate", "Validation", "linearize"}
+    assert core | more | {"ArmDesignError", "formulas"} <= set(ad.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = ad.nothing
+
+
+@pytest.mark.parametrize(
+    "command", [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]], ids=["lint", "format", "types"]
+)
+def test_tools_are_content(command: list[str]) -> None:
+    run = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
+
+
+# --------------------------------------------------------------------------------------------------------- docstrings
+
+
+def public(tree: ast.Module) -> list[tuple[str, ast.FunctionDef | ast.ClassDef]]:
+    """Public functions, classes and methods."""
+    found: list[tuple[str, ast.FunctionDef | ast.ClassDef]] = []
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            found.append((node.name, node))
+            if isinstance(node, ast.ClassDef):
+                methods = [m for m in node.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")]
+                found += [(f"{node.name}.{m.name}", m) for m in methods]
+    return found
+
+
+def section(docstring: str, title: str) -> list[str]:
+    """Names that a Google-style section lists, at its first level of indentation."""
+    lines = docstring.splitlines()
+    if f"{title}:" not in (line.strip() for line in lines):
+        return []
+    start = next(i for i, line in enumerate(lines) if line.strip() == f"{title}:")
+    indent = len(lines[start]) - len(lines[start].lstrip())
+    names = []
+    for line in lines[start + 1 :]:
+        depth = len(line) - len(line.lstrip())
+        if line.strip() and depth <= indent:
+            break
+        if depth == indent + 4 and ":" in line:
+            names += [word.strip().strip("*`") for word in line.split(":")[0].split(",")]
+    return names
+
+
+@pytest.mark.parametrize("module", ORDER)
+def test_docstrings_say_what_the_code_has(module: str) -> None:
+    """Every public thing has one that ends its first line as a sentence; the names it lists exist."""
+    assert ast.get_docstring(SOURCES[module]), f"{module} has no docstring"
+    for name, node in public(SOURCES[module]):
+        text = ast.get_docstring(node)
+        assert text, f"{module}.{name} has no docstring"
+        first = text.splitlines()[0]
+        assert first.rstrip()[-1] in ".:;?!", f"{module}.{name}: {first}"
+        if isinstance(node, ast.FunctionDef):
+            arguments = node.args
+            known = [a.arg for a in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]]
+            known += [a.arg for a in (arguments.vararg, arguments.kwarg) if a]
+            listed = section(text, "Args")
+            assert set(listed) <= set(known), f"{module}.{name} has no {set(listed) - set(known)}"
+            if arguments.kwarg is None and listed:
+                assert set(known) - {"self", "cls"} == set(listed), f"{module}.{name}: {known} but {listed}"
+        else:
+            fields = {f.target.id for f in node.body if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name)}
+            fields |= {m.name for m in node.body if isinstance(m, ast.FunctionDef)}
+            init = next((m for m in node.body if isinstance(m, ast.FunctionDef) and m.name == "__init__"), None)
+            if init is not None:
+                assigned = [n for n in ast.walk(init) if isinstance(n, ast.Attribute)]
+                fields |= {a.arg for a in init.args.args} | {n.attr for n in assigned}
+            listed = section(text, "Attributes") + section(text, "Args")
+            assert set(listed) <= fields, f"{module}.{name} has no {set(listed) - fields}"
+
+
+@pytest.mark.parametrize("module", ORDER)
+def test_messages_did_not_lose_their_f(module: str) -> None:
+    """A string with a name in braces is formatted, unless it is a documented template."""
+    formatted = {
+        id(part) for node in ast.walk(SOURCES[module]) if isinstance(node, ast.JoinedStr) for part in node.values
+    }
+    raised = [node for node in ast.walk(SOURCES[module]) if isinstance(node, ast.Raise | ast.Call)]
+    for node in raised:
+        for part in ast.walk(node):
+            if isinstance(part, ast.Constant) and isinstance(part.value, str) and id(part) not in formatted:
+                names = [text.split("}")[0] for text in part.value.split("{")[1:] if "}" in text]
+                assert not any(name.replace("_", "a").replace(".", "a").isalnum() for name in names), part.value
