@@ -8,6 +8,7 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -222,22 +223,6 @@ class Arm:
         pick = np.ix_(np.arange(n), index, index)
         return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
 
-    def point_mass(self, poses: RigidPoses, link: str, at: Array, mass: float) -> tuple[Array, Array, Array]:
-        """What a point mass [kg] on a link adds to M, g and ∂g/∂q: m JᵀJ, m g ∂z/∂q, m g ∂²z/∂q²."""
-        joints = tuple(range(len(self.joints)))
-        motion = self.motion(poses, link, at, self.root, joints)
-        return (
-            mass * np.einsum("nji,nki->njk", motion.first, motion.first),
-            mass * GRAVITY * motion.first[:, :, 2],
-            mass * GRAVITY * motion.second[:, :, :, 2],
-        )
-
-    def dynamics(
-        self, link: str | None = None, at: tuple[float, float, float] = (0.0, 0.0, 0.0), mass: float = 0.0
-    ) -> Dynamics:
-        """Forward dynamics of the links with a point mass [kg] on ``link``; each call has scratch data of its own."""
-        return Dynamics(self, link, at, mass)
-
     @property
     def root(self) -> str:
         """Name of the root link: the world."""
@@ -247,6 +232,24 @@ class Arm:
 Frame: TypeAlias = tuple[
     list[list[float]], list[float]
 ]  # a joint frame in the world: rotation (3, 3), translation (3,)
+
+
+def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q of point masses [kg] seen from the root: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
+    return (
+        sum((mass * np.einsum("nji,nki->njk", p.first, p.first) for mass, p in points), np.zeros(())),
+        sum((mass * GRAVITY * p.first[:, :, 2] for mass, p in points), np.zeros(())),
+        sum((mass * GRAVITY * p.second[:, :, :, 2] for mass, p in points), np.zeros(())),
+    )
+
+
+def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:
+    """Three point masses that move, weigh and store like a uniform slender bar between two points.
+
+    A sixth of the mass at either end, the rest in the middle (Simpson's rule, exact: all is quadratic along the bar).
+    """
+    middle = (ends[0] + ends[1]) * 0.5
+    return [(mass / 6, ends[0]), (2 * mass / 3, middle), (mass / 6, ends[1])]
 
 
 class Dynamics:
@@ -259,9 +262,17 @@ class Dynamics:
         link: link that carries a point mass, or None.
         at: its place in the link's frame [m].
         mass: its mass [kg].
+        points: point masses of bars that are no links, at some poses; None if there are none.
     """
 
-    def __init__(self, arm: Arm, link: str | None, at: tuple[float, float, float], mass: float) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        link: str | None,
+        at: tuple[float, float, float],
+        mass: float,
+        points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None,
+    ) -> None:
         import pinocchio
 
         self._library, self._arm = pinocchio, arm
@@ -275,6 +286,7 @@ class Dynamics:
             self._model.appendBodyToJoint(self._ids[body.joint], inertia, pinocchio.SE3.Identity())
         self._data = self._model.createData()
         self._buffers = np.zeros((3, len(self._order)))
+        self._points = points
 
     def frames(self, q: list[float]) -> list[Frame]:
         """Joint frames in the world, in the order of q."""
@@ -283,14 +295,40 @@ class Dynamics:
         return [(placement.rotation.tolist(), placement.translation.tolist()) for placement in placements]
 
     def acceleration(self, q: list[float], velocity: list[float], torque: list[float]) -> list[float]:
-        """q̈ = M⁻¹(τ − h) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms."""
+        """q̈ = M⁻¹(τ − h) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms.
+
+        With bars that are no links M and h are summed instead: a point mass adds m JᵀJ and m Jᵀ(q̇ᵀ ∂²P/∂q² q̇ + g e_z).
+        """
         arrays = [self._ordered(row, values) for row, values in enumerate((q, velocity, torque))]
+        if self._points is not None:
+            return self._with_bars(q, velocity, torque, arrays)
         found = self._library.aba(self._model, self._data, *arrays).tolist()
         return [found[i] for i in self._order]
 
+    def _with_bars(
+        self, q: list[float], velocity: list[float], torque: list[float], arrays: list[Array]
+    ) -> list[float]:
+        pick = np.ix_(self._order, self._order)
+        upper = np.triu(self._library.crba(self._model, self._data, arrays[0]))
+        mass = (upper + np.triu(upper, 1).T)[pick]
+        bias = self._library.nonLinearEffects(self._model, self._data, *arrays[:2])[self._order]
+        for m, jacobian, curvature, _ in self._motions(q, np.array(velocity)):
+            mass = mass + m * jacobian @ jacobian.T
+            bias = bias + m * (jacobian @ curvature + GRAVITY * jacobian[:, 2])
+        return list(np.linalg.solve(mass, np.array(torque) - bias).tolist())
+
+    def _motions(self, q: list[float], velocity: Array) -> Iterator[tuple[float, Array, Array, float]]:
+        """Mass, Jacobian (nq, 3), centrifugal acceleration (3,) and height of every point of a bar."""
+        for m, jet in self._points(self._arm.kinematics(np.array([q]))) if self._points else ():
+            yield m, jet.first[0], np.einsum("jki,j,k->i", jet.second[0], velocity, velocity), float(jet.value[0, 2])
+
     def energy(self, q: list[float], velocity: list[float]) -> float:
-        """Kinetic and potential energy [J] of links and mass."""
-        return float(
+        """Kinetic and potential energy [J] of links, mass and bars."""
+        bars = 0.0
+        for m, jacobian, _, height in self._motions(q, np.array(velocity)):
+            speed = np.array(velocity) @ jacobian
+            bars += m * (0.5 * float(speed @ speed) + GRAVITY * height)
+        return bars + float(
             self._library.computeKineticEnergy(self._model, self._data, self._ordered(0, q), self._ordered(1, velocity))
             + self._library.computePotentialEnergy(self._model, self._data, self._ordered(0, q))
         )

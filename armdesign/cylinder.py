@@ -56,6 +56,10 @@ class Cylinder:
     annulus_hose_volume: float = 0.0
     hose_modulus: float = 700e6
     compliance: float = 0.0  # [m/N] in series with the oil, all together
+    barrel_mass: float = 0.0  # [kg] of each of the parallel cylinders
+    rod_mass: float = 0.0
+    rocker_mass: float = 0.0  # [kg] of the four-bar
+    coupler_mass: float = 0.0
     valve: Valve | None = None
     friction: Friction = NO_FRICTION
 
@@ -78,6 +82,17 @@ class Cylinder:
     def dead_length(self) -> float:
         """What head, piston and eyes take: closed length − stroke [m]."""
         return self.closed_length - self.stroke
+
+    @property
+    def moving_masses(self) -> dict[str, float]:
+        """Mass of each moving bar [kg], all parallel cylinders together; those that weigh nothing left out."""
+        masses = {
+            "barrel": self.count * self.barrel_mass,
+            "rod": self.count * self.rod_mass,
+            "rocker": self.rocker_mass,
+            "coupler": self.coupler_mass,
+        }
+        return {name: mass for name, mass in masses.items() if mass > 0}
 
     def volumes(self, extension: Any) -> tuple[Any, Any]:
         """Oil in cap and annulus chamber [m³] at an extension [m]: A1 s + Vd1, A2 (S − s) + Vd2."""

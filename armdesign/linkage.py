@@ -105,6 +105,28 @@ class Linkage:
             found += [self.arm.point(poses, lug.link, np.array(lug.at))]
         return found
 
+    def bars(self, poses: RigidPoses, length: float) -> dict[str, tuple[VectorJet, VectorJet]]:
+        """Both ends of every moving bar as seen from the root, with derivatives by all joints.
+
+        Barrel and rod are as long as the closed cylinder, ``length`` [m]: one from the base pin, one up to the rod end.
+        """
+        arm, joints = self.arm, tuple(range(len(self.arm.joints)))
+
+        def seen(pin: Pin) -> VectorJet:
+            return arm.motion(poses, pin.link, np.array(pin.at), arm.root, joints)
+
+        found: dict[str, tuple[VectorJet, VectorJet]] = {}
+        if self.four_bar is not None:
+            end = knee(arm, poses, self.four_bar, arm.root, joints)
+            found = {"rocker": (seen(self.four_bar.pivot), end), "coupler": (end, seen(self.four_bar.lug))}
+        else:
+            assert self.rod_end is not None
+            end = seen(self.rod_end)
+        base = seen(self.base)
+        span = end - base
+        along = span * (span.dot(span).sqrt().reciprocal() * length)
+        return {"barrel": (base, base + along), "rod": (end - along, end), **found}
+
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the four-bar does not close."""
         return np.asarray(np.linalg.norm(self._span(poses).value, axis=1))

@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign import machine_file
-from armdesign.arm import Arm, RigidPoses
+from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder, Fluid, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError
+from armdesign.jets import VectorJet
 from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.machine_file import CylinderSection, MachineSection, PinSection, ValveSection
 from armdesign.poses import Poses, is_singular, static_forces
@@ -247,12 +248,37 @@ class Machine:
         )
 
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
-        """M, g and ∂g/∂q with the payload at work (it weighs nothing where its mass is 0)."""
-        base = (rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)
-        if self.payload.mass == 0 or self.payload.link is None:
-            return base
-        added = self.arm.point_mass(rigid, self.payload.link, np.array(self.payload.at), self.payload.mass)
-        return base[0] + added[0], base[1] + added[1], base[2] + added[2]
+        """M, g and ∂g/∂q with the payload at work and the cylinders' and four-bars' own masses."""
+        mass, gravity, slope = rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness
+        points = self.bar_points(rigid)
+        if self.payload.mass > 0 and self.payload.link is not None:
+            joints = tuple(range(len(self.joints)))
+            at = np.array(self.payload.at)
+            points.append((self.payload.mass, self.arm.motion(rigid, self.payload.link, at, self.arm.root, joints)))
+        if not points:
+            return mass, gravity, slope
+        added = of_points(points)
+        return mass + added[0], gravity + added[1], slope + added[2]
+
+    def dynamics(self) -> Dynamics:
+        """Forward dynamics of links, payload at work and bars; each has scratch data of its own."""
+        load = self.payload
+        return Dynamics(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
+
+    @property
+    def has_bars(self) -> bool:
+        """Whether a cylinder or four-bar has mass of its own."""
+        return any(cylinder.moving_masses for cylinder in self.cylinders)
+
+    def bar_points(self, rigid: RigidPoses) -> list[tuple[float, VectorJet]]:
+        """Point masses [kg] that stand for barrels, rods, rockers and couplers: uniform slender bars."""
+        points: list[tuple[float, VectorJet]] = []
+        for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
+            masses = cylinder.moving_masses
+            bars = linkage.bars(rigid, cylinder.closed_length) if masses else {}
+            for name, mass in masses.items():
+                points += points_of_bar(mass, bars[name])
+        return points
 
     @cached_property
     def shared(self) -> tuple[tuple[int, ...], ...]:
@@ -433,6 +459,10 @@ def _cylinder(name: str, section: CylinderSection) -> Cylinder:
         annulus_hose_volume=section.hose.annulus_l * litre,
         hose_modulus=section.hose.bulk_modulus_MPa * MPa,
         compliance=section.compliance_m_per_N,
+        barrel_mass=section.barrel_kg,
+        rod_mass=section.rod_kg,
+        rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
+        coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
         valve=_valve(section.valve) if section.valve else None,
         friction=Friction(
             coulomb=friction.coulomb_N,

@@ -494,12 +494,3 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
             f"{cylinder.friction.static_N:g} N is below the Coulomb friction",
             f"give 0 or at least {cylinder.friction.coulomb_N:g} N",
         )
-    masses = {"barrel_kg": cylinder.barrel_kg, "rod_kg": cylinder.rod_kg}
-    if cylinder.four_bar is not None:
-        masses |= {
-            "four_bar.rocker_kg": cylinder.four_bar.rocker_kg,
-            "four_bar.coupler_kg": cylinder.four_bar.coupler_kg,
-        }
-    for key, mass in masses.items():
-        if mass > 0:
-            refuse(f"{path}.{key}", f"{mass:g} kg: moving masses of cylinders are not modelled yet", "give 0")

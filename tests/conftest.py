@@ -14,7 +14,7 @@ settings.register_profile(
 settings.load_profile("house")
 
 SHIPPED = ("paper_1dof", "excavator_20t")
-EVERY = (*SHIPPED, *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
+EVERY = (*SHIPPED, "heavy_bars", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
 
 
 @pytest.fixture(params=EVERY)

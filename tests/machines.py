@@ -132,6 +132,7 @@ STICK = Joint("stick", "boom", xyz=(2.5, 0, 0), rpy=(0, 0.7, 0), mass=150)
 BUCKET = Joint("bucket", "stick", xyz=(1.6, 0, 0), rpy=(0, 0.3, 0), mass=80, com=(0.4, 0, 0.2))
 LIFT = Function("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
 FOLD = Function("fold", ("boom", (1.3, 0, 0.7)), ("stick", (-0.4, 0, 0.25)))
+BAR_MASSES = {"barrel": 110, "rod": 85}
 SOFT = "count = 2\ncompliance_m_per_N = 2e-8\nhose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"
 
 
@@ -205,7 +206,16 @@ def named(name: str) -> Machine:
     """A shipped machine, one of `ODD`, or `random_<seed>`; read once."""
     if name.startswith("random_"):
         return random_machine(int(name.removeprefix("random_")))
+    if name == "heavy_bars":
+        return heavy_bars()
     return ODD[name]() if name in ODD else load(name)
+
+
+def heavy_bars() -> Machine:
+    """The 20 t machine with cylinders and four-bar that weigh: masses of that order, made up."""
+    masses = {f"{name}.{part}_kg": mass for name in ("boom", "stick", "bucket") for part, mass in BAR_MASSES.items()}
+    four_bar = {"bucket.four_bar.rocker_kg": 95, "bucket.four_bar.coupler_kg": 130}
+    return load("excavator_20t").replace({f"cylinder.{key}": value for key, value in (masses | four_bar).items()})
 
 
 def random_machine(seed: int) -> Machine:

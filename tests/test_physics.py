@@ -116,6 +116,9 @@ class Reference:
 
 
 def test_inertia_and_gravity_are_pinocchios_with_the_payload_as_a_body(machine: ad.Machine) -> None:
+    """Bars that are no links have a test of their own."""
+    bare = [replace(c, barrel_mass=0.0, rod_mass=0.0, rocker_mass=0.0, coupler_mass=0.0) for c in machine.cylinders]
+    machine = replace(machine, cylinders=tuple(bare))
     other = Reference(machine)
     poses = machine.at(inner_poses(machine, 4))
     pick = np.ix_(other.rows, other.rows)
@@ -127,6 +130,43 @@ def test_inertia_and_gravity_are_pinocchios_with_the_payload_as_a_body(machine: 
         assert_same(
             poses.gravity_stiffness[row], pinocchio.computeGeneralizedGravityDerivatives(*arguments)[pick], 1e-12
         )
+
+
+def test_bars_weigh_and_move_like_many_small_masses() -> None:
+    """By brute force: each bar cut into 400 pieces, their places differenced for kinetic and potential energy."""
+    machine = named("heavy_bars").with_payload("empty")
+    light = named("excavator_20t").with_payload("empty")
+    q = inner_poses(machine, 3)
+    shares = (np.arange(400) + 0.5) / 400
+
+    def pieces(at: np.ndarray) -> np.ndarray:
+        """Places (n, pieces, 3) times the square root of their masses; of all bars in a row."""
+        poses = machine.arm.kinematics(at)
+        rows = []
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            base, end, *bars = linkage.pins(poses)
+            along = (end - base) / np.linalg.norm(end - base, axis=1)[:, None] * cylinder.closed_length
+            found = [(base, base + along, cylinder.count * 110), (end - along, end, cylinder.count * 85)]
+            if bars:
+                found += [(bars[0], bars[1], 95), (bars[1], bars[2], 130)]
+            for start, stop, mass in found:
+                places = start[:, None] + shares[None, :, None] * (stop - start)[:, None]
+                rows.append(places * np.sqrt(mass / 400))
+        return np.concatenate(rows, axis=1)
+
+    def torque(at: np.ndarray) -> np.ndarray:
+        weights = np.concatenate(
+            [np.full(400, np.sqrt(m / 400)) for c in machine.cylinders for m in c.moving_masses.values()]
+        )
+        return GRAVITY * np.einsum("p,npj->nj", weights, difference(pieces, at)[:, :, 2])
+
+    jacobian = difference(pieces, q)  # (n, pieces, 3, nq)
+    mass = np.einsum("npij,npik->njk", jacobian, jacobian)
+    heavy, bare = machine.at(q), light.at(q)
+    # 400 pieces miss 1/400² of a bar's turning inertia
+    assert_same(heavy.mass_matrix - bare.mass_matrix, mass, 1e-5)
+    assert_same(heavy.gravity_torque - bare.gravity_torque, torque(q), 1e-7)
+    assert_same(heavy.gravity_stiffness, difference(lambda at: machine.at(at).gravity_torque, q), 1e-7)
 
 
 def test_placements_are_pinocchios(machine: ad.Machine) -> None:

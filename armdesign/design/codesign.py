@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.limits import Limits, holding_rows, limits, relaxation
 from armdesign.design.problem import Problem
-from armdesign.design.sizing import Step, StepProgramme, dual_bound
+from armdesign.design.sizing import Step, StepProgramme, dual_bound, programme
 from armdesign.errors import InfeasibleError
 
 ACTIVE = 24  # poses in one programme
@@ -84,11 +84,13 @@ class Search:
         bound = math.inf
         base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
         chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
-        room = (*_padded(linear.values, linear.jacobian), np.zeros(len(low)), high - low)
+        kept = self.programme
+        count = kept.shape[2] if kept else 0
+        room = (*_padded(linear.values, linear.jacobian, count), np.zeros(len(low)), high - low)
         for _ in range(6):
-            programme = self._programme((len(chosen), base.shape[1], len(room[0]), len(low)))
+            shape = (len(chosen), base.shape[1], len(room[0]), len(low))
             try:
-                step = programme.solve(base[chosen], slopes[:, chosen], *room)
+                step = self._programme(shape).solve(base[chosen], slopes[:, chosen], *room)
             except InfeasibleError:  # the solver gave up: what is known so far still holds
                 break
             bound = min(bound, dual_bound(step, base[chosen], slopes[:, chosen], *room))
@@ -97,6 +99,7 @@ class Search:
             if len(worse) == 0 or lowest.min() > bound * (1 - 1e-4):
                 break
             chosen = np.concatenate([chosen, worse])
+        self.programme = kept
         return hertz(bound * self.reference) if math.isfinite(bound) else None
 
     def _look_at_all(self) -> None:
@@ -148,8 +151,8 @@ class Search:
         base, slopes = self.problem.matrices(self.x, active)
         keep = _nearest_limits(at, low, high, 160)
         value, jacobian = _padded(at.values[keep], at.jacobian[keep])
-        programme = self._programme((len(active), base.shape[1], len(value), len(self.x)))
-        step = programme.solve(base / self.reference, slopes / self.reference, value, jacobian, low, high)
+        shape = (len(active), base.shape[1], len(value), len(self.x))
+        step = self._programme(shape).solve(base / self.reference, slopes / self.reference, value, jacobian, low, high)
         multipliers = np.zeros(len(at.values))
         multipliers[keep] = step.multipliers[: len(keep)]
         return replace(step, multipliers=multipliers)
@@ -157,7 +160,7 @@ class Search:
     def _programme(self, shape: tuple[int, int, int, int]) -> StepProgramme:
         """The programme of this shape: the one at hand, if it fits, because setting one up costs several solutions."""
         if self.programme is None or self.programme.shape != shape:
-            self.programme = StepProgramme(*shape)
+            self.programme = programme(*shape)
         return self.programme
 
     def worth(self) -> dict[str, float]:
@@ -202,9 +205,12 @@ def _missed(at: Limits) -> float:
     return float(np.maximum(-at.values, 0.0).sum())
 
 
-def _padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Constraints filled up with ones that always hold, to a multiple of 40, so that a programme serves many times."""
-    more = -len(value) % 40
+def _padded(value: Array, jacobian: Array, count: int = 0) -> tuple[Array, Array]:
+    """Constraints filled up with ones that always hold, so that a programme serves many times.
+
+    To ``count``, or to a multiple of 40 if there are more.
+    """
+    more = count - len(value) if count >= len(value) else -len(value) % 40
     return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
 

@@ -126,7 +126,8 @@ def size_cylinders(
     """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
 
     With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in the areas: one
-    semidefinite programme is the global optimum and ``bound`` its dual certificate. With "fixed" each step replaces
+    semidefinite programme is the global optimum and ``bound`` its dual certificate (where buckling binds, which is
+    reverse-convex, the bound may stay above the value). With "fixed" each step replaces
     the convex stiffness by its tangent, so frequencies rise from step to step; ``bound`` comes from its chord over all
     areas that are allowed.
 

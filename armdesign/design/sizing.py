@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,12 @@ class StepProgramme:
             high_multipliers=np.asarray(self._box[1].dual_value),
             weights=turned @ np.array([c.dual_value for c in self._matrices]).reshape(base.shape) @ frame,
         )
+
+
+@lru_cache(maxsize=8)
+def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
+    """The programme of this shape, set up once in a process; not for use by several threads at a time."""
+    return StepProgramme(n, nq, m, nx)
 
 
 def _levelled(base: Array) -> Array:

@@ -172,8 +172,7 @@ class Plant:
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.functions = tuple(Function.of(machine, cylinder) for cylinder in machine.cylinders)
-        load = machine.payload
-        self.dynamics = machine.arm.dynamics(load.link, load.at, load.mass)
+        self.dynamics = machine.dynamics()
         self._reaches = tuple(Reach(linkage) for linkage in machine.linkages)
         self.nq, self.nc = len(machine.joints), len(self.functions)
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, self.nc, self.nc])

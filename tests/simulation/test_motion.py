@@ -60,8 +60,10 @@ def oil_energy(machine: Machine, run: motion.Simulation) -> np.ndarray:
     return total
 
 
-def test_energy_is_conserved_once_the_valves_are_shut(excavator: Machine) -> None:
+@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars"])
+def test_energy_is_conserved_once_the_valves_are_shut(name: str) -> None:
     """Kinetic + potential + oil energy of the ringing arm; a pulse has set it in motion, the spool has come to rest."""
+    excavator = machines.named(name).with_payload("full")
     run = simulate(excavator, WORST, {"boom": pulse(-0.01), "bucket": pulse(0.02)}, duration=12.0)
     ringing = run.time > 2.0
     rings = replace(

@@ -11,7 +11,7 @@ from armdesign.simulation.reach import Reach
 
 def test_length_and_moment_arm(machine: Machine) -> None:
     q = machines.inner_poses(machine, 5)
-    poses, dynamics = machine.at(q), machine.arm.dynamics()
+    poses, dynamics = machine.at(q), machine.dynamics()
     for row, pose in enumerate(q.tolist()):
         frames = dynamics.frames(pose)
         for i, linkage in enumerate(machine.linkages):
@@ -26,8 +26,7 @@ def test_length_and_moment_arm(machine: Machine) -> None:
 def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine) -> None:
     """q̈ = M⁻¹(τ − g) at q̇ = 0, with M and g of ``Poses``, where the payload is added in numpy and not as a body."""
     q = machines.inner_poses(machine, 3)
-    poses, load = machine.at(q), machine.payload
-    dynamics = machine.arm.dynamics(load.link, load.at, load.mass)
+    poses, dynamics = machine.at(q), machine.dynamics()
     torque = np.linspace(-1e3, 1e3, len(machine.joints))
     for row, pose in enumerate(q.tolist()):
         expected = np.linalg.solve(poses.mass_matrix[row], torque - poses.gravity_torque[row])
