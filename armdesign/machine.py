@@ -104,7 +104,8 @@ class Machine:
     def with_payload(self, payload: str | float) -> Machine:
         """The same machine under another load case (its name), or with another mass [kg] in its place.
 
-        A mass takes the place of the case at work; if that has none, of the first case that has.
+        A mass sits where the case at work has its own; if that has none, where the first case has that has one. It is a
+        load case beside those of the file, and maps and designs count it too; the file itself does not change.
         """
         if isinstance(payload, str):
             named = {case.name: case for case in self.payloads}
@@ -122,8 +123,18 @@ class Machine:
             raise ArmDesignError(
                 f"{self.name}: payload", "no load case says where a mass sits", "add link and at_mm to one"
             )
-        case = placed or self.payload
-        return dataclasses.replace(self, payload=dataclasses.replace(case, name=f"{payload:g} kg", mass=float(payload)))
+        case = dataclasses.replace(placed or self.payload, name=f"{payload:g} kg", mass=float(payload))
+        return dataclasses.replace(self, payload=case, payloads=(*self._cases_of_file, case))
+
+    @property
+    def _cases_of_file(self) -> tuple[Payload, ...]:
+        return tuple(case for case in self.payloads if case.name in self.section.payload)
+
+    def loaded_like(self, other: Machine) -> Machine:
+        """This machine with the load case at work of another, and with its mass beside the file's, if it has one."""
+        own = tuple(case for case in other.payloads if case.name not in other.section.payload)
+        machine = dataclasses.replace(self, payloads=(*self._cases_of_file, *own))
+        return machine.with_payload(other.payload.name)
 
     def replace(self, changes: Mapping[str, Any]) -> Machine:
         """The machine with other numbers at key paths of its file, in the file's units.
@@ -143,10 +154,7 @@ class Machine:
             self.section.urdf,
         )
         machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
-        named = {case.name for case in machine.payloads}
-        if self.payload.name in named:
-            return machine.with_payload(self.payload.name)
-        return dataclasses.replace(machine, payload=self.payload)  # a mass of its own
+        return machine.loaded_like(self)
 
     def save(self, path: str | Path) -> Path:
         """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""

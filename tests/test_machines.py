@@ -1,4 +1,4 @@
-"""The shipped machines against what is known of them: statements of their sources, data sheets, a second implementation.
+"""The shipped machines against what is known of them: their sources, data sheets, a second implementation.
 
 Where a number comes from:
 
@@ -169,7 +169,7 @@ def loading_height(name: str) -> float:
 
 
 def digging(name: str) -> dict[str, tuple[float, float]]:
-    """By hand, after ISO 6015: p A r / distance to the tooth, at the largest r; the bucket as it digs best [kN, deg]."""
+    """By hand, after ISO 6015: p A r / distance to the tooth, at the largest r, bucket as it digs best [kN, deg]."""
     machine = machines.named(name)
     q = machine.ranges.mean(axis=1)
     found = {}
@@ -178,8 +178,7 @@ def digging(name: str) -> dict[str, tuple[float, float]]:
         poses = machine.at(sweep(machine, joint, 8001))
         arms = np.abs(poses.moment_arms[:, i, joint])
         q[joint] = poses.q[arms.argmax(), joint]
-        stick, bucket = (machine.arm.point(machine.arm.kinematics(q[None]), k, np.zeros(3)) for k in ("stick", "bucket"))
-        pivot = bucket if cylinder == "bucket" else stick
+        pivot = machine.arm.point(machine.arm.kinematics(q[None]), cylinder, np.zeros(3))  # the link's own joint
         distance = float(np.linalg.norm(machine.at(q).tool - pivot))
         force = machine.supply.pressure * machine.cylinders[i].bore_area * arms.max() / distance
         found[cylinder] = (force / 1e3, math.degrees(q[joint]))
@@ -220,7 +219,7 @@ def test_ranges_of_the_exact_arm() -> None:
 
 
 def test_ranges_of_the_zx120() -> None:
-    """Source: zx120.xacro, whole degrees (strokes are rounded to 1 mm, worth 0.2°); the bucket stops 7° short of −143°."""
+    """Source: zx120.xacro, whole degrees (strokes of whole mm: 0.2°); the bucket stops 7° short of −143°."""
     ranges = np.degrees(machines.named("excavator_12t").ranges)
     assert_allclose(ranges[:2], [(-44, 70), (-152, -30)], rtol=0, atol=0.2)
     assert_allclose(ranges[2], (-135.6, 33), rtol=0, atol=0.2)
@@ -243,8 +242,7 @@ def test_paper_triangle() -> None:
     assert_allclose(poses.extensions[0, 0], 0.5, rtol=0, atol=1e-7)
     assert_allclose(abs(poses.moment_arms[0, 0, 0]), d1 * a1 / middle, rtol=1e-12)
     assert machine.cylinders[0].stroke == pytest.approx(stroke)
-    load = machine.payload.mass * 9.81 * np.array([1.0])  # the load's lever about the joint is l2 = 1 m
-    assert_allclose(poses.gravity_torque[0], load, rtol=1e-3)  # g = 9.81 or 9.80665
+    assert_allclose(poses.gravity_torque[0, 0], machine.payload.mass * 9.81 * 1.0, rtol=1e-3)  # l2 = 1 m, any g
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -264,15 +262,13 @@ def test_dead_lengths(name: str) -> None:
     assert dead == pytest.approx(FACTS[name].dead_lengths, abs=1e-9)
 
 
-def test_four_bar_of_the_crane_cannot_take_the_sourced_stroke() -> None:
-    """Sourced stroke 780 mm: knee and base pin come no further apart than 1808 mm, short of 1050 + 780 mm."""
+def test_sourced_tilt_stroke_folds_the_crane_through_itself() -> None:
+    """Why the stroke is clipped: at the sourced 1050 + 780 mm the tilt boom has turned past the lift boom, −180°."""
     machine = machines.named("loader_crane")
-    q = np.zeros((3601, 3))
-    q[:, 1] = np.linspace(-math.pi, 0, 3601)
-    with np.errstate(invalid="ignore"):
-        lengths = machine.linkages[1].length(machine.arm.kinematics(q))
-    assert np.nanmax(lengths) == pytest.approx(1.808, abs=1e-3)
-    assert np.nanmax(lengths) < 1.050 + 0.780
+    folded = np.radians([[0.0, -180.0, 0.0], [0.0, -190.6, 0.0]])
+    lengths = machine.linkages[1].length(machine.arm.kinematics(folded))
+    assert lengths[0] < 1.050 + 0.780
+    assert lengths[1] == pytest.approx(1.050 + 0.780, abs=1e-4)
 
 
 # ------------------------------------------------------------------------------------------------------------ workspace
@@ -319,14 +315,17 @@ def test_digging_forces(name: str) -> None:
 
 @pytest.mark.parametrize("name", REAL)
 def test_static_pressures_under_full_payload(name: str) -> None:
-    """Second, 0.1 MPa, maxima over samples of the joint box: half a digit and 3 %. It knows no pitch limits."""
+    """Second, 0.1 MPa, maxima over a coarse grid: ours are not lower but for half a digit, and at most 4 % higher.
+
+    It knows no pitch limits: the load is in the bucket at every pose.
+    """
     machine = machines.named(name).with_payload("full")
     poses = machine.at(box(machine, (2001,) if len(machine.joints) == 1 else (31, 31, 31)))
     for i, cylinder in enumerate(machine.cylinders):
         force = poses.cylinder_forces[:, i]
         cap, annulus = FACTS[name].pressures[cylinder.name]
-        assert max(0.0, force.max()) / cylinder.bore_area / MPA == pytest.approx(cap, rel=0.03, abs=0.051)
-        assert max(0.0, -force.min()) / cylinder.annulus_area / MPA == pytest.approx(annulus, rel=0.03, abs=0.051)
+        assert cap - 0.051 < max(0.0, force.max()) / cylinder.bore_area / MPA < 1.04 * cap + 0.051
+        assert annulus - 0.051 < max(0.0, -force.min()) / cylinder.annulus_area / MPA < 1.04 * annulus + 0.051
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -464,7 +463,7 @@ def test_every_number_of_the_urdf_has_its_source(name: str) -> None:
     for link in robot.findall("link/inertial"):
         used += [("mass", str(mass.get("value"))) for mass in link.findall("mass")]
         used += [("inertia", value) for inertia in link.findall("inertia") for value in inertia.attrib.values()]
-        used += [("centre of mass", word) for origin in link.findall("origin") for word in str(origin.get("xyz")).split()]
+        used += [("centre", x) for origin in link.findall("origin") for x in str(origin.get("xyz")).split()]
     for joint in robot.findall("joint"):
         used += [(str(joint.get("name")), value) for limit in joint.findall("limit") for value in limit.attrib.values()]
         used += [(str(joint.get("name")), x) for o in joint.findall("origin") for x in str(o.get("xyz")).split()]

@@ -31,6 +31,7 @@ from armdesign.workspace import Workspace
 GRID = 0.1  # [mm] what a drawing can say
 STARTS = 3
 COMBINATIONS = 128  # of rounded bores and rods that are tried
+BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
 TOLERANCE = 1e-9  # of a slack
 BINDING = 2e-3  # a requirement with less slack than this binds
 
@@ -111,9 +112,8 @@ def optimize(
         raise ArmDesignError("vary", f"{list(vary)} is not allowed", 'give "areas", "pins" or both')
     workspace, requirements = _defaults(machine, workspace, requirements)
     problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
-    searches = _multistart(problem, starts if any(v.pin for v in problem.variables) else 1, seed)
-    best = max(searches, key=lambda s: (s.violation < 1e-6, s.merit))
-    return _design(best, tuple(hertz(s.squared) for s in searches))
+    best, reached = _multistart(problem, starts if any(v.pin for v in problem.variables) else 1, seed)
+    return _design(best, reached)
 
 
 def size_cylinders(
@@ -158,8 +158,8 @@ def _defaults(
     return workspace or Workspace.grid(machine, end_margin=requirements.end_margin), requirements
 
 
-def _multistart(problem: Problem, starts: int, seed: int) -> list[Search]:
-    """From today's machine and from random pins, first roughly; the best is finished."""
+def _multistart(problem: Problem, starts: int, seed: int) -> tuple[Search, tuple[float, ...]]:
+    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz]."""
     random = np.random.default_rng(seed)
     searches = []
     programme = None
@@ -173,7 +173,11 @@ def _multistart(problem: Problem, starts: int, seed: int) -> list[Search]:
         programme = search.programme
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
     best.run(trust=0.05, tolerance=1e-5)
-    return searches
+    for _ in range(BAR_ROUNDS if problem.machine.has_bars and "pins" in problem.vary else 0):
+        # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
+        best.problem = replace(problem, bars_at=best.x)
+        best.run(trust=0.02, tolerance=1e-5)
+    return best, tuple(hertz(s.squared) for s in searches)
 
 
 def _design(search: Search, starts: tuple[float, ...]) -> Design:
@@ -357,4 +361,4 @@ def _through_file(machine: Machine, changes: dict[str, Any]) -> Machine:
     """The changed machine, saved and loaded again."""
     with tempfile.TemporaryDirectory() as folder:
         path = machine.replace(changes).save(Path(folder) / machine.source.name)
-        return replace(load(path), source=machine.source)
+        return replace(load(path), source=machine.source).loaded_like(machine)

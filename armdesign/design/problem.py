@@ -1,8 +1,9 @@
 """The design problem in arrays: stiffness and strokes with exact derivatives at a vector of design variables.
 
 The vector x holds for every cylinder its bore and annulus area (relative to today's) and the moves of its pins
-(relative to the pin box), 1 and 0 for today's machine. Rigid bodies do not depend on x. Derivatives are exact: pins by
-the analytic sensitivities of the linkage, everything after them (oil, statics, sums) by a complex step.
+(relative to the pin box), 1 and 0 for today's machine. Rigid bodies do not depend on x; the cylinders' own masses,
+where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: pins by the analytic
+sensitivities of the linkage, everything after them (oil, statics, sums) by a complex step.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ class Problem:
     vary: tuple[str, ...]
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
     proportional: bool = False  # dead volumes grow with the areas
+    bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
 
     # ------------------------------------------------------------------------------------------------ variables
 
@@ -149,10 +151,20 @@ class Problem:
         """Every pair of a pose and a load case that exists there."""
         parts = []
         for k, payload in enumerate(self.machine.payloads):
-            case = self.machine.with_payload(payload.name)
+            case = self._with_bars_moved.with_payload(payload.name)
             pose = np.flatnonzero(case.holds(self.workspace.rigid))
             parts.append((pose, np.full(len(pose), k), *case.loaded(self.workspace.rigid[pose])))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    @property
+    def _with_bars_moved(self) -> Machine:
+        """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
+        if self.bars_at is None or not self.machine.has_bars:
+            return self.machine
+        closed, _ = self._strokes(self.bars_at, self._range_lengths(self.bars_at)[0])
+        pairs = zip(self.machine.cylinders, closed, strict=True)
+        cylinders = tuple(dataclasses.replace(c, closed_length=float(length)) for c, length in pairs)
+        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(self.bars_at)))
 
     @cached_property
     def _inverse_cholesky(self) -> Array:
