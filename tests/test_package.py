@@ -19,7 +19,8 @@ ORDER = [
     *("urdf", "jets", "arm", "linkage"),
     *("machine_file", "poses", "ranges", "machine", "modes"),
     *("workspace", "maps"),
-    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.optimum"),
+    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
+    "design.optimum",
     *(
         "simulation.reach",
         "simulation.plant",

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,6 +115,12 @@ class Validation:
             for run in self.runs
         ]
         return pd.DataFrame(rows)
+
+    def plot(self) -> Any:
+        """Measured and fitted frequency response of the first sweep; returns the figure."""
+        from armdesign import plots
+
+        return plots.frequency_responses({f"payload {self.runs[0].payload}": self})
 
     @property
     def worst_deviation(self) -> float:
