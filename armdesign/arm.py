@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.jets import VectorJet, cross
 from armdesign.units import GRAVITY
@@ -208,6 +208,9 @@ class Arm:
 
     def rigid_poses(self, q: Array) -> RigidPoses:
         """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
+        return stacked((self._rigid_poses(q[rows]) for rows in chunks(len(q))), len(q))
+
+    def _rigid_poses(self, q: Array) -> RigidPoses:
         import pinocchio
 
         model, data, index = self._pinocchio
@@ -215,10 +218,10 @@ class Arm:
         mass, gravity, stiffness = np.empty((n, nq, nq)), np.empty((n, nq)), np.empty((n, nq, nq))
         ordered = np.empty_like(q)
         ordered[:, index] = q
-        for row in range(n):
-            mass[row] = pinocchio.crba(model, data, ordered[row])
-            gravity[row] = pinocchio.computeGeneralizedGravity(model, data, ordered[row])
-            stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, ordered[row])
+        for row, at in enumerate(ordered):
+            mass[row] = pinocchio.crba(model, data, at)
+            stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, at)
+            gravity[row] = data.g  # a by-product of its derivative
         mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)  # crba fills the upper triangle only
         pick = np.ix_(np.arange(n), index, index)
         return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
@@ -237,7 +240,7 @@ Frame: TypeAlias = tuple[
 def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
     """M, g and ∂g/∂q of point masses [kg] seen from the root: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
     return (
-        sum((mass * np.einsum("nji,nki->njk", p.first, p.first) for mass, p in points), np.zeros(())),
+        sum((mass * (p.first @ np.swapaxes(p.first, 1, 2)) for mass, p in points), np.zeros(())),
         sum((mass * GRAVITY * p.first[:, :, 2] for mass, p in points), np.zeros(())),
         sum((mass * GRAVITY * p.second[:, :, :, 2] for mass, p in points), np.zeros(())),
     )

@@ -1,11 +1,77 @@
-"""The array types of all signatures; shapes are in the docstrings, axis 0 is the pose."""
+"""The array types of all signatures (axis 0 is the pose), and work on long arrays chunk by chunk."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 Array: TypeAlias = NDArray[Any]  # of float, or complex where a complex step passes
 Flags: TypeAlias = NDArray[np.bool_]
+T = TypeVar("T")
+
+CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
+PATIENCE = 2.0  # [s] before a progress bar appears
+
+
+def chunks(count: int) -> Iterator[slice]:
+    """Slices of at most ``CHUNK`` rows that cover ``count`` rows; one empty slice where there are none."""
+    return (slice(start, min(start + CHUNK, count)) for start in range(0, max(count, 1), CHUNK))
+
+
+def stacked(parts: Iterable[T], count: int) -> T:
+    """One dataclass of ``count`` rows from parts of its arrays, each let go once copied; the rest is the first's."""
+    parts = iter(parts)
+    part = next(parts)
+    values: dict[str, Any] = {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    row = len(next(iter(arrays.values())))
+    if row == count:
+        return part
+    whole = {name: np.empty((count, *array.shape[1:]), array.dtype) for name, array in arrays.items()}
+    for name, array in arrays.items():
+        whole[name][:row] = array
+    for part in parts:
+        end = row
+        for name, target in whole.items():
+            array = getattr(part, name)
+            end = row + len(array)
+            target[row:end] = array
+        row = end
+    return type(part)(**values | whole)
+
+
+@cache
+def terminal() -> Console:
+    """The console on stderr; one for all who show progress, so that spinners and bars leave each other's lines."""
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+def shown(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:
+    """The same slices, with a progress bar on stderr once they take long, if that is a terminal."""
+    start, bar = time.monotonic(), None
+    try:
+        for rows in slices:
+            if bar is None and time.monotonic() - start > PATIENCE and sys.stderr.isatty():
+                from rich.progress import Progress
+
+                bar = Progress(console=terminal(), transient=True)
+                task = bar.add_task(what, total=count)
+                bar.start()
+            if bar is not None:
+                bar.update(task, completed=rows.start)
+            yield rows
+    finally:
+        if bar is not None:
+            bar.stop()

@@ -1,4 +1,4 @@
-"""The command line: ``armdesign map | optimize | validate | design MACHINE --out DIR``.
+"""The command line: ``armdesign map | optimize | validate | design MACHINE --out DIR``, ``armdesign check FILE`` ….
 
 Every command computes first and writes at the end, all files or none. Bad input is one line on stderr and exit code 2.
 """
@@ -10,12 +10,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from armdesign.errors import ArmDesignError
+from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,13 +47,33 @@ PointsOption = Annotated[
 ]
 
 
+class Habit(StrEnum):
+    """Units of printed tables."""
+
+    workshop = "workshop"
+    si = "si"
+
+    @property
+    def units(self) -> Units:
+        """The units themselves."""
+        return SI if self is Habit.si else WORKSHOP
+
+
+UnitsOption = Annotated[Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg or SI.")]
+
+
 @app.callback()
 def _root() -> None:
     pass
 
 
 @app.command("map")
-def map_command(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
+def map_command(
+    machine: MachineArgument,
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+    units: UnitsOption = Habit.workshop,
+) -> None:
     """Find the worst pose; write map.csv, heatmaps.
 
     Prints the worst pose, percentiles and which cylinder limits.
@@ -65,7 +87,7 @@ def map_command(machine: MachineArgument, out: OutOption = Path("out"), points: 
     with _outputs(out) as folder:
         _write_csv(frequencies.frame, folder / "map.csv")
         _write_heatmaps(frequencies, folder)
-    _print(report.map_sheets(frequencies))
+    _print(report.map_sheets(frequencies, units.units))
 
 
 @app.command()
@@ -74,6 +96,7 @@ def optimize(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
+    units: UnitsOption = Habit.workshop,
 ) -> None:
     """Find new sizes and pins; write the machine.
 
@@ -86,7 +109,7 @@ def optimize(
         design = _design(model, workspace, vary, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
-    _print(report.design_sheets(design))
+    _print(report.design_sheets(design, units.units))
 
 
 @app.command()
@@ -94,6 +117,7 @@ def validate(
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
+    units: UnitsOption = Habit.workshop,
 ) -> None:
     """Prove the linear answer in nonlinear runs.
 
@@ -116,7 +140,12 @@ def validate(
 
 
 @app.command()
-def design(machine: MachineArgument, out: OutOption = Path("out"), points: PointsOption = "") -> None:
+def design(
+    machine: MachineArgument,
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+    units: UnitsOption = Habit.workshop,
+) -> None:
     """The main job: all three, and report.html.
 
     Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file, maps, CSVs and report.
@@ -132,7 +161,7 @@ def design(machine: MachineArgument, out: OutOption = Path("out"), points: Point
             worst = frequencies.worst
             validations[label] = _validation(frequencies.machine, worst.payload, worst.q)
         say("writing the report")
-        sheets = [*report.design_sheets(answer), report.validation_sheet(validations)]
+        sheets = [*report.design_sheets(answer, units.units), report.validation_sheet(validations)]
         with _outputs(out) as folder:
             pictures = _write_design(answer, folder)
             _write_validations(validations, folder)
@@ -142,6 +171,83 @@ def design(machine: MachineArgument, out: OutOption = Path("out"), points: Point
             page = report.html(title, report.lead(answer), sheets, pictures)
             (folder / "report.html").write_text(page, encoding="utf-8")
     _print([*sheets, report.lead(answer)])
+
+
+@app.command()
+def check(machine: MachineArgument, points: PointsOption = "", units: UnitsOption = Habit.workshop) -> None:
+    """Explain a machine file, or list all that is wrong.
+
+    Masses, joint ranges and what ends them, reach, moment arms, static pressures, what looks odd. Writes nothing.
+    """
+    from armdesign import report
+    from armdesign.inspection import inspect, problems
+    from armdesign.machine import load
+    from armdesign.workspace import Workspace
+
+    counts = _counts(points)
+    with _progress("reading the file"):
+        faults = problems(machine)
+        if not faults:
+            model = load(machine)
+            sheets = report.check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
+    if faults:
+        for fault in faults:
+            print(f"armdesign: {fault}", file=sys.stderr)
+        raise typer.Exit(2)
+    _print(sheets)
+
+
+@app.command()
+def compare(
+    first: MachineArgument,
+    second: MachineArgument,
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+    units: UnitsOption = Habit.workshop,
+) -> None:
+    """Two machines, or two versions of one, side by side.
+
+    Worst poses, percentiles, what limits, what differs in the files; compare.csv and heatmaps on one colour scale.
+    """
+    from armdesign import comparison, plots
+    from armdesign.machine import load
+
+    with _progress("mapping both machines"):
+        counts = _counts(points)
+        _check_out(out)
+        found = comparison.compare(load(first), load(second), counts)
+    with _outputs(out) as folder:
+        _write_csv(found.frame, folder / "compare.csv")
+        for plane in ("joints", "reach"):
+            plots.save(found.plot(plane), folder / f"compare_{plane}.png")
+    _print(found.sheets(units.units))
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the new machine and its files.")],
+    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 4.")] = 2,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")] = None,
+) -> None:
+    """Write a commented starting machine file and URDF.
+
+    It loads and maps at once; every number in it is a placeholder to be replaced.
+    """
+    from armdesign import machine_file, scaffold
+
+    text, urdf = scaffold.new(name, links)
+    folder = Path(name) if out is None else out
+    _check_out(folder)
+    files = {f"{name}.toml": text, f"{name}.urdf": urdf}
+    for file in files:
+        if (folder / file).exists():
+            raise ArmDesignError(str(folder / file), "exists already", "give another name or --out another folder")
+    if not (folder / "machine.schema.json").exists():  # which editors read; several machines may share it
+        files["machine.schema.json"] = machine_file.schema()
+    with _outputs(folder) as place:
+        for file, content in files.items():
+            (place / file).write_text(content, encoding="utf-8")
+    print(f"next: armdesign map {folder / f'{name}.toml'}")
 
 
 def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str], None]) -> Design:
@@ -215,10 +321,14 @@ def _model(machine: str, points: str, out: Path) -> tuple[Machine, Workspace]:
     from armdesign.machine import load
     from armdesign.workspace import Workspace
 
-    try:
-        counts = [int(word) for word in points.split(",")] if points else None
-    except ValueError:
-        raise ArmDesignError("--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61") from None
+    counts = _counts(points)
+    _check_out(out)
+    model = load(machine)
+    return model, Workspace.grid(model, counts)
+
+
+def _check_out(out: Path) -> None:
+    """Raise if nothing can be written there."""
     try:
         there = next(place for place in (out, *out.absolute().parents) if place.exists())
     except OSError as error:
@@ -227,8 +337,15 @@ def _model(machine: str, points: str, out: Path) -> tuple[Machine, Workspace]:
         ) from None
     if not there.is_dir() or not os.access(there, os.W_OK):
         raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
-    model = load(machine)
-    return model, Workspace.grid(model, counts[0] if counts and len(counts) == 1 else counts)
+
+
+def _counts(points: str) -> int | list[int] | None:
+    """What ``--points`` asks for."""
+    try:
+        counts = [int(word) for word in points.split(",")] if points else None
+    except ValueError:
+        raise ArmDesignError("--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61") from None
+    return counts[0] if counts and len(counts) == 1 else counts
 
 
 @contextmanager
@@ -265,7 +382,14 @@ def _print(items: Sequence[Sheet | str]) -> None:
     if not console.is_terminal:
         console.width = 100
     for item in items:
-        console.print(item if isinstance(item, str) else rich_table(item), highlight=False)
+        if isinstance(item, str):
+            console.print(item, highlight=False, markup=False)
+            continue
+        console.print(item.title, style="bold", highlight=False, markup=False)
+        if item.rows:
+            console.print(rich_table(item), highlight=False)
+        if item.note:
+            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False)
 
 
 def main() -> None:
@@ -275,7 +399,7 @@ def main() -> None:
     except ArmDesignError as error:
         print(f"armdesign: {error}", file=sys.stderr)
     except _UsageError as error:
-        message = error.format_message()
+        message = error.format_message().replace("Value error, ", "")
         print(message if message.startswith("Usage") else f"armdesign: {message}", file=sys.stderr)
     except (KeyboardInterrupt, typer.Abort):
         print("armdesign: interrupted; nothing was written", file=sys.stderr)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign import machine_file
+from armdesign import foreign, machine_file
 from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder, Fluid, Supply
@@ -93,11 +93,65 @@ class Machine:
         Raises:
             MachineFileError: anything in them that no machine can have.
         """
+        machine = cls.unchecked(text, urdf_text, source, arm)
+        for fault in faults_of(machine):
+            raise fault
+        return machine
+
+    @classmethod
+    def unchecked(cls, text: str, urdf_text: str, source: Path, arm: Arm | None = None) -> Machine:
+        """As ``from_text``, but without looking at ranges and linkages: see ``faults_of``."""
         section = machine_file.parse(text, source.name)
         arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf)
-        machine = _assemble(section, arm, text=text, urdf_text=urdf_text, source=source)
-        _check(machine)
-        return machine
+        return _assemble(section, arm, text=text, urdf_text=urdf_text, source=source)
+
+    @classmethod
+    def from_urdf(
+        cls,
+        urdf: str | Path,
+        cylinders: Mapping[str, Any],
+        *,
+        name: str | None = None,
+        joints: Iterable[str] | None = None,
+        frozen: Mapping[str, float] | None = None,
+        payloads: Mapping[str, Any] | None = None,
+        tool: Mapping[str, Any] | None = None,
+        fluid: Mapping[str, Any] | None = None,
+        supply: Mapping[str, Any] | None = None,
+        requirements: Mapping[str, Any] | None = None,
+    ) -> Machine:
+        """A machine from a URDF that already exists; tables are written as in a machine file, in its units.
+
+        Args:
+            urdf: path or text.
+            cylinders: tables by name: bore_mm, rod_mm, stroke_mm, closed_length_mm, dead_volume_l, base, rod_end ….
+            name: default: the URDF's file name.
+            joints: the coordinates; default: every movable joint between the pins of a cylinder, from the root out.
+            frozen: values of the other joints [rad or m]; default 0.
+            payloads: load cases by name; default: an empty one.
+            tool: a pin; default: the origin of the outermost link that the last joint moves.
+            fluid: what differs from oil with a bulk modulus of 1200 MPa without air.
+            supply: what differs from 250 bar, 5 bar return pressure, 100 l/min.
+            requirements: as in a machine file.
+
+        Raises:
+            MachineFileError: a joint that cannot be used (planar, floating, mimic), or anything else that is wrong.
+        """
+        urdf_text, path = foreign.read(urdf)
+        text = foreign.machine_text(
+            urdf_text,
+            path,
+            cylinders,
+            name=name,
+            joints=joints,
+            frozen=frozen,
+            payloads=payloads,
+            tool=tool,
+            fluid=fluid,
+            supply=supply,
+            requirements=requirements,
+        )
+        return cls.from_text(text, urdf_text, path.with_suffix(".toml"))
 
     # ------------------------------------------------------------------------------------------------ variants
 
@@ -372,7 +426,7 @@ def load(path_or_name: str | Path) -> Machine:
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
     """
-    path = _find(_path(path_or_name))
+    path = find(path_or_name)
     text = machine_file.read_text(path)
     section = machine_file.parse(text, path.name)
     urdf_text = machine_file.read_text(path.parent / section.urdf)
@@ -399,8 +453,13 @@ def _path(value: str | Path) -> Path:
     return path
 
 
-def _find(path: Path) -> Path:
-    names = shipped()
+def find(path_or_name: str | Path) -> Path:
+    """The machine file that a path, folder or shipped name stands for.
+
+    Raises:
+        MachineFileError: no such machine.
+    """
+    path, names = _path(path_or_name), shipped()
     own = path / f"{path.resolve().name if path.is_dir() else path.name}.toml"
     if own.is_file():
         return own
@@ -413,7 +472,7 @@ def _find(path: Path) -> Path:
     raise MachineFileError(str(path), "no such machine", f"{_choose(str(path), names)}, or give a .toml file")
 
 
-def _choose(name: str, known: Mapping[str, Any]) -> str:
+def _choose(name: str, known: Collection[str]) -> str:
     close = difflib.get_close_matches(name, known, n=1)
     return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"
 
@@ -481,28 +540,30 @@ def _cylinder(name: str, section: CylinderSection) -> Cylinder:
     )
 
 
-def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
-    def known(link: str, path: str) -> None:
-        if link not in arm.links:
-            raise MachineFileError(
-                f"{source.name}: {path}.link", f'no link "{link}" in the URDF', _choose(link, arm.links)
-            )
+def unknown_links(section: MachineSection, links: Collection[str], source: str) -> list[MachineFileError]:
+    """A fault for every link that the machine file names and the URDF does not have."""
+    named = {f"payload.{name}": case.link for name, case in section.payload.items()}
+    named["tool"] = section.tool.link
+    for name, cylinder in section.cylinder.items():
+        bars = cylinder.four_bar
+        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
+        pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
+        named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None}
+    return [
+        MachineFileError(f"{source}: {path}.link", f'no link "{link}" in the URDF', _choose(link, links))
+        for path, link in named.items()
+        if link is not None and link not in links
+    ]
 
+
+def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
+    for fault in unknown_links(section, arm.links, source.name):
+        raise fault
     payloads = []
     for name, case in section.payload.items():
-        if case.link is not None:
-            known(case.link, f"payload.{name}")
         x, y, z = (value * mm for value in case.at_mm or (0.0, 0.0, 0.0))
         pitch = (case.pitch_deg[0] * deg, case.pitch_deg[1] * deg) if case.pitch_deg else None
         payloads.append(Payload(name=name, mass=case.mass_kg, link=case.link, at=(x, y, z), pitch=pitch))
-    known(section.tool.link, "tool")
-    for name, cylinder in section.cylinder.items():
-        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
-        if cylinder.four_bar:
-            pins |= {"four_bar.pivot": cylinder.four_bar.pivot, "four_bar.lug": cylinder.four_bar.lug}
-        for key, pin in pins.items():
-            if pin is not None:
-                known(pin.link, f"cylinder.{name}.{key}")
     return Machine(
         name=section.name,
         arm=arm,
@@ -528,36 +589,57 @@ def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, s
     )
 
 
-def _check(machine: Machine) -> None:
+def faults_of(machine: Machine) -> Iterator[MachineFileError]:
     """What only the assembled machine can tell: every joint driven, four-bars planar, every joint has a range."""
     source, arm = machine.source.name, machine.arm
+    sound = True
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         where = f"{source}: cylinder.{cylinder.name}"
         if not linkage.joints:
-            raise MachineFileError(
+            sound = False
+            yield MachineFileError(
                 where, "no joint lies between its pins", "put its pins on links that move to each other"
             )
-        if linkage.four_bar is not None:
-            _check_four_bar(where, linkage)
+        elif linkage.four_bar is not None and (fault := _fault_of_four_bar(where, linkage)):
+            sound = False
+            yield fault
     driven = {j for linkage in machine.linkages for j in linkage.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
-            raise MachineFileError(
+            sound = False
+            yield MachineFileError(
                 f"{source}: joints", f'no cylinder moves "{joint.name}"', "add a cylinder or freeze the joint"
             )
-    middle = machine.ranges.mean(axis=1)[None]
+    if sound:
+        yield from _faults_of_ranges(machine)
+
+
+def _faults_of_ranges(machine: Machine) -> Iterator[MachineFileError]:
+    """Each joint that has no range, then cylinders that leave a motion free at the middle of all of them."""
+    source = machine.source.name
+    try:
+        middle = machine.ranges.mean(axis=1)[None]
+    except MachineFileError:
+        pairs = list(zip(machine.linkages, machine.cylinders, strict=True))
+        for j in range(len(machine.joints)):
+            own = [(linkage, cylinder) for linkage, cylinder in pairs if linkage.joints == (j,)]
+            try:
+                joint_ranges(machine.arm, tuple(k for k, _ in own), tuple(c for _, c in own), 0.0, source)
+            except MachineFileError as error:
+                yield error
+        return
     if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
-        raise MachineFileError(
+        yield MachineFileError(
             f"{source}: cylinder", "the cylinders leave a direction of motion free", "check their pins"
         )
 
 
-def _check_four_bar(where: str, linkage: Linkage) -> None:
+def _fault_of_four_bar(where: str, linkage: Linkage) -> MachineFileError | None:
     bars, arm = linkage.four_bar, linkage.arm
     assert bars is not None
     path = arm.path(bars.pivot.link, bars.lug.link)
     if len(path) != 1 or not arm.joints[path[0][0]].revolute:
-        raise MachineFileError(
+        return MachineFileError(
             f"{where}.four_bar",
             "pivot and lug are not on the two links of one revolute joint",
             "place them so",
@@ -566,8 +648,9 @@ def _check_four_bar(where: str, linkage: Linkage) -> None:
     zero = arm.kinematics(np.zeros((1, len(arm.joints))))
     normal = arm.link_rotation(zero, bars.pivot.link)[0, :, 1]
     if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
-        raise MachineFileError(
+        return MachineFileError(
             f"{where}.four_bar",
             f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
             "a four-bar lies in its link's x–z plane",
         )
+    return None

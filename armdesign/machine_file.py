@@ -9,8 +9,10 @@ from __future__ import annotations
 import contextlib
 import difflib
 import errno
+import json
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -21,7 +23,8 @@ from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]*$", max_length=64)]
+NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Length = Annotated[float, Field(gt=0, le=100_000)]
 Volume = Annotated[float, Field(ge=0, le=10_000)]
@@ -51,6 +54,56 @@ UNITS = {  # by the end of the key, longer ends first
     "N": "N",
     "l": "l",
 }
+DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
+    "name": "short name: letters, digits, _ and -",
+    "title": "name for people",
+    "urdf": "the URDF, relative to this file",
+    "joints": "the coordinates, in this order; every other joint of the URDF is frozen",
+    "frozen": "values of frozen joints [rad or m]; 0 where none is given",
+    "tool": "the point whose place is reported",
+    "payload": "load cases by name; the worst one counts",
+    "cylinder": "hydraulic functions by name",
+    "link": "link of the URDF",
+    "at_mm": "x, y, z in the frame of the link",
+    "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
+    "bulk_modulus_MPa": "of oil without air, or of the hose",
+    "entrained_air_percent": "by volume at atmospheric pressure",
+    "flow_l_per_min": "of the pump",
+    "count": "equal cylinders in parallel that share their pins",
+    "bore_mm": "inner diameter of the barrel",
+    "rod_mm": "diameter of the rod",
+    "closed_length_mm": "pin to pin, rod in",
+    "dead_volume_l": "oil that the piston never sweeps, hoses included, all parallel cylinders together",
+    "base": "pin of the barrel",
+    "rod_end": "pin of the rod; or give four_bar",
+    "four_bar": "rocker and coupler that the rod end drives",
+    "pivot": "pin of the rocker",
+    "lug": "pin of the coupler on the driven link",
+    "rocker_mm": "pivot to knee",
+    "coupler_mm": "knee to lug",
+    "knee": "side of the line from pivot to lug, seen with x right and z up",
+    "barrel_kg": "of each cylinder",
+    "rod_kg": "of each cylinder",
+    "compliance_m_per_N": "of pins, brackets and links in series, all together",
+    "hose": "the share of the dead volume that lies in hoses",
+    "valve": "one valve for all parallel cylinders together",
+    "rated_drop_bar": "per metering edge",
+    "overlap_percent": "of full spool stroke",
+    "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
+    "friction": "per cylinder",
+    "requirements": "what a new design must keep, relative to today's machine",
+    "end_margin": "share of the stroke that stays free at both ends",
+    "holding_share": "static force over what supply against return pressure gives",
+    "oil_total_share": "oil of all cylinders, at most",
+    "oil_each_share": "oil of each cylinder and side, at most",
+    "thrust_share": "supply pressure × bore area of each cylinder, at most",
+    "moment_arm_share": "smallest moment arm over the range, at least",
+    "transmission_deg": "angle between rocker and coupler, at least",
+    "digging": "cylinders whose digging force counts, and the share of it that must remain",
+    "pin_box_mm": "how far each pin coordinate may move",
+}
+ONE_LINE = {"link", "at_mm", "cap", "annulus"}  # tables of these keys are written in one line
+MENDING = 8  # passes in which tables that stand in for others are filled
 COLUMNS = ("payload", "tool_x_m", "tool_y_m", "tool_z_m", "cylinder", "mode", "linear_hz", "identified_hz", "deviation")
 
 
@@ -196,6 +249,26 @@ class MachineSection(Section):
     requirements: RequirementsSection = RequirementsSection()
 
 
+def schema() -> str:
+    """The file's JSON Schema for editors, as text: ``machine.schema.json`` in the package is this."""
+    document = MachineSection.model_json_schema()
+    sections = {"": document, **document["$defs"]}
+    for section in sections.values():
+        section.pop("title", None)
+        for key, value in section.get("properties", {}).items():
+            value.pop("title", None)
+            if {"type": "null"} in value.get("anyOf", []):  # TOML has no null: the key is left out
+                value.update(next(kind for kind in value.pop("anyOf") if kind != {"type": "null"}))
+                value.pop("default", None)
+            if isinstance(value.get("default"), dict):  # that of a table is in its keys
+                value.pop("default")
+            words = [DESCRIPTIONS.get(key, ""), *([f"[{_unit((key,)).strip()}]"] if _unit((key,)) else [])]
+            if description := " ".join(word for word in words if word):
+                value["description"] = description
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "armdesign machine file"}
+    return json.dumps({**head, **document}, indent=2, ensure_ascii=False) + "\n"
+
+
 def read_text(path: Path) -> str:
     """Text of a machine file or URDF.
 
@@ -248,16 +321,145 @@ def parse(text: str, source: str) -> MachineSection:
     Raises:
         MachineFileError: not TOML, or a key that is missing, unknown, of a wrong type or out of its range.
     """
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
-        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
+    data = _toml(text, source)
     try:
         section = MachineSection.model_validate(data)
     except ValidationError as error:
         raise _explain(error, source) from None
-    _check_sense(section, source)
+    for fault in _faults_of_sense(section, source):
+        raise fault
     return section
+
+
+def problems(text: str, source: str) -> tuple[MachineSection | None, list[MachineFileError], set[str]]:
+    """Every fault that a machine file's text has by itself, not the first alone.
+
+    Args:
+        text: TOML.
+        source: file name for messages.
+
+    Returns:
+        The file with stand-ins where it is wrong (None where it is no TOML), its faults, and the key paths at which a
+        stand-in stands.
+    """
+    try:
+        data = _toml(text, source)
+    except MachineFileError as error:
+        return None, [error], set()
+    faults: list[MachineFileError] = []
+    wrong: set[str] = set()
+    for _ in range(MENDING):
+        try:
+            section = MachineSection.model_validate(data)
+            break
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+            first_pass = not faults
+            for fault in found:
+                if first_pass:
+                    faults.append(_explained(fault, source))
+                location = _location(fault)
+                wrong.add(".".join(map(str, location)))
+                _mend(data, location)
+    else:
+        return None, faults, wrong
+    tables = {_table(path) for path in wrong}
+    faults += [
+        fault
+        for fault in _faults_of_sense(section, source)
+        if _table(fault.part.removeprefix(f"{source}: ")) not in tables
+    ]
+    return section, faults, wrong
+
+
+def dump(data: Mapping[str, Any], heading: str) -> str:
+    """Text of a machine file that holds some data, pins and volumes in one line each, below a comment.
+
+    Raises:
+        MachineFileError: a value that TOML cannot hold.
+    """
+    document = tomlkit.document()
+    document.add(tomlkit.comment(heading))
+    for key, value in data.items():
+        document[key] = _item(value, str(key))
+    return tomlkit.dumps(document)
+
+
+def _item(value: Any, path: str) -> Any:
+    value = _plain(value)
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table() if value and set(value) <= ONE_LINE else tomlkit.table()
+        for key, item in value.items():
+            if item is not None:
+                table[str(key)] = _item(item, f"{path}.{key}")
+        return table
+    try:
+        return tomlkit.item(value)
+    except (TypeError, ValueError, TOMLKitError):
+        raise MachineFileError(path, f"cannot hold {value!r}", "give a number, a text, a list or a table") from None
+
+
+def flat(section: MachineSection) -> dict[str, Any]:
+    """Every value of a machine file by its key path, defaults included; lists whole."""
+    found: dict[str, Any] = {}
+
+    def walk(value: Any, path: str) -> None:
+        if isinstance(value, dict):
+            for key, item in value.items():
+                walk(item, f"{path}.{key}" if path else key)
+        elif value is not None:
+            found[path] = value
+
+    walk(section.model_dump(), "")
+    return found
+
+
+def _table(path: str) -> str:
+    """The part of the file whose keys must agree with each other: ``cylinder.boom`` of ``cylinder.boom.rod_mm``."""
+    words = path.split(".")
+    return ".".join(words[: 2 if words[0] in ("payload", "cylinder") else 1])
+
+
+def _mend(data: Any, location: tuple[Any, ...]) -> None:
+    """Take out what is wrong at a key path, or put a stand-in where something is needed."""
+    node = data
+    try:
+        for key in location[:-1]:
+            node = node[key]
+        parent, _ = _annotation(location[:-1])
+    except (KeyError, IndexError, TypeError):
+        return  # gone with a table that was wrong as a whole
+    fields = parent.model_fields if isinstance(parent, type) and issubclass(parent, Section) else {}
+    leaf = location[-1]
+    if isinstance(node, list):
+        if leaf < len(node):
+            node[leaf] = _stand_in(location)
+    elif leaf in fields and fields[leaf].is_required():
+        node[leaf] = _stand_in(location)
+    else:
+        node.pop(leaf, None)
+
+
+def _stand_in(location: tuple[Any, ...]) -> Any:
+    """A value that the schema allows at a key path, tables empty."""
+    kind, constraints = _annotation(location)
+    if get_origin(kind) is Literal:
+        return get_args(kind)[0]
+    if kind in (float, int):
+        return kind(1)
+    if get_origin(kind) is list:
+        least = next((c.min_length for c in constraints if isinstance(c, MinLen)), 0)
+        return [_stand_in((*location, 0))] * least
+    if kind is str:
+        return "stand_in"
+    return {"stand_in": {}} if get_origin(kind) is dict else {}
+
+
+def _toml(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
+        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
 
 
 def write(text: str, changes: dict[str, Any], source: str) -> str:
@@ -308,7 +510,8 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
     try:
         if isinstance(old, list) and isinstance(value, list) and len(old) == len(value):
             for index, item in enumerate(value):  # element by element: spacing and comments of the list stay
-                old[index] = item
+                if old[index] != item:  # so that 0 does not become 0.0
+                    old[index] = item
         else:
             node[leaf] = value
     except (TypeError, ValueError, TOMLKitError):
@@ -390,10 +593,18 @@ def _explain(error: ValidationError, source: str) -> MachineFileError:
     faults = error.errors(include_url=False)
     # an unknown key next to a missing one is most likely a misspelling: say the one that holds the remedy
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
-    location = tuple(part for part in fault["loc"] if part != "[key]")
+    return _explained(fault, source, f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else "")
+
+
+def _location(fault: Any) -> tuple[Any, ...]:
+    return tuple(part for part in fault["loc"] if part != "[key]")
+
+
+def _explained(fault: Any, source: str, more: str = "") -> MachineFileError:
+    """One fault of the schema in the package's words."""
+    location = _location(fault)
     path = ".".join(str(part) for part in location)
     where, allowed = f"{source}: {path}", _allowed(location)
-    more = f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else ""
     if fault["type"] == "missing":
         return MachineFileError(where, "missing", f"add {location[-1]}: {allowed}{more}")
     if fault["type"] == "extra_forbidden":
@@ -421,11 +632,12 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "…"
 
 
-def _check_sense(machine: MachineSection, source: str) -> None:
+def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileError]:
     """What the schema cannot say: keys that must agree with each other."""
+    faults: list[MachineFileError] = []
 
     def refuse(path: str, problem: str, remedy: str) -> None:
-        raise MachineFileError(f"{source}: {path}", problem, remedy)
+        faults.append(MachineFileError(f"{source}: {path}", problem, remedy))
 
     if len(set(machine.joints)) < len(machine.joints):
         refuse("joints", "a joint is named twice", "name each joint once")
@@ -467,6 +679,7 @@ def _check_sense(machine: MachineSection, source: str) -> None:
                 f'no cylinder "{name}"',
                 f"choose from: {', '.join(machine.cylinder)}",
             )
+    return faults
 
 
 def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:

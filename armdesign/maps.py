@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.cylinder import static_pressures
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
-from armdesign.workspace import Workspace, onto_pitch_limit, tipping_joints
+from armdesign.workspace import Workspace, nearest, onto_pitch_limit, tipping_joints
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STARTS = 4  # local searches per load case
+STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
+PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,21 @@ class WorstPose:
 
 
 @dataclass(frozen=True, eq=False)
+class ReachMap:
+    """What a machine's user sees: the lowest frequency at each place of the tool, whatever pose brings it there.
+
+    Attributes:
+        reach: middles of the cells, from the root's z axis, forward positive (nx,) [m].
+        height: middles of the cells (nz,) [m].
+        frequency: least over all poses and load cases (nx, nz) [Hz]; NaN where no pose brings the tool.
+    """
+
+    reach: Array
+    height: Array
+    frequency: Array
+
+
+@dataclass(frozen=True, eq=False)
 class FrequencyMap:
     """Natural frequencies of a machine over a workspace, every load case at the poses where it exists.
 
@@ -50,16 +69,110 @@ class FrequencyMap:
             ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``, ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``,
             ``<cylinder>_extension``.
         worst: the worst pose, refined off the grid.
+        worst_of: the worst pose of every load case, by its name.
         limiting: for each row, the cylinder with the largest share in the lowest mode.
+        stiffness_parts: for each row (n, 3) [rad²/s²], what oil, gravity and the moment arms' change under load
+            (``STIFFNESS``) give to ω² of the lowest mode.
         machine: the machine.
         workspace: the poses.
     """
 
     frame: pd.DataFrame
     worst: WorstPose
+    worst_of: dict[str, WorstPose]
     limiting: Array
+    stiffness_parts: Array
     machine: Machine
     workspace: Workspace
+
+    def __post_init__(self) -> None:
+        for value in (self.limiting, self.stiffness_parts):
+            value.setflags(write=False)
+
+    def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
+        """Percentiles [Hz] of the lowest coupled frequency: a row for each load case and one for ``all``."""
+        import pandas as pd
+
+        lowest = self.frame["f1_hz"].to_numpy()
+        cases = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
+        rows = {name: np.percentile(lowest[rows], percents) for name, rows in cases.items()}
+        rows["all"] = np.percentile(lowest, percents)
+        return pd.DataFrame.from_dict(rows, orient="index", columns=[f"{percent:g} %" for percent in percents])
+
+    @property
+    def limiting_shares(self) -> pd.Series[float]:
+        """Share of the poses that each cylinder limits, all load cases together; they sum to one."""
+        import pandas as pd
+
+        names = [cylinder.name for cylinder in self.machine.cylinders]
+        return pd.Series({name: float(np.mean(self.limiting == name)) for name in names}, name="share")
+
+    @property
+    def formula_ratios(self) -> pd.DataFrame:
+        """What simpler formulas say over the lowest coupled frequency of the same pose: least, median and greatest.
+
+        A row per cylinder and formula: ``locked`` with all other cylinders locked (optimistic, never below one),
+        ``rigid`` with the static load as a mass (up to inf, where that load vanishes). Unstable poses are left out;
+        inf where all are.
+        """
+        import pandas as pd
+
+        lowest = self.frame["f1_hz"].to_numpy()
+        stable = lowest > 0
+        rows = {}
+        for cylinder in self.machine.cylinders:
+            for formula in ("locked", "rigid"):
+                ratio = self.frame[f"{formula}_{cylinder.name}_hz"].to_numpy()[stable] / lowest[stable]
+                some = stable.any()
+                rows[cylinder.name, formula] = (ratio.min(), np.median(ratio), ratio.max()) if some else 3 * (np.inf,)
+        index = pd.MultiIndex.from_tuples(rows, names=["cylinder", "formula"])
+        return pd.DataFrame(list(rows.values()), index=index, columns=["least", "median", "greatest"])
+
+    @property
+    def stiffness_shares(self) -> pd.DataFrame:
+        """Shares of oil, gravity and moment arms in the lowest mode's stiffness vᵀKv, row by row; they sum to one.
+
+        Beyond one or below zero where a part holds against another; of no meaning where the pose is unstable.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True), columns=STIFFNESS)
+
+    @property
+    def holding_pressures(self) -> Array:
+        """Larger static chamber pressure of each cylinder over the supply's (n, nc), row by row; above one it sinks."""
+        supply, shares = self.machine.supply, []
+        for c in self.machine.cylinders:
+            force = self.frame[f"{c.name}_force_n"].to_numpy()
+            pressures = static_pressures(force, c.bore_area, c.annulus_area, supply.return_pressure)
+            shares.append(np.maximum(*pressures) / supply.pressure)
+        return np.stack(shares, axis=1)
+
+    def reach_map(self, cells: int | None = None) -> ReachMap:
+        """Least frequency over all poses that bring the tool to a cell of the reach/height plane.
+
+        Between the poses of a joint grid tool place and frequency are interpolated, so that no cell inside is blank.
+        A reach-plane workspace brings its own cells.
+
+        Args:
+            cells: number of cells along the longer side; default 90, fewer where scattered poses would leave gaps.
+        """
+        frame = self.frame
+        forward, aside, height, lowest = (
+            frame[name].to_numpy() for name in ("tool_x_m", "tool_y_m", "tool_z_m", "f1_hz")
+        )
+        points = [np.stack([np.copysign(np.hypot(forward, aside), forward), height, lowest], axis=1)]
+        if self.workspace.cells is not None:
+            x, z = self.workspace.cells
+        else:
+            points += [_between(self, payload, points[0]) for payload in self.worst_of]
+            cells = cells or min(90, max(5, int((sum(len(found) for found in points) / 10) ** 0.5)))
+            size = max(0.01, *np.ptp(points[0][:, :2], axis=0)) / cells  # where the tool does not move, too
+            x, z = (np.arange(axis.min(), axis.max() + size, size) for axis in points[0].T[:2])
+        reach, height, lowest = np.concatenate(points).T
+        values = np.full((len(x), len(z)), np.inf)
+        np.minimum.at(values, (nearest(x, reach), nearest(z, height)), lowest)
+        return ReachMap(x, z, np.where(np.isinf(values), np.nan, values))
 
     def plot(self, ax: Any = None, plane: str = "joints", **limits: float) -> Any:
         """Heatmap of the lowest coupled frequency over two joints or over reach and height; returns the axes."""
@@ -71,53 +184,116 @@ class FrequencyMap:
 def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
+    Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
+
     Raises:
         PoseError: a pose that this machine cannot take, or a load case that exists at none of them.
     """
-    import pandas as pd
-
-    frames, limiting, worst = [], [], []
-    for payload in machine.payloads:
-        case = machine.with_payload(payload.name)
-        rows = np.flatnonzero(case.holds(workspace.rigid))
-        if len(rows) == 0:
+    cases = [machine.with_payload(payload.name) for payload in machine.payloads]
+    held = [workspace.holds(case.payload) for case in cases]
+    for case, flags in zip(cases, held, strict=True):
+        if not flags.any():
             raise PoseError(
-                f"{machine.source.name}: payload.{payload.name}.pitch_deg",
-                f"link {payload.link} has that pitch at no pose of the workspace",
+                f"{machine.source.name}: payload.{case.payload.name}.pitch_deg",
+                f"link {case.payload.link} has that pitch at no pose of the workspace",
                 "widen it, or remove the load case",
             )
-        poses = case.at(workspace.rigid[rows])
-        try:
-            modes = natural_modes(poses)
-        except PoseError as error:
-            where = f"{machine.source.name}: payload.{payload.name}"
-            raise PoseError(where, f"the {error.part} {error.problem}", error.remedy) from None
-        frames.append(_frame(case, poses, modes))
-        limiting.append(energy_shares(poses, modes)[:, 0].argmax(axis=1))
-        worst.append(_worst(case, workspace, poses.q, modes.frequencies[:, 0]))
-    names = np.array([cylinder.name for cylinder in machine.cylinders])
+    ends = np.cumsum([0, *(flags.sum() for flags in held)])
+    names = _columns(machine)
+    values = np.empty((len(names), ends[-1]))  # a row per column: pandas takes it as it is
+    parts, limiting = np.empty((len(STIFFNESS), ends[-1])), np.empty(ends[-1], dtype=int)
+    filled = ends[:-1].copy()
+    for rows, rigid in workspace.parts(f"{machine.name}: frequencies"):
+        for k, case in enumerate(cases):
+            poses = case.at(rigid[held[k][rows]])
+            modes = _modes(case, poses)
+            to = slice(filled[k], filled[k] + len(poses))
+            values[:, to] = _values(poses, modes)
+            parts[:, to] = _stiffness_parts(poses, modes)
+            limiting[to] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+            filled[k] = to.stop
+    nq = len(machine.joints)
+    worst = [
+        _worst(case, workspace, values[:nq, start:end].T, values[names.index("f1_hz"), start:end])
+        for case, start, end in zip(cases, ends[:-1], ends[1:], strict=True)
+    ]
+    cylinders = np.array([cylinder.name for cylinder in machine.cylinders])
+    payloads = np.repeat([case.payload.name for case in cases], np.diff(ends))
     return FrequencyMap(
-        frame=pd.concat(frames, ignore_index=True),
+        frame=_frame(names, values, payloads, nq),
         worst=min(worst, key=lambda pose: pose.frequency),
-        limiting=names[np.concatenate(limiting)],
+        worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
+        limiting=cylinders[limiting],
+        stiffness_parts=parts.T,
         machine=machine,
         workspace=workspace,
     )
 
 
-def _frame(machine: Machine, poses: Poses, modes: Modes) -> pd.DataFrame:
+def _between(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
+    """Points (reach, height, frequency) of one load case on a finer joint grid, where all corners exist."""
+    from scipy.ndimage import map_coordinates
+
+    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
+    shape = tuple(len(axis) for axis in workspace.axes)
+    q = frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy()
+    index = [nearest(axis, q[:, j]) for j, axis in enumerate(workspace.axes)]
+    off = [np.abs(axis[i] - q[:, j]) for j, (axis, i) in enumerate(zip(workspace.axes, index, strict=True))]
+    on_grid = np.max(off, axis=0) < 1e-9
+    if on_grid.sum() < 2 ** len(shape):  # not a grid
+        return np.empty((0, 3))
+    grid = np.full((3, *shape), np.nan)
+    cells = np.ravel_multi_index([i[on_grid] for i in index], shape)
+    grid.reshape(3, -1)[:, cells] = points[rows][on_grid].T
+    budget = 600_000 ** (1 / len(shape))
+    fine = [np.linspace(0, count - 1, max(count, int(budget))) for count in shape]
+    coordinates = np.stack(np.meshgrid(*fine, indexing="ij")).reshape(len(shape), -1)
+    values = np.stack([map_coordinates(layer, coordinates, order=1, mode="nearest") for layer in grid], axis=1)
+    return np.asarray(values[np.isfinite(values).all(axis=1)])
+
+
+def _modes(case: Machine, poses: Poses) -> Modes:
+    """The modes; what the inertia lacks is said of the load case."""
+    try:
+        return natural_modes(poses)
+    except PoseError as error:
+        where = f"{case.source.name}: payload.{case.payload.name}"
+        raise PoseError(where, f"the {error.part} {error.problem}", error.remedy) from None
+
+
+def _columns(machine: Machine) -> list[str]:
+    """Names of the numbers in a map's frame."""
+    names = [cylinder.name for cylinder in machine.cylinders]
+    return [
+        *machine.joints,
+        *(f"tool_{axis}_m" for axis in "xyz"),
+        *(f"f{i + 1}_hz" for i in range(len(machine.joints))),
+        *(f"locked_{name}_hz" for name in names),
+        *(f"rigid_{name}_hz" for name in names),
+        *(f"{name}_force_n" for name in names),
+        *(f"{name}_extension" for name in names),
+    ]
+
+
+def _values(poses: Poses, modes: Modes) -> Array:
+    """The numbers of ``_columns`` (columns, n)."""
+    found = (poses.q, poses.tool, modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies)
+    return np.concatenate([*found, poses.cylinder_forces, poses.extensions], axis=1).T
+
+
+def _stiffness_parts(poses: Poses, modes: Modes) -> Array:
+    """vᵀ K_x v of the lowest mode (parts, n) [rad²/s²], with vᵀ M v = 1: they sum to ω²."""
+    shape = modes.shapes[:, :, :1]
+    matrices = (poses.hydraulic_stiffness, poses.gravity_stiffness, poses.geometric_stiffness)
+    return np.array([(np.swapaxes(shape, 1, 2) @ matrix @ shape)[:, 0, 0] for matrix in matrices])
+
+
+def _frame(names: list[str], values: Array, payloads: Array, nq: int) -> pd.DataFrame:
     import pandas as pd
 
-    names = [cylinder.name for cylinder in machine.cylinders]
-    columns: dict[str, Any] = dict(zip(machine.joints, poses.q.T, strict=True))
-    columns["payload"] = machine.payload.name
-    columns |= {f"tool_{axis}_m": poses.tool[:, i] for i, axis in enumerate("xyz")}
-    columns |= {f"f{i + 1}_hz": f for i, f in enumerate(modes.frequencies.T)}
-    columns |= {f"locked_{name}_hz": f for name, f in zip(names, modes.locked_frequencies.T, strict=True)}
-    columns |= {f"rigid_{name}_hz": f for name, f in zip(names, modes.rigid_frequencies.T, strict=True)}
-    columns |= {f"{name}_force_n": f for name, f in zip(names, poses.cylinder_forces.T, strict=True)}
-    columns |= {f"{name}_extension": e for name, e in zip(names, poses.extensions.T, strict=True)}
-    return pd.DataFrame(columns)
+    frame = pd.DataFrame(values.T, columns=names, copy=False)
+    frame.insert(nq, "payload", payloads)
+    return frame
 
 
 # ------------------------------------------------------------------------------------------------- the worst pose
@@ -147,12 +323,11 @@ def _worst(machine: Machine, workspace: Workspace, q: Array, frequency: Array) -
 def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[Array]:
     """Up to ``STARTS`` of the lowest poses that are a fifth of a joint range or more apart."""
     span = np.ptp(workspace.ranges, axis=1)
+    lowest = q[np.argsort(frequency)[: max(200, len(q) // 20)]]
     chosen: list[Array] = []
-    for row in np.argsort(frequency)[: max(200, len(q) // 20)]:
-        if all(np.abs((q[row] - other) / span).max() > 0.2 for other in chosen):
-            chosen.append(q[row])
-        if len(chosen) == STARTS:
-            break
+    while len(lowest) > 0 and len(chosen) < STARTS:
+        chosen.append(lowest[0])
+        lowest = lowest[np.abs((lowest - lowest[0]) / span).max(axis=1) > 0.2]
     return chosen
 
 

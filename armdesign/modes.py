@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.poses import Poses
 from armdesign.units import GRAVITY
@@ -44,6 +44,10 @@ def natural_modes(poses: Poses) -> Modes:
     Raises:
         PoseError: the inertia is not positive definite (a massless joint without payload).
     """
+    return stacked((_natural_modes(poses[rows]) for rows in chunks(len(poses))), len(poses))
+
+
+def _natural_modes(poses: Poses) -> Modes:
     mass, stiffness = poses.mass_matrix, poses.stiffness_matrix
     inverse = _inverse_cholesky(poses)
     squared, vectors = np.linalg.eigh(inverse @ stiffness @ np.swapaxes(inverse, 1, 2))

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.workspace import nearest
 
 if TYPE_CHECKING:
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap, WorstPose
     from armdesign.simulation.validation import Validation
+    from armdesign.urdf import Joint
 
 COLOURS = "viridis"
 INK = "#20262e"
 MARK = "#e5484d"
 CYLINDER = "#f5a524"
+STYLES = (("--", INK), ("-", MARK), ("-.", "#3b82c4"), (":", CYLINDER))  # of curves, one machine each
 
 
 def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[Any, Any]:
@@ -52,8 +57,7 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
     """
     ax = figure()[1][0] if ax is None else ax
     if plane == "reach":
-        x, z, values = reach_plane(frequencies)
-        heatmap(ax, x, z, values, **limits)
+        heatmap(ax, *reach_plane(frequencies), limits)
         silhouette(ax, frequencies.machine, frequencies.worst)
         ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
         ax.set_title("worst of all ways to bring the tool there", fontsize=10)
@@ -63,49 +67,99 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
     else:
         joints = frequencies.machine.arm.joints[:2]
         x, z, values = joint_plane(frequencies)
-        scale = [math.degrees(1) if joint.revolute else 1.0 for joint in joints]
-        heatmap(ax, x * scale[0], z * scale[1], values, **limits)
-        labels = [f"{joint.name} [{'deg' if joint.revolute else 'm'}]" for joint in joints]
-        ax.set(xlabel=labels[0], ylabel=labels[1])
+        scale = [_scale(joint) for joint in joints]
+        heatmap(ax, x * scale[0], z * scale[1], values, limits)
+        ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
         ax.set_title("worst over all other joints and loads", fontsize=10)
         worst = frequencies.worst
         mark(ax, worst.q[0] * scale[0], worst.q[1] * scale[1], worst.frequency)
     return ax
 
 
+def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any:
+    """Maps in a row on one colour scale, each under its label and worst frequency; returns the figure."""
+    fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
+    for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):
+        frequencies.plot(ax, plane=plane)
+        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
+    heatmaps = [drawn for ax in axes for drawn in ax.collections if drawn.get_array() is not None]
+    ends = [drawn.get_clim() for drawn in heatmaps]
+    for drawn in heatmaps:  # a machine with one joint has curves instead
+        drawn.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
+    return fig
+
+
 def before_after(design: Design, plane: str = "joints") -> Any:
     """Today's map and the new one side by side on one colour scale; returns the figure."""
-    pair = (("today", design.before), ("new", design.after))
-    planes = [joint_plane(m)[2] if plane == "joints" and len(m.machine.joints) > 1 else None for _, m in pair]
-    values = [p if p is not None else reach_plane(m)[2] for p, (_, m) in zip(planes, pair, strict=True)]
-    limits = {"vmin": min(float(np.nanmin(v)) for v in values), "vmax": max(float(np.nanmax(v)) for v in values)}
-    fig, axes = figure(2, *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
-    for ax, (label, frequencies) in zip(axes, pair, strict=True):
-        frequencies.plot(ax, plane=plane, **limits)
-        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
+    fig = side_by_side({"today": design.before, "new": design.after}, plane)
     fig.suptitle(design.today.section.title or design.today.name)
     return fig
 
 
 def moment_arms(design: Design) -> Any:
     """Moment arm of every cylinder over its joint, today and new: what the pins buy; returns the figure."""
+    return moment_arm_curves({"today": design.today, "new": design.machine})
+
+
+def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
+    """Moment arm of every cylinder that moves one joint alone, over that joint's range; returns the figure.
+
+    The first machine says which cylinders; of the others those of the same name are drawn beside them.
+    """
     from armdesign.ranges import over, sweep
 
-    pairs = [(i, linkage.joints[0]) for i, linkage in enumerate(design.today.linkages) if len(linkage.joints) == 1]
-    fig, axes = figure(len(pairs), 4.4, 3.6)
-    for ax, (i, j) in zip(axes, pairs, strict=True):
-        joint = design.today.arm.joints[j]
-        poses = sweep(design.today.arm, j, over(design.today.ranges[j], 121))
-        x = poses.q[:, j] * (math.degrees(1) if joint.revolute else 1.0)
-        for label, machine, style in (("today", design.today, "--"), ("new", design.machine, "-")):
-            arm = np.abs(machine.linkages[i].actuation(poses).moment_arm[:, j])
-            ax.plot(x, arm * 1000, style, color=INK if label == "today" else MARK, label=label)
-        ax.set(xlabel=f"{joint.name} [{'deg' if joint.revolute else 'm'}]", ylim=(0, None))
-        ax.set_title(f"{design.today.cylinders[i].name} cylinder", fontsize=10)
+    first = next(iter(machines.values()))
+    shown = [c.name for c, k in zip(first.cylinders, first.linkages, strict=True) if len(k.joints) == 1]
+    styles = STYLES if len(machines) > 1 else (("-", INK),)
+    fig, axes = figure(max(len(shown), 1), 4.4, 3.6)
+    for ax, name in zip(axes, shown, strict=False):
+        for (label, machine), (style, colour) in zip(machines.items(), cycle(styles), strict=False):
+            linkage = {c.name: k for c, k in zip(machine.cylinders, machine.linkages, strict=True)}.get(name)
+            if linkage is None or len(linkage.joints) != 1:
+                continue
+            j = linkage.joints[0]
+            joint = machine.arm.joints[j]
+            poses = sweep(machine.arm, j, over(machine.ranges[j], 121))
+            x = poses.q[:, j] * _scale(joint)
+            arm = np.abs(linkage.actuation(poses).moment_arm[:, j]) * (1000 if joint.revolute else 1)
+            ax.plot(x, arm, style, color=colour, label=label)
+            ax.set(xlabel=_label(joint), ylabel="moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]")
+        ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
+        ax.set_title(f"{name} cylinder", fontsize=10)
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("moment arm [mm]")
-    axes[0].legend(frameon=False)
+    if len(machines) > 1:
+        axes[0].legend(frameon=False)
     return fig
+
+
+def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
+    """Largest static chamber pressure over the supply's, of all cylinders, over the first two joints; returns the axes.
+
+    Above one the pump cannot hold the load there. A machine with one joint gets a curve per load case.
+    """
+    ax = figure()[1][0] if ax is None else ax
+    share = frequencies.holding_pressures.max(axis=1)
+    joints = frequencies.machine.arm.joints[:2]
+    scale = [_scale(joint) for joint in joints]
+    if len(joints) == 1:
+        q, payload = frequencies.frame[joints[0].name].to_numpy(), frequencies.frame["payload"].to_numpy()
+        for name in frequencies.worst_of:
+            rows = np.flatnonzero(payload == name)
+            rows = rows[np.argsort(q[rows])]
+            ax.plot(q[rows] * scale[0], share[rows], label=name)
+        ax.axhline(1.0, color=MARK, lw=1, ls="--")
+        ax.set(xlabel=_label(joints[0]), ylabel="largest static pressure / supply pressure", ylim=(0, None))
+        ax.legend(frameon=False)
+        return ax
+    x, y, values = joint_plane(frequencies, -share)
+    heatmap(
+        ax, x * scale[0], y * scale[1], -values, {"vmin": 0.0}, "largest static pressure / supply pressure", "YlOrRd"
+    )
+    if np.nanmax(-values) > 1:
+        ax.contour(x * scale[0], y * scale[1], -values.T, levels=[1.0], colors=[MARK])
+    ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
+    ax.set_title("largest over all other joints and loads", fontsize=10)
+    return ax
 
 
 def frequency_responses(validations: dict[str, Validation]) -> Any:
@@ -124,11 +178,19 @@ def frequency_responses(validations: dict[str, Validation]) -> Any:
     return fig
 
 
-def heatmap(ax: Any, x: Array, y: Array, values: Array, **limits: float) -> None:
-    """Cells of values (nx, ny) [Hz] around x (nx,) and y (ny,); NaN stays blank."""
-    mesh = ax.pcolormesh(x, y, values.T, cmap=COLOURS, shading="nearest", rasterized=True, **limits)
+def heatmap(
+    ax: Any,
+    x: Array,
+    y: Array,
+    values: Array,
+    limits: Mapping[str, float],
+    label: str = "lowest coupled natural frequency [Hz]",
+    colours: str = COLOURS,
+) -> None:
+    """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
+    mesh = ax.pcolormesh(x, y, values.T, cmap=colours, shading="nearest", rasterized=True, **limits)
     bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
-    bar.set_label("lowest coupled natural frequency [Hz]")
+    bar.set_label(label)
     bar.outline.set_visible(False)
     ax.set_facecolor("white")
 
@@ -156,7 +218,7 @@ def mark(ax: Any, x: float, y: float, frequency: float) -> None:
 def curves(ax: Any, frequencies: FrequencyMap) -> None:
     """Natural frequency of a machine with one joint over that joint: coupled and rigid load, per load case."""
     joint = frequencies.machine.arm.joints[0]
-    scale = math.degrees(1) if joint.revolute else 1.0
+    scale = _scale(joint)
     top = 0.0
     for payload, rows in frequencies.frame.groupby("payload", sort=False):
         rows = rows.sort_values(joint.name)
@@ -165,69 +227,39 @@ def curves(ax: Any, frequencies: FrequencyMap) -> None:
         for cylinder in frequencies.machine.cylinders:
             name = f"{payload}: {cylinder.name}, rigid load"
             ax.plot(rows[joint.name] * scale, rows[f"rigid_{cylinder.name}_hz"], "--", lw=1, label=name)
-    ax.set(xlabel=f"{joint.name} [{'deg' if joint.revolute else 'm'}]", ylabel="natural frequency [Hz]", ylim=(0, top))
+    ax.set(xlabel=_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
     mark(ax, frequencies.worst.q[0] * scale, frequencies.worst.frequency, frequencies.worst.frequency)
 
 
-def joint_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:
-    """Least frequency over all else on the grid of the first two joints: values of both and (n1, n2) [Hz]."""
+def joint_plane(frequencies: FrequencyMap, values: Array | None = None) -> tuple[Array, Array, Array]:
+    """Least value over all else on the grid of the first two joints: values of both and (n1, n2).
+
+    ``values`` is one number for each row of the map's frame; the lowest coupled frequency [Hz] if None.
+    """
     x, y = frequencies.workspace.axes[:2]
     frame = frequencies.frame
     cells = [
-        _nearest(axis, frame[name].to_numpy()) for axis, name in zip((x, y), frequencies.machine.joints, strict=False)
+        nearest(axis, frame[name].to_numpy()) for axis, name in zip((x, y), frequencies.machine.joints, strict=False)
     ]
-    values = np.full((len(x), len(y)), np.inf)
-    np.minimum.at(values, tuple(cells), frame["f1_hz"].to_numpy())
-    return x, y, np.where(np.isinf(values), np.nan, values)
+    least = np.full((len(x), len(y)), np.inf)
+    np.minimum.at(least, tuple(cells), frame["f1_hz"].to_numpy() if values is None else values)
+    return x, y, np.where(np.isinf(least), np.nan, least)
 
 
-def reach_plane(frequencies: FrequencyMap, cells: int = 90) -> tuple[Array, Array, Array]:
-    """Least frequency over all poses that bring the tool to a cell of the reach/height plane; NaN where none does.
-
-    The joint grid is refined by interpolation (tool place and frequency), so that cells between its points are not
-    blank. Reach is measured from the root's z axis, forward positive.
-    """
-    frame = frequencies.frame
-    forward, aside, height, lowest = (frame[name].to_numpy() for name in ("tool_x_m", "tool_y_m", "tool_z_m", "f1_hz"))
-    reach = np.copysign(np.hypot(forward, aside), forward)
-    points = [np.stack([reach, height, lowest], axis=1)]
-    points += [_interpolated(frequencies, payload, points[0]) for payload in frame["payload"].unique()]
-    reach, height, lowest = np.concatenate(points).T
-    size = max(np.ptp(reach), np.ptp(height)) / cells
-    x = np.arange(reach.min(), reach.max() + size, size)
-    z = np.arange(height.min(), height.max() + size, size)
-    values = np.full((len(x), len(z)), np.inf)
-    np.minimum.at(values, (_nearest(x, reach), _nearest(z, height)), lowest)
-    return x, z, np.where(np.isinf(values), np.nan, values)
+def reach_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:
+    """Least frequency at each place of the tool: reach, height and (nx, nz) [Hz]; NaN where no pose brings it there."""
+    found = frequencies.reach_map()
+    return found.reach, found.height, found.frequency
 
 
-def _interpolated(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
-    """Points (reach, height, frequency) of one load case on a finer joint grid, where all corners exist."""
-    from scipy.ndimage import map_coordinates
-
-    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
-    shape = tuple(len(axis) for axis in workspace.axes)
-    names = list(frequencies.machine.joints)
-    q = frequencies.frame.loc[rows, names].to_numpy()
-    index = [_nearest(axis, q[:, j]) for j, axis in enumerate(workspace.axes)]
-    on_grid = np.all(
-        [np.abs(axis[i] - q[:, j]) < 1e-9 for j, (axis, i) in enumerate(zip(workspace.axes, index, strict=True))],
-        axis=0,
-    )
-    grid = np.full((3, *shape), np.nan)
-    cells = np.ravel_multi_index([i[on_grid] for i in index], shape)
-    grid.reshape(3, -1)[:, cells] = points[rows][on_grid].T
-    budget = 600_000 ** (1 / len(shape))
-    fine = [np.linspace(0, count - 1, max(count, int(budget))) for count in shape]
-    coordinates = np.stack(np.meshgrid(*fine, indexing="ij")).reshape(len(shape), -1)
-    values = np.stack([map_coordinates(layer, coordinates, order=1, mode="nearest") for layer in grid], axis=1)
-    return np.asarray(values[np.isfinite(values).all(axis=1)])
+def _scale(joint: Joint) -> float:
+    """From SI to the labels' unit."""
+    return math.degrees(1) if joint.revolute else 1.0
 
 
-def _nearest(axis: Array, values: Array) -> Array:
-    step = (axis[-1] - axis[0]) / max(len(axis) - 1, 1) or 1.0
-    return np.clip(np.rint((values - axis[0]) / step).astype(int), 0, len(axis) - 1)
+def _label(joint: Joint) -> str:
+    return f"{joint.name} [{'deg' if joint.revolute else 'm'}]"
 
 
 def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:

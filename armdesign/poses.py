@@ -57,6 +57,11 @@ class Poses:
     def __len__(self) -> int:
         return len(self.q)
 
+    def __getitem__(self, rows: slice | Array) -> Poses:
+        """The poses that ``rows`` selects (slice, mask or indices)."""
+        arrays = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "shared"}
+        return Poses(**arrays, shared=self.shared)
+
     @cached_property
     def hydraulic_stiffness(self) -> Array:
         """Rᵀ diag(k_h) R (n, nq, nq)."""

@@ -146,9 +146,12 @@ def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
 
 
 def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:
-    """Where the slack vanishes between a value outside and one inside, on the inner side, by bisection."""
+    """Where the slack vanishes between a value outside and one inside, on the inner side, by bisection.
+
+    Zero stays zero: the number next to it is 5e-324, which moves no pin.
+    """
     root = _zero(lambda x: float(slack(np.array([x]))[0]), outside, inside)
-    return float(np.nextafter(root, inside)) if slack(np.array([root]))[0] < 0 else root
+    return root if root == 0 or slack(np.array([root]))[0] >= 0 else float(np.nextafter(root, inside))
 
 
 def _refuse_dead_centre(

@@ -1,33 +1,34 @@
-"""What a person reads: sheets of a map, a design, a validation in workshop units (mm, bar, l, kN, deg).
+"""What a person reads: sheets of a map, a design, a validation, a comparison, an inspected file.
 
-A ``Sheet`` is a table of words. The terminal and the HTML report show the same sheets.
+A ``Sheet`` is a table of words. The terminal and the HTML report show the same sheets. Numbers are printed in workshop
+units (mm, bar, l, kN, deg) or in SI.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.cylinder import static_pressures
-from armdesign.units import bar, deg, kN, litre, mm
+from armdesign.cylinder import Cylinder, static_pressures
+from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from armdesign.design.optimum import Design
-    from armdesign.design.requirements import Check
+    from armdesign.inspection import Inspection
+    from armdesign.linkage import Pin
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap, WorstPose
     from armdesign.simulation.validation import Validation
+    from armdesign.urdf import Joint
+    from armdesign.workspace import Workspace
 
-# how a check's SI unit is shown: factor and unit of the workshop
-_WORKSHOP = {"m³": (litre, "l"), "N": (kN, "kN"), "N m": (kN, "kN m"), "m": (mm, "mm"), "rad": (deg, "deg")}
-_WORKSHOP |= {"m/rad": (mm, "mm"), "": (1.0, "")}
 UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
 
 
@@ -42,35 +43,40 @@ class Sheet:
     bold: tuple[int, ...] = ()
 
 
-def pose_text(machine: Machine, worst: WorstPose) -> str:
+def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
     """The worst pose in words: every joint, the load case."""
     parts = [
-        f"{joint.name} {value / deg:.1f}°" if joint.revolute else f"{joint.name} {value / mm:.0f} mm"
+        f"{joint.name} {units.text(value, unit_of(joint))}"
         for joint, value in zip(machine.arm.joints, worst.q, strict=True)
     ]
     return f"{', '.join(parts)}, payload {worst.payload}"
 
 
+def unit_of(joint: Joint) -> str:
+    """SI unit of a joint's position."""
+    return "rad" if joint.revolute else "m"
+
+
 # ------------------------------------------------------------------------------------------------------------- maps
 
 
-def map_sheets(frequencies: FrequencyMap) -> list[Sheet]:
+def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
     """Worst pose, percentiles and the cylinder that limits, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
             ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
-            ("at", pose_text(machine, worst)),
+            ("at", pose_text(machine, worst, units)),
             ("tool at", f"reach {worst.tool[0]:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} cylinder"),
         ),
         bold=(0,),
     )
-    return [head, _spread({"": frequencies}), _limiting_sheet(frequencies)]
+    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies)]
 
 
-def _spread(maps: dict[str, FrequencyMap]) -> Sheet:
+def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
     """Percentiles of the lowest frequency per load case, of one or more maps."""
     rows = []
     for label, frequencies in maps.items():
@@ -102,17 +108,17 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
 # ---------------------------------------------------------------------------------------------------------- designs
 
 
-def design_sheets(design: Design) -> list[Sheet]:
+def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, sizes and pins, what binds, forces and oil, percentiles, of one design."""
-    spread = _spread({"today": design.before, "new": design.after})
-    return [_gain(design), _sizes(design), _binding(design), _loads(design), spread]
+    spread = spread_sheet({"today": design.before, "new": design.after})
+    return [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
 
 
-def _gain(design: Design) -> Sheet:
+def _gain(design: Design, units: Units) -> Sheet:
     before, after = design.before.worst, design.after.worst
     rows = [
-        ("today", f"{before.frequency:.3f} Hz", before.cylinder, pose_text(design.today, before)),
-        ("new", f"{after.frequency:.3f} Hz", after.cylinder, pose_text(design.machine, after)),
+        ("today", f"{before.frequency:.3f} Hz", before.cylinder, pose_text(design.today, before, units)),
+        ("new", f"{after.frequency:.3f} Hz", after.cylinder, pose_text(design.machine, after, units)),
         ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", ""),
     ]
     note = f"optimum before rounding {design.unrounded:.3f} Hz"
@@ -129,7 +135,7 @@ def _gain(design: Design) -> Sheet:
     )
 
 
-def _sizes(design: Design) -> Sheet:
+def _sizes(design: Design, units: Units) -> Sheet:
     rows: list[tuple[str, ...]] = []
     for i, new in enumerate(design.machine.cylinders):
         for label, cylinder, machine in (
@@ -137,16 +143,9 @@ def _sizes(design: Design) -> Sheet:
             ("→ new", new, design.machine),
         ):
             linkage = machine.linkages[i]
-            pins = [
-                f"{pin.at[0] / mm:.1f}, {pin.at[2] / mm:.1f}" if pin else "on the knee"
-                for pin in (linkage.base, linkage.rod_end)
-            ]
-            count = f"{cylinder.count} × " if cylinder.count > 1 else ""
-            bore, rod = (f"{length / mm:.1f}" for length in (cylinder.bore, cylinder.rod))
-            ends = (f"{length / mm:.1f}" for length in (cylinder.stroke, cylinder.closed_length))
-            rows.append((label, count + bore, rod, *ends, *pins))
+            rows.append((label, *_dimensions(cylinder, units), _pin(linkage.base, units), _pin(linkage.rod_end, units)))
     return Sheet(
-        title="Cylinders [mm]",
+        title=f"Cylinders [{units.name('m')}]",
         columns=("cylinder", "bore", "rod", "stroke", "closed", "base pin x, z", "rod-end pin x, z"),
         rows=tuple(rows),
         note="pins in the frames of their links",
@@ -154,61 +153,89 @@ def _sizes(design: Design) -> Sheet:
     )
 
 
-def _shown(check: Check, value: float) -> str:
-    factor, unit = _WORKSHOP[check.unit]
-    return f"{value / factor:.4g} {unit}".rstrip()
+def _dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:
+    """Bore, rod, stroke and closed length."""
+    count = f"{cylinder.count} × " if cylinder.count > 1 else ""
+    lengths = (cylinder.bore, cylinder.rod, cylinder.stroke, cylinder.closed_length)
+    bore, *others = (units.number(length, "m") for length in lengths)
+    return (count + bore, *others)
 
 
-def _binding(design: Design) -> Sheet:
+def _pin(pin: Pin | None, units: Units) -> str:
+    """Its x and z."""
+    return f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else "on the knee"
+
+
+def _binding(design: Design, units: Units) -> Sheet:
     rows = [
-        (c.words, _shown(c, c.value), _shown(c, c.limit), f"{100 * design.worth[c.name]:+.2f} %")
+        (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * design.worth[c.name]:+.2f} %")
         for c in design.binding
     ]
     return Sheet(
         title="What binds, and the frequency that relaxing it by 1 % would buy",
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
-        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again",
+        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; "
+        "gains are first-order prices",
     )
 
 
-def _loads(design: Design) -> Sheet:
+def _loads(design: Design, units: Units) -> Sheet:
+    both = {"today": (design.today, design.workspace), "new": (design.machine, design.workspace)}
+    return loads_sheet(both, design.requirements.digging, units)
+
+
+def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collection[str], units: Units) -> Sheet:
+    """Oil, thrust, static pressures and digging force of every cylinder of two machines, on their workspaces.
+
+    Args:
+        machines: by label, the one that the other is compared with first.
+        digging: cylinders whose digging force counts.
+        units: of the numbers.
+    """
     from armdesign.design.requirements import digging_forces, static_loads
 
-    rows: list[tuple[str, ...]] = []
-    machines = {"today": design.today, "new": design.machine}
-    loads = {label: static_loads(machine, design.workspace) for label, machine in machines.items()}
-    digging = {label: digging_forces(machine) for label, machine in machines.items()}
-    for i, cylinder in enumerate(design.machine.cylinders):
-        for label, machine in machines.items():
-            c, returned = machine.cylinders[i], machine.supply.return_pressure
+    found: dict[str, list[tuple[str, ...]]] = {}
+    totals = []
+    for label, (machine, workspace) in machines.items():
+        loads, forces = static_loads(machine, workspace), digging_forces(machine)
+        for i, c in enumerate(machine.cylinders):
+            first = "" if c.name in found else c.name
+            name = first if label == next(iter(machines)) else f"{first} → {label}".strip()
             pressures = [
-                static_pressures(force[i] * sign, c.bore_area, c.annulus_area, returned)[side]
-                for force, sign, side in zip(loads[label], (1, -1), (0, 1), strict=True)
+                static_pressures(force[i] * sign, c.bore_area, c.annulus_area, machine.supply.return_pressure)[side]
+                for force, sign, side in zip(loads, (1, -1), (0, 1), strict=True)
             ]
-            force = digging[label].get(c.name)
-            rows.append(
-                (
-                    cylinder.name if label == "today" else "→ new",
-                    f"{c.bore_area * c.stroke / litre:.2f}",
-                    f"{c.annulus_area * c.stroke / litre:.2f}",
-                    f"{machine.supply.pressure * c.bore_area / kN:.0f}",
-                    f"{pressures[0] / bar:.0f}",
-                    f"{pressures[1] / bar:.0f}",
-                    "–" if force is None or c.name not in design.requirements.digging else f"{force / kN:.1f}",
-                )
+            cells = (
+                units.number(c.bore_area * c.stroke, "m³"),
+                units.number(c.annulus_area * c.stroke, "m³"),
+                units.number(machine.supply.pressure * c.bore_area, "N", 0),
+                *(units.number(float(pressure), "Pa") for pressure in pressures),
+                units.number(forces[c.name], "N") if c.name in digging and c.name in forces else "–",
             )
-    totals = [
-        [sum(getattr(c, side) * c.stroke for c in machine.cylinders) / litre for machine in machines.values()]
-        for side in ("bore_area", "annulus_area")
-    ]
-    cap, annulus = (f"{old:.2f} → {new:.2f}" for old, new in totals)
+            found.setdefault(c.name, []).append((name, *cells))
+        sides = ("bore_area", "annulus_area")
+        totals.append([sum(getattr(c, side) * c.stroke for c in machine.cylinders) for side in sides])
+    cap, annulus = (
+        f"{' → '.join(units.number(v, 'm³') for v in volumes)} {units.name('m³')}"
+        for volumes in zip(*totals, strict=True)
+    )
+    rows = tuple(row for cells in found.values() for row in cells)
     return Sheet(
         title="Oil, thrust, holding, digging",
-        columns=("cylinder", "cap oil [l]", "rod oil [l]", "thrust [kN]", "cap [bar]", "rod [bar]", "digging [kN]"),
-        rows=tuple(rows),
-        note=f"oil in all: cap {cap} l, rod {annulus} l; bar: largest static pressure of the loaded chamber",
-        bold=tuple(range(1, len(rows), 2)),
+        columns=(
+            "cylinder",
+            f"cap oil [{units.name('m³')}]",
+            f"rod oil [{units.name('m³')}]",
+            f"thrust [{units.name('N')}]",
+            f"cap [{units.name('Pa')}]",
+            f"rod [{units.name('Pa')}]",
+            f"digging [{units.name('N')}]",
+        ),
+        rows=rows,
+        note=f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest static pressure of the "
+        "loaded chamber",
+        bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
     )
 
 
@@ -241,31 +268,153 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     )
 
 
+# ----------------------------------------------------------------------------------------------------- inspections
+
+
+def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:
+    """What a machine file amounts to, and what looks odd in it."""
+    return [
+        _summary(inspection, units),
+        _masses(inspection, units),
+        _joints(inspection, units),
+        _cylinders(inspection, units),
+        _levers(inspection, units),
+        _static_loads(inspection, units),
+        _oddities(inspection, units),
+    ]
+
+
+def _summary(inspection: Inspection, units: Units) -> Sheet:
+    machine, tool = inspection.machine, inspection.tool
+    (near, low), (far, high) = tool.min(axis=0), tool.max(axis=0)
+    supply, fluid = machine.supply, machine.fluid
+    frozen = machine.section.frozen
+    air = f", {100 * fluid.air:g} % air" if fluid.air else ""
+    rows = [
+        ("joints", ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")),
+        ("tool", f"on {machine.tool.link}; reach {near:.2f} to {far:.2f} m, height {low:.2f} to {high:.2f} m"),
+        (
+            "supply",
+            f"{units.text(supply.pressure, 'Pa')}, return {units.text(supply.return_pressure, 'Pa')}, "
+            f"{units.text(supply.flow, 'm³/s')}",
+        ),
+        ("oil", f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³"),
+    ]
+    return Sheet(title=f"{machine.section.title or machine.name} ({machine.source.name})", rows=tuple(rows))
+
+
+def _masses(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for link, mass in inspection.masses.items():
+        carrier = machine.arm.links[link].joint
+        rows.append((f"link {link}", f"{mass:.1f}", machine.joints[carrier] if carrier >= 0 else "stands still"))
+    for cylinder in machine.cylinders:
+        rows += [(f"{cylinder.name} {bar}", f"{mass:.1f}", "") for bar, mass in cylinder.moving_masses.items()]
+    for payload in machine.payloads:
+        where = f"on {payload.link}" if payload.link else ""
+        if payload.pitch:
+            held = 100 * inspection.share_held(payload.name)
+            where += f", pitch {units.span(*payload.pitch, 'rad')}: {held:.0f} % of the poses"
+        rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
+    bare = [c.name for c in machine.cylinders if not c.moving_masses]
+    note = f"no mass given for cylinder{'s' if len(bare) > 1 else ''} {', '.join(bare)}" if bare else ""
+    return Sheet(title="Masses", columns=("what", "mass [kg]", "where"), rows=tuple(rows), note=note)
+
+
+def _joints(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for j, joint in enumerate(machine.arm.joints):
+        unit = unit_of(joint)
+        low, high = machine.ranges[j]
+        ends = [inspection.ended_by(j, end) for end in (0, 1)]
+        rows.append((joint.name, units.text(low, unit), ends[0], units.text(high, unit), ends[1]))
+    return Sheet(
+        title="Joint ranges",
+        columns=("joint", "from", "ended by", "to", "ended by"),
+        rows=tuple(rows),
+        note="in, out: that cylinder is at its end stop",
+    )
+
+
+def _cylinders(inspection: Inspection, units: Units) -> Sheet:
+    rows = []
+    for i, cylinder in enumerate(inspection.machine.cylinders):
+        dead, used = units.number(cylinder.dead_length, "m"), f"{100 * inspection.stroke_used(i):.0f} %"
+        rows.append((cylinder.name, *_dimensions(cylinder, units), dead, used))
+    return Sheet(
+        title=f"Cylinders [{units.name('m')}]",
+        columns=("cylinder", "bore", "rod", "stroke", "closed", "dead length", "stroke used"),
+        rows=tuple(rows),
+        note="dead length: closed length less stroke",
+    )
+
+
+def _levers(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for lever in inspection.levers:
+        joint = machine.arm.joints[lever.joint]
+        unit, even = ("m/rad" if joint.revolute else "m/m"), lever.most - lever.least < 1e-9
+        cells = []
+        for arm, at in ((lever.least, lever.least_at), (lever.most, lever.most_at)):
+            where = "everywhere" if even else units.text(at, unit_of(joint))
+            cells += [units.number(arm, unit), where]
+        rows.append((machine.cylinders[lever.cylinder].name, joint.name, *cells))
+    per = f"[{units.name('m/rad')}]"
+    return Sheet(
+        title="Moment arms",
+        columns=("cylinder", "about joint", f"least {per}", "at", f"largest {per}", "at"),
+        rows=tuple(rows),
+        note="of a sliding joint: cylinder travel per joint travel" if any("everywhere" in row for row in rows) else "",
+    )
+
+
+def _static_loads(inspection: Inspection, units: Units) -> Sheet:
+    rows = []
+    for load in inspection.loads:
+        name = inspection.machine.cylinders[load.cylinder].name
+        side = "cap" if load.cap else "rod"
+        share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
+        rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
+    return Sheet(
+        title="Largest static loads over the workspace",
+        columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of what holds"),
+        rows=tuple(rows),
+        note="of what holds: static force over that of supply against return pressure",
+    )
+
+
+def _oddities(inspection: Inspection, units: Units) -> Sheet:
+    rows = tuple((finding.part, finding.words) for finding in inspection.findings(units))
+    return Sheet(
+        title="What looks odd" if rows else "Nothing looks odd",
+        rows=rows,
+        note="no errors: the file can be used; look at these numbers again" if rows else "",
+    )
+
+
 # -------------------------------------------------------------------------------------------------------- rendering
 
 
 def rich_table(sheet: Sheet) -> Table:
-    """A sheet for the terminal."""
+    """A sheet for the terminal, but for its title and note, which are wider than some tables."""
     from rich import box
+    from rich.markup import escape  # a unit in brackets looks like markup
     from rich.table import Table
 
     table = Table(
-        title=sheet.title,
-        caption=sheet.note or None,
         box=box.SIMPLE_HEAD,
-        title_justify="left",
-        caption_justify="left",
-        title_style="bold",
         pad_edge=False,
         show_header=bool(sheet.columns),
     )
     for index, column in enumerate(sheet.columns or ("", "")):
         words = index == 0 or not sheet.columns or column == "where"
         table.add_column(
-            column, justify="left" if words else "right", no_wrap=column != "where" and bool(sheet.columns)
+            escape(column.replace(" [", "\n[")),
+            justify="left" if words else "right",
+            no_wrap=column != "where" and bool(sheet.columns),
         )
     for index, row in enumerate(sheet.rows):
-        table.add_row(*row, style="bold" if index in sheet.bold else None)
+        table.add_row(*map(escape, row), style="bold" if index in sheet.bold else None)
     return table
 
 

@@ -1,9 +1,14 @@
 """Units: SI inside, everything else is a factor written where a number enters or leaves.
 
-``140 * mm`` is 0.14 m; ``pressure / bar`` prints a pressure in bar.
+``140 * mm`` is 0.14 m; ``pressure / bar`` prints a pressure in bar. ``WORKSHOP`` and ``SI`` are the two habits in which
+tables are printed.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 mm = 1e-3
 litre = 1e-3
@@ -15,3 +20,65 @@ l_per_min = litre / 60.0
 
 GRAVITY = 9.81  # [m/s²], the value of Pinocchio's default model
 ATMOSPHERE = 101_325.0  # [Pa]
+
+
+@dataclass(frozen=True)
+class Units:
+    """How numbers are printed: for each SI unit its factor, the unit shown and the decimals."""
+
+    table: Mapping[str, tuple[float, str, int]]
+
+    def name(self, unit: str) -> str:
+        """The unit that is shown for an SI unit."""
+        return self.table[unit][1]
+
+    def number(self, value: float, unit: str, decimals: int | None = None) -> str:
+        """A value [unit, SI] as its number alone."""
+        factor, _, usual = self.table[unit]
+        return f"{value / factor + 0.0:.{usual if decimals is None else decimals}f}"
+
+    def text(self, value: float, unit: str) -> str:
+        """A value [unit, SI] with its unit."""
+        return _joined(self.number(value, unit), self.name(unit))
+
+    def short(self, value: float, unit: str) -> str:
+        """A value [unit, SI] with four digits and its unit."""
+        return _joined(f"{value / self.table[unit][0]:.4g}", self.name(unit))
+
+    def span(self, low: float, high: float, unit: str) -> str:
+        """An interval [unit, SI] with its unit."""
+        return _joined(f"[{self.number(low, unit)}, {self.number(high, unit)}]", self.name(unit))
+
+
+def _joined(number: str, unit: str) -> str:
+    return f"{number}{'' if unit == '°' else ' '}{unit}".rstrip()
+
+
+WORKSHOP = Units(
+    {
+        "m": (mm, "mm", 1),
+        "m/rad": (mm, "mm", 1),
+        "m/m": (1.0, "", 3),
+        "m³": (litre, "l", 2),
+        "m³/s": (l_per_min, "l/min", 1),
+        "Pa": (bar, "bar", 0),
+        "N": (kN, "kN", 1),
+        "N m": (kN, "kN m", 1),
+        "rad": (deg, "°", 1),
+        "": (1.0, "", 2),
+    }
+)
+SI = Units(
+    {
+        "m": (1.0, "m", 4),
+        "m/rad": (1.0, "m", 4),
+        "m/m": (1.0, "", 3),
+        "m³": (1.0, "m³", 5),
+        "m³/s": (1.0, "m³/s", 6),
+        "Pa": (1e6, "MPa", 2),  # a prefix, or a table of static pressures is zeros
+        "N": (1.0, "N", 0),
+        "N m": (1.0, "N m", 0),
+        "rad": (1.0, "rad", 4),
+        "": (1.0, "", 2),
+    }
+)

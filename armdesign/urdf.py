@@ -62,6 +62,39 @@ def read_urdf(
     return ET.tostring(robot, encoding="unicode"), moving, links
 
 
+def problems(text: str, joints: list[str], frozen: dict[str, float], source: str) -> list[MachineFileError]:
+    """Every fault of single joints and links; where there is none, the first of the tree that they make.
+
+    Args:
+        text: the URDF.
+        joints: names of the coordinates.
+        frozen: value of other joints [rad or m].
+        source: file name for messages.
+    """
+    try:
+        robot = _parse(text, source)
+    except MachineFileError as error:
+        return [error]
+    found: list[MachineFileError] = []
+    for joint in robot.findall("joint"):
+        name = str(joint.get("name"))
+        try:
+            _bake_joint(joint, name in joints, frozen.get(name), f"{source}: joint {name}")
+        except MachineFileError as error:
+            found.append(error)
+    for link in robot.findall("link"):
+        try:
+            _check_inertial(link, f"{source}: link {link.get('name')}")
+        except MachineFileError as error:
+            found.append(error)
+    if not found:
+        try:
+            read_urdf(text, joints, frozen, source)
+        except MachineFileError as error:
+            found.append(error)
+    return found
+
+
 def rotations(axis: Array, angle: Array) -> Array:
     """Rotation matrices (n, 3, 3) about a unit axis (Rodrigues)."""
     x, y, z = axis
@@ -142,23 +175,25 @@ def _bake(robot: ET.Element, joints: list[str], frozen: dict[str, float], source
                 f"choose from: {', '.join(present) or 'none'}",
             )
     for name, joint in present.items():
-        where, kind = f"{source}: joint {name}", joint.get("type")
-        if kind not in (*_MOVING, "fixed"):
-            raise MachineFileError(
-                where, f'type "{kind}" cannot be used', "use revolute, continuous, prismatic or fixed"
-            )
-        if joint.find("mimic") is not None:
-            raise MachineFileError(where, "mimics another joint", "make it a joint of its own or fix it")
-        if name in joints:
-            if kind == "fixed":
-                raise MachineFileError(where, "is fixed and cannot be a coordinate", "take it out of joints")
-            _check_limits(joint, where)
-        elif kind != "fixed":
-            _fix(joint, frozen.get(name, 0.0), where)
-        elif name in frozen:
-            raise MachineFileError(where, "is fixed in the URDF and cannot be frozen", "take it out of frozen")
+        _bake_joint(joint, name in joints, frozen.get(name), f"{source}: joint {name}")
     for link in robot.findall("link"):
         _check_inertial(link, f"{source}: link {link.get('name')}")
+
+
+def _bake_joint(joint: ET.Element, moves: bool, frozen: float | None, where: str) -> None:
+    kind = joint.get("type")
+    if kind not in (*_MOVING, "fixed"):
+        raise MachineFileError(where, f'type "{kind}" cannot be used', "use revolute, continuous, prismatic or fixed")
+    if joint.find("mimic") is not None:
+        raise MachineFileError(where, "mimics another joint", "make it a joint of its own or fix it")
+    if moves:
+        if kind == "fixed":
+            raise MachineFileError(where, "is fixed and cannot be a coordinate", "take it out of joints")
+        _check_limits(joint, where)
+    elif kind != "fixed":
+        _fix(joint, frozen or 0.0, where)
+    elif frozen is not None:
+        raise MachineFileError(where, "is fixed in the URDF and cannot be frozen", "take it out of frozen")
 
 
 def _check_limits(joint: ET.Element, where: str) -> None:

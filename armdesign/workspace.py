@@ -7,37 +7,41 @@ margin, and poses exactly on the pitch limits of the load cases are added to the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags, chunks, shown
 from armdesign.errors import ArmDesignError
 from armdesign.machine import Machine, Payload
 from armdesign.ranges import over
 
 POSES = 20_000  # of the default grid
+KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
+MOST = 5_000_000
 MARGIN_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Poses of a machine; make one with ``Workspace.grid``.
+    """Poses of a machine; make one with ``Workspace.grid``, ``sobol`` or ``reach_plane``.
 
     Attributes:
-        q: joint positions (n, nq) [rad, m]: the grid (last joint fastest), then the poses on pitch limits.
-        axes: grid values of each joint [rad, m].
+        q: joint positions (n, nq) [rad, m]; of a grid: last joint fastest, then the poses on pitch limits.
+        axes: even values of each joint [rad, m]: the grid, or the cells of pictures.
         end_margin: share of its stroke that every cylinder keeps free at both ends.
         machine: the machine that the workspace was made for: today's.
+        cells: of a reach plane: middles of its cells, reach and height [m].
     """
 
     q: Array
     axes: tuple[Array, ...]
     end_margin: float
     machine: Machine
+    cells: tuple[Array, Array] | None = None
 
     @classmethod
     def grid(
@@ -54,21 +58,101 @@ class Workspace:
         Raises:
             ArmDesignError: counts or margin that cannot be, or nothing left.
         """
-        nq = len(machine.joints)
-        counts = _counts(machine, points)
-        margin = machine.section.requirements.end_margin if end_margin is None else end_margin
-        if isinstance(margin, bool) or not isinstance(margin, int | float | np.number) or not 0 <= margin < 0.5:
-            raise ArmDesignError("end_margin", f"{margin!r} is not allowed", "give a share of the stroke in [0, 0.5)")
-        ranges = machine.range_within(margin)
-        axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
-        q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, nq)
-        edges = [_on_pitch_limits(machine, payload, axes) for payload in machine.payloads if payload.pitch]
-        q = np.concatenate([q, *edges])
-        q = q[machine.margins(q).min(axis=1) >= margin - MARGIN_TOLERANCE]
-        if len(q) == 0:
-            raise ArmDesignError(f"{machine.name}: workspace", "no pose of the grid is in stroke", "give more points")
-        q.setflags(write=False)
-        return cls(q, axes, margin, machine)
+        counts, margin = _counts(machine, points), _margin(machine, end_margin)
+        axes = tuple(over(ends, count) for ends, count in zip(machine.range_within(margin), counts, strict=True))
+        q = _mesh(axes)
+        for payload in machine.payloads:
+            for joint in tipping_joints(machine, payload):
+                others = _mesh(tuple(axis if j != joint else axis[[len(axis) // 2]] for j, axis in enumerate(axes)))
+                q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
+        return _of(machine, q, axes, margin)
+
+    @classmethod
+    def sobol(cls, machine: Machine, count: int, seed: int = 0, end_margin: float | None = None) -> Workspace:
+        """Quasi-random poses, which fill joint space more evenly per pose than a grid when there are many joints.
+
+        To ``count`` poses inside come those on the edges, where the worst ones lie: the corners of the joint ranges, a
+        sixteenth of ``count`` shared by their faces, and up to an eighth turned onto each pitch limit by each joint
+        that can. The axes, cells of pictures only, are even.
+
+        Args:
+            machine: today's machine.
+            count: number of poses inside, 1 to 5 million.
+            seed: of the scrambling; equal seeds give equal poses.
+            end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
+
+        Raises:
+            ArmDesignError: count, seed or margin that cannot be, or nothing left.
+        """
+        from scipy.stats import qmc
+
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST:
+            raise ArmDesignError("count", f"{count!r} is not allowed", f"give a whole number from 1 to {MOST:,}")
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+            raise ArmDesignError("seed", f"{seed!r} is not allowed", "give a whole number ≥ 0")
+        margin, nq = _margin(machine, end_margin), len(machine.joints)
+        low, high = machine.range_within(margin).T
+        unit = qmc.Sobol(nq, rng=np.random.default_rng(seed)).random_base2(math.ceil(math.log2(count)))
+        inside = low + unit[:count] * (high - low)
+        bins = max(2, min(int((count / 16) ** (1 / min(nq, 2))), 60))
+        axes = tuple(over(ends, bins) for ends in machine.range_within(margin))
+        corners = _mesh(tuple(axis[[0, -1]] for axis in axes))
+        share = -(-count // 16)
+        faces = inside[:share].copy()
+        which = np.arange(share) % (2 * nq)
+        faces[np.arange(share), which // 2] = np.where(which % 2 == 0, low[which // 2], high[which // 2])
+        q = np.concatenate([inside, corners, faces])
+        others = np.concatenate([inside[:share], corners, faces])
+        for payload in machine.payloads:
+            for joint in tipping_joints(machine, payload):
+                q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
+        return _of(machine, q, axes, margin)
+
+    @classmethod
+    def reach_plane(
+        cls,
+        machine: Machine,
+        cells: int = 40,
+        points: int | Sequence[int] | None = None,
+        end_margin: float | None = None,
+    ) -> Workspace:
+        """Poses that bring the tool exactly to the middles of square cells of the reach/height plane.
+
+        Every pose of a joint grid is moved by the smallest joint motion (relative to the ranges) that puts the tool on
+        the middle of its cell (Gauss–Newton); what is left are, for each cell, the ways to reach it that differ by
+        more than half a step of the grid. Edges of the joint ranges are not sought: worst poses are refined anyway.
+
+        Args:
+            machine: today's machine, with two joints or more that move the tool in that plane.
+            cells: number of cells along the longer side of the tool's reach, at least 2.
+            points: of the joint grid, as in ``grid``.
+            end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
+
+        Raises:
+            ArmDesignError: numbers that cannot be, or no pose that does.
+        """
+        if isinstance(cells, bool) or not isinstance(cells, int | np.integer) or cells < 2:
+            raise ArmDesignError("cells", f"{cells!r} is not allowed", "give a whole number ≥ 2")
+        grid = cls.grid(machine, points, end_margin)
+        low, span = grid.ranges[:, 0], np.ptp(grid.ranges, axis=1)
+        place, _ = _reach(machine, grid.q)
+        size = np.ptp(place, axis=0).max() / cells
+        origin = place.min(axis=0)
+        cell = np.floor((place - origin) / size)
+        target, q = origin + (cell + 0.5) * size, grid.q.copy()
+        for _ in range(12):
+            place, slope = _reach(machine, q)
+            q += span * (np.linalg.pinv(slope * span, rcond=1e-6) @ (target - place)[..., None])[..., 0]
+        met = np.abs(_reach(machine, q)[0] - target).max(axis=1) < 1e-9
+        met &= np.all((q >= low) & (q <= low + span), axis=1)
+        if not met.any():
+            remedy = "give more points or fewer cells" if len(machine.joints) > 1 else "take a grid for one joint"
+            raise ArmDesignError(f"{machine.name}: workspace", "no pose brings the tool to a cell's middle", remedy)
+        q, cell = q[met], cell[met]
+        steps = span / [len(axis) - 1 for axis in grid.axes]
+        _, first = np.unique(np.concatenate([cell, np.rint(2 * (q - low) / steps)], axis=1), axis=0, return_index=True)
+        reach, height = (origin[i] + (np.arange(cell[:, i].max() + 1) + 0.5) * size for i in (0, 1))
+        return _of(machine, q[first], grid.axes, grid.end_margin, (reach, height))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -83,6 +167,46 @@ class Workspace:
         """The bare links at all poses: computed once, used for every design and payload."""
         return self.machine.rigid_poses(self.q)
 
+    def parts(self, what: str = "poses") -> Iterator[tuple[slice, RigidPoses]]:
+        """Chunks of the poses; ``what`` names them to those who wait. Of a large workspace none is kept in memory."""
+        for rows in shown(chunks(len(self)), len(self), what):
+            yield rows, self.rigid[rows] if len(self) <= KEPT else self.machine.rigid_poses(self.q[rows])
+
+    def holds(self, payload: Payload) -> Flags:
+        """Whether a load case exists at each pose (n,)."""
+        arm, machine = self.machine.arm, self.machine
+        if payload.pitch is None:
+            return np.ones(len(self), dtype=bool)
+        return np.concatenate([machine.holds(arm.kinematics(self.q[rows]), payload) for rows in chunks(len(self))])
+
+
+def _of(
+    machine: Machine,
+    q: Array,
+    axes: tuple[Array, ...],
+    end_margin: float,
+    cells: tuple[Array, Array] | None = None,
+) -> Workspace:
+    """Those of the poses at which every cylinder keeps its end margin."""
+    least = [machine.margins(q[rows]).min(axis=1) for rows in chunks(len(q))]
+    q = q[np.concatenate(least) >= end_margin - MARGIN_TOLERANCE]
+    if len(q) == 0:
+        raise ArmDesignError(f"{machine.name}: workspace", "no pose of it is in stroke", "give more points")
+    q.setflags(write=False)
+    return Workspace(q, axes, end_margin, machine, cells)
+
+
+def _mesh(axes: tuple[Array, ...]) -> Array:
+    """All combinations of the axes' values (n, nq), last axis fastest."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def _margin(machine: Machine, end_margin: float | None) -> float:
+    margin = machine.section.requirements.end_margin if end_margin is None else end_margin
+    if isinstance(margin, bool) or not isinstance(margin, int | float | np.number) or not 0 <= margin < 0.5:
+        raise ArmDesignError("end_margin", f"{margin!r} is not allowed", "give a share of the stroke in [0, 0.5)")
+    return margin
+
 
 def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
     nq = len(machine.joints)
@@ -94,24 +218,38 @@ def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
     counts = [int(n) for n in each] if whole else []
     if len(counts) != nq or min(counts) < 2:
         raise ArmDesignError("points", f"{points} is not allowed", f"give one number ≥ 2, or {nq} (one per joint)")
-    if math.prod(counts) > 5_000_000:
-        raise ArmDesignError("points", f"{math.prod(counts):,} poses are too many", "give at most 5 million in all")
+    if math.prod(counts) > MOST:
+        raise ArmDesignError(
+            "points", f"{math.prod(counts):,} poses are too many", f"give at most {MOST // 10**6} million in all"
+        )
     return counts
 
 
-def _on_pitch_limits(machine: Machine, payload: Payload, axes: tuple[Array, ...]) -> Array:
-    """Poses on a load case's pitch limits: each joint that tips its link in turn solved for all values of the others.
+def _on_pitch_limits(machine: Machine, payload: Payload, others: Array, joint: int, axes: tuple[Array, ...]) -> Array:
+    """Poses with a joint turned until a load case's link is on its pitch limits, the other joints as given.
 
-    So the corners, where a pitch limit meets the ends of all other joints, are among them.
+    So the corners, where a pitch limit meets the ends of all other joints, are among them if they are among those.
     """
     found = [np.empty((0, len(axes)))]
-    for joint in tipping_joints(machine, payload):
-        free = [axis if j != joint else axis[[len(axis) // 2]] for j, axis in enumerate(axes)]
-        others = np.stack(np.meshgrid(*free, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        for limit in payload.pitch or ():
-            q = onto_pitch_limit(machine, payload, others, joint, limit)
+    for limit in payload.pitch or ():
+        for rows in chunks(len(others)):
+            q = onto_pitch_limit(machine, payload, others[rows], joint, limit)
             found.append(q[(q[:, joint] >= axes[joint][0]) & (q[:, joint] <= axes[joint][-1])])
     return np.concatenate(found)
+
+
+def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
+    """Reach and height of the tool (n, 2) [m] and their derivatives by the joints (n, 2, nq)."""
+    arm, joints = machine.arm, tuple(range(q.shape[1]))
+    parts = []
+    for rows in chunks(len(q)):
+        tool = arm.motion(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at), arm.root, joints)
+        flat = tool.value[:, :2]
+        radius = np.copysign(np.hypot(*flat.T), flat[:, 0])
+        outward = flat / np.where(radius == 0, np.inf, radius)[:, None]
+        slopes = np.stack([(tool.first[:, :, :2] @ outward[:, :, None])[..., 0], tool.first[:, :, 2]], axis=1)
+        parts.append((np.stack([radius, tool.value[:, 2]], axis=1), slopes))
+    return np.concatenate([place for place, _ in parts]), np.concatenate([slope for _, slope in parts])
 
 
 def tipping_joints(machine: Machine, payload: Payload) -> list[int]:
@@ -132,6 +270,12 @@ def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, l
         error = _wrapped(limit - pitch)
         q[:, joint] += error / np.where(np.abs(slope) > 0.1, slope, np.inf)
     return q[np.abs(error) < 1e-10]
+
+
+def nearest(axis: Array, values: Array) -> Array:
+    """Index of the even axis value next to each value."""
+    step = (axis[-1] - axis[0]) / max(len(axis) - 1, 1) or 1.0
+    return np.clip(np.rint((values - axis[0]) / step).astype(int), 0, len(axis) - 1)
 
 
 def _wrapped(angle: Array) -> Array:

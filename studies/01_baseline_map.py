@@ -1,41 +1,63 @@
-"""Where in its workspace does the 20 t excavator swing slowest, and which cylinder is to blame?
+"""Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
 
-At 0.910 Hz, boom up and the full bucket curled high above the cab; the boom cylinders limit 84 % of all poses.
+At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest cylinder limits ≥ 84 %.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import armdesign as ad
+import pandas as pd
 
-MACHINE = "excavator_20t"
+import armdesign as ad
+from armdesign.machine import shipped
+
 OUT = Path("out") / "01_baseline_map"
 
 
-def run(fast: bool = False) -> ad.FrequencyMap:
-    """The frequency map of today's machine; ``fast`` takes a coarse grid."""
-    machine = ad.load(MACHINE)
-    return ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
+def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
+    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes coarse grids."""
+    machines = {name: ad.load(name) for name in shipped()}
+    maps = {
+        name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
+        for name, machine in machines.items()
+    }
+    rows = [
+        {
+            "machine": name,
+            "worst_hz": found.worst.frequency,
+            "cylinder": found.worst.cylinder,
+            "payload": found.worst.payload,
+            "median_hz": found.percentiles().loc["all", "50 %"],
+            "most_often": found.limiting_shares.idxmax(),
+            "share": found.limiting_shares.max(),
+            "joints": ", ".join(f"{j} {x:.3f}" for j, x in zip(found.worst.joints, found.worst.q, strict=True)),
+        }
+        for name, found in maps.items()
+    ]
+    return pd.DataFrame(rows).set_index("machine").sort_values("worst_hz"), maps
 
 
 def main() -> None:
-    """Print the answer, save map and figure."""
+    """Print the table; save it with every machine's map, figures of it and of the static pressures."""
     from armdesign import plots
 
-    frequencies = run()
-    worst = frequencies.worst
-    joints = ", ".join(f"{name} {value:.3f} rad" for name, value in zip(worst.joints, worst.q, strict=True))
-    print(f"worst {worst.frequency:.3f} Hz at {joints}, payload {worst.payload}, {worst.cylinder} cylinder")
-    for cylinder in frequencies.machine.cylinders:
-        share = (frequencies.limiting == cylinder.name).mean()
-        print(f"{cylinder.name:>8} limits {100 * share:5.1f} % of the poses")
+    table, maps = run()
+    print(
+        table.to_string(
+            formatters={"worst_hz": "{:.3f}".format, "median_hz": "{:.3f}".format, "share": "{:.0%}".format}
+        )
+    )
     OUT.mkdir(parents=True, exist_ok=True)
-    frequencies.frame.to_csv(OUT / "map.csv", index=False)
-    fig, axes = plots.figure(2)
-    frequencies.plot(axes[0])
-    frequencies.plot(axes[1], plane="reach")
-    plots.save(fig, OUT / "map.png")
+    table.to_csv(OUT / "machines.csv")
+    for name, found in maps.items():
+        found.frame.to_csv(OUT / f"{name}.csv", index=False)
+        fig, axes = plots.figure(3)
+        found.plot(axes[0])
+        found.plot(axes[1], plane="reach")
+        plots.holding_pressure(found, axes[2])
+        plots.save(fig, OUT / f"{name}.png")
+        plots.save(plots.moment_arm_curves({name: found.machine}), OUT / f"{name}_moment_arms.png")
 
 
 if __name__ == "__main__":

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import armdesign as ad
+from armdesign.machine import shipped
 
 settings.register_profile(
     "house", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("house")
 
-SHIPPED = ("paper_1dof", "excavator_20t")
+SHIPPED = tuple(shipped())
 EVERY = (*SHIPPED, "heavy_bars", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
 
 

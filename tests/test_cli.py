@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,10 +17,16 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign import cli
+from armdesign import cli, report
 from armdesign.errors import ArmDesignError
+from armdesign.units import SI, WORKSHOP
 
-COMMANDS = ["map", "optimize", "validate", "design"]  # all take MACHINE, --out and --points
+COMMANDS = ["map", "optimize", "validate", "design"]  # all take MACHINE, --out, --points and --units
+OTHERS = {  # and what they take
+    "check": ["--points", "--units"],
+    "compare": ["--out", "--points", "--units"],
+    "new": ["--out", "--links"],
+}
 QUICK = {  # what each writes for the one-joint machine
     "map": {"map.csv", "map_joints.png", "map_reach.png"},
 }
@@ -88,12 +95,38 @@ def test_a_second_run_replaces_its_files_and_leaves_others(tmp_path: Path, monke
     assert {path.name for path in tmp_path.iterdir()} == {*QUICK["map"], "notes.txt"}
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", ["", *COMMANDS, *OTHERS])
 def test_help(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*([command] if command else []), "--help"], monkeypatch) == 0
     printed = capsys.readouterr().out
-    for word in [command, "--out", "--points"] if command else COMMANDS:
+    for word in [command, *OTHERS.get(command, ["--out", "--points", "--units"])] if command else [*COMMANDS, *OTHERS]:
         assert word in printed
+
+
+def test_tables_in_si(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same pose in both habits: 66.1° is 1.1545 rad."""
+    words = ["map", "excavator_20t", "--out", str(tmp_path), "--points", "5"]
+    printed = []
+    for units in ("workshop", "si"):
+        assert main([*words, "--units", units], monkeypatch) == 0
+        printed.append(capsys.readouterr().out)
+    assert "boom 66.1°" in printed[0]
+    assert "boom 1.1545 rad" in printed[1]
+    assert "°" not in printed[1]
+
+
+def test_every_table_in_both_habits() -> None:
+    """One table of units serves all sheets: a bore of 120 mm is 0.1200 m, 350 bar × area is in kN or N."""
+    machine = machines.named("excavator_20t")
+    found = ad.size_cylinders(machine, ad.Workspace.grid(machine, 4))
+    workshop, si = (report.design_sheets(found, units) for units in (WORKSHOP, SI))
+    assert [len(sheet.rows) for sheet in workshop] == [len(sheet.rows) for sheet in si]
+    assert workshop[1].rows[0][:3] == ("boom", "2 × 120.0", "85.0")
+    assert si[1].rows[0][:3] == ("boom", "2 × 0.1200", "0.0850")
+    assert (workshop[3].rows[0][3], si[3].rows[0][3]) == ("792", "791681")
+    assert "[mm]" in workshop[1].title
+    assert re.search(r"\d (mm|kN|l)\b|°|\[(mm|kN|bar|l)\]", str(workshop))
+    assert not re.search(r"\d (mm|kN|l)\b|°|\[(mm|kN|bar|l)\]", str(si))
 
 
 # ---------------------------------------------------------------------------------------------------------- bad input
@@ -119,7 +152,8 @@ BAD = [
     (["excavator_20t", "--points", "3,3,3,3"], "is not allowed; give one number ≥ 2, or 3"),
     (["excavator_20t", "--points", "-5"], "points: -5 is not allowed"),
     (["excavator_20t", "--points", "3.5"], "is not a list of numbers"),
-    (["excavator_20t", "--points", "999999"], "poses are too many; give at most 5 million"),
+    (["excavator_20t", "--units", "inch"], "Invalid value for '--units': 'inch' is not one of 'workshop', 'si'."),
+    (["excavator_20t", "--points", "999999"], "poses are too many; give at most 5"),
 ]
 
 
@@ -135,6 +169,22 @@ def test_bad_arguments_are_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main([command, *words, "--out", "out"], monkeypatch) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert_one_line(err, message)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
+def test_bad_arguments_of_check(
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", *words], monkeypatch) == 2
     out, err = capfd.readouterr()
     assert out == ""
     assert_one_line(err, message)
@@ -178,6 +228,8 @@ def test_a_broken_file_is_one_line(
     assert out == ""
     assert_one_line(err, message)
     assert {path.name for path in tmp_path.iterdir()} == before
+    assert main(["check", "broken.toml"], monkeypatch) == 2
+    assert message in capfd.readouterr().err
 
 
 def assert_one_line(text: str, message: str) -> None:

@@ -122,7 +122,7 @@ def test_byte_order_mark_and_windows_line_ends_are_read_and_kept(tmp_path: Path)
 
 CHANGES = [
     ("cylinder.boom.bore_mm", 131.5, "bore_mm = 120", "bore_mm = 131.5"),
-    ("cylinder.boom.base.at_mm", [460, 0.0, -600.25], "at_mm = [461.5, 0, -602.5]", "at_mm = [460, 0.0, -600.25]"),
+    ("cylinder.boom.base.at_mm", [460, 0.0, -600.25], "at_mm = [461.5, 0, -602.5]", "at_mm = [460, 0, -600.25]"),
     ("cylinder.boom.dead_volume_l.cap", 6.0, "{ cap = 5.6, annulus", "{ cap = 6.0, annulus"),
     ("cylinder.bucket.four_bar.knee", "right", 'knee = "left"', 'knee = "right"'),
     ("payload.full.mass_kg", 900, "mass_kg = 1600", "mass_kg = 900"),

@@ -17,8 +17,8 @@ ORDER = [
     *("units", "errors", "arrays"),
     *("fluid", "valve", "cylinder", "formulas"),
     *("urdf", "jets", "arm", "linkage"),
-    *("machine_file", "poses", "ranges", "machine", "modes"),
-    *("workspace", "maps"),
+    *("machine_file", "scaffold", "foreign", "poses", "ranges", "machine", "modes"),
+    *("workspace", "maps", "inspection"),
     *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(
@@ -29,7 +29,7 @@ ORDER = [
         "simulation.motion",
     ),
     *("linearization", "simulation.experiment", "simulation.validation"),
-    *("plots", "report", "cli"),
+    *("plots", "report", "comparison", "cli"),
 ]
 # Results draw themselves: two lines that open the door to drawing when they are asked to.
 UPWARDS = {

@@ -23,10 +23,28 @@ def study(name: str) -> ModuleType:
 
 def test_baseline_map_finds_its_headline() -> None:
     module = study("01_baseline_map")
-    headline = float(re.search(r"At ([\d.]+) Hz", module.__doc__ or "").group(1))  # type: ignore[union-attr]
-    worst = module.run(fast=True).worst
-    assert worst.frequency == pytest.approx(headline, abs=5e-4)  # the printed digits; refined off any grid
-    assert worst.cylinder == "boom"
+    found = re.search(r"At ([\d.]+) Hz .* limits ≥ (\d+) %", module.__doc__ or "")
+    assert found is not None
+    table, maps = module.run(fast=True)
+    assert len(maps) >= 6
+    assert table.index[0] == "excavator_20t"  # sorted: the lowest of all
+    assert table["worst_hz"].iloc[0] == pytest.approx(float(found[1]), abs=5e-4)  # the printed digits; refined
+    assert list(table["cylinder"]) == list(table["most_often"])
+    assert set(table["cylinder"]) == {"boom", "lift"}
+    assert 100 * table["share"].min() == pytest.approx(float(found[2]), abs=4)  # a coarse grid counts edges more
+
+
+def test_which_formula_finds_its_headline() -> None:
+    module = study("02_which_formula")
+    words = module.__doc__ or ""
+    medians, worst = (re.findall(rf"{mark}([\d.]+)", words) for mark in ("×", r"\+"))
+    table, _ = module.run(fast=True)
+    rigid, locked = (table.xs(formula, level="formula") for formula in ("rigid", "locked"))
+    found = [rigid["median"].min(), rigid["median"].max(), rigid["worst"].max()]
+    assert found == pytest.approx([float(x) for x in medians], rel=0.02)  # printed with two digits
+    found = [100 * (locked["median"].max() - 1), 100 * (locked["worst"].max() - 1)]
+    assert found == pytest.approx([float(x) for x in worst], abs=1)
+    assert locked["median"].min() >= 1 - 1e-9, "interlacing"
 
 
 def test_pins_and_areas_finds_its_headline() -> None:

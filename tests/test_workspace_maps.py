@@ -7,12 +7,14 @@ from pathlib import Path
 
 import machines
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from reference_planar import Reference
 
 import armdesign as ad
 from armdesign import plots
+from armdesign.arrays import chunks, shown
 from armdesign.workspace import onto_pitch_limit, tipping_joints
 
 SHIPPED = Path(__file__).parent.parent / "robots"
@@ -101,6 +103,74 @@ def test_a_cylinder_across_two_joints_bounds_the_workspace() -> None:
     machine, space = machines.named("crossing"), workspace("crossing", 9)
     assert len(space) <= 81
     assert machine.margins(space.q).min() >= space.end_margin - 1e-9
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing", "spatial"])
+def test_sobol_poses_fill_the_ranges_and_lie_on_their_edges(name: str) -> None:
+    """Equal seeds, equal poses; all keep the margin; every end of every joint and the pitch limits are met exactly."""
+    machine = machines.named(name)
+    space = ad.Workspace.sobol(machine, 600, seed=4)
+    assert_allclose(space.q, ad.Workspace.sobol(machine, 600, seed=4).q, atol=0)
+    assert not np.array_equal(space.q[:50], ad.Workspace.sobol(machine, 600, seed=5).q[:50])
+    assert machine.margins(space.q).min() >= space.end_margin - 1e-9
+    low, high = machine.range_within(space.end_margin).T
+    assert np.all((space.q >= low) & (space.q <= high))
+    if all(len(linkage.joints) == 1 for linkage in machine.linkages):
+        assert len(space) >= 600
+        assert np.all((space.q == low).any(axis=0) & (space.q == high).any(axis=0))
+        middle = (space.q[:600] - low) / (high - low)
+        assert_allclose(middle.mean(axis=0), 0.5, atol=0.01)  # chance alone would leave 0.29/√600 = 0.012
+    for payload in machine.payloads:
+        if payload.pitch is not None:
+            excess = machine.pitch_excess(machine.arm.kinematics(space.q), payload)
+            assert (np.abs(excess) < 1e-8).sum() > 50
+
+
+def test_sobol_and_grid_find_the_same_worst_pose() -> None:
+    machine = machines.named("excavator_20t")
+    worst = ad.frequency_map(machine, ad.Workspace.sobol(machine, 1000)).worst
+    assert worst.frequency == pytest.approx(WORST_FREQUENCY, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "crossing", "spatial"])
+def test_poses_of_the_reach_plane_bring_the_tool_to_the_cells(name: str) -> None:
+    """The tool is on a cell's middle to a micrometre; where joints are left over, in several ways."""
+    machine = machines.named(name)
+    space = ad.Workspace.reach_plane(machine, 12, 7 if len(machine.joints) > 2 else 20)
+    assert machine.margins(space.q).min() >= space.end_margin - 1e-9
+    tool = machine.at(space.q).tool
+    place = np.stack([np.copysign(np.hypot(tool[:, 0], tool[:, 1]), tool[:, 0]), tool[:, 2]], axis=1)
+    assert space.cells is not None
+    cell = np.stack([np.abs(place[:, [i]] - space.cells[i]).argmin(axis=1) for i in (0, 1)], axis=1)
+    assert_allclose(place, np.stack([space.cells[i][cell[:, i]] for i in (0, 1)], axis=1), atol=1e-6)
+    ways = np.unique(cell, axis=0, return_counts=True)[1]
+    if len(machine.joints) > 2:
+        assert np.median(ways) >= 3
+    found = ad.frequency_map(machine, space).reach_map()
+    assert np.isfinite(found.frequency).sum() == len(ways)
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5, "9", True, None, 10**7])
+def test_sobol_counts_that_cannot_be(count: object, excavator: ad.Machine) -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"count: .* is not allowed; give a whole number from 1 to 5,000,000"):
+        ad.Workspace.sobol(excavator, count)  # type: ignore[arg-type]
+    with pytest.raises(ad.ArmDesignError, match=r"cells: .*" if count != 10**7 else r"points"):
+        ad.Workspace.reach_plane(excavator, 9 if count == 10**7 else count, points=1)  # type: ignore[arg-type]
+
+
+def test_one_joint_reaches_no_plane() -> None:
+    with pytest.raises(ad.ArmDesignError, match="no pose brings the tool to a cell's middle; take a grid for one"):
+        ad.Workspace.reach_plane(machines.named("paper_1dof"))
+
+
+def test_a_slide_begins_at_zero() -> None:
+    """The extension's length is its closed length plus q: rod in is q = 0, not the number next to it."""
+    assert machines.named("loader_crane").ranges[2, 0] == 0.0
+
+
+def test_a_seed_is_a_whole_number(excavator: ad.Machine) -> None:
+    with pytest.raises(ad.ArmDesignError, match="seed: -1 is not allowed"):
+        ad.Workspace.sobol(excavator, 10, seed=-1)
 
 
 # --------------------------------------------------------------------------------------------------------------- map
@@ -197,6 +267,94 @@ def test_a_machine_without_a_pose_for_any_load_case_says_so() -> None:
         ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
 
 
+@pytest.mark.parametrize("name", ["excavator_20t", "crossing"])
+def test_chunks_leave_no_trace(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map made 97 poses at a time, nothing kept, is the map."""
+    found, machine = mapped(name), machines.named(name)
+    monkeypatch.setattr("armdesign.arrays.CHUNK", 97)
+    monkeypatch.setattr("armdesign.workspace.KEPT", 0)
+    again = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
+    pd.testing.assert_frame_equal(again.frame, found.frame, rtol=1e-12)
+    assert np.array_equal(again.limiting, found.limiting)
+    modes = ad.natural_modes(machine.at(found.workspace.q))
+    assert modes.frequencies.shape == (len(found.workspace), len(machine.joints))
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_progress_bar_shows_on_a_terminal_only(
+    terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("armdesign.arrays.PATIENCE", -1.0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    assert list(shown(chunks(40_000), 40_000, "poses")) == list(chunks(40_000))
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert ("poses" in written.err) == terminal
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "redundant"])
+def test_percentiles_and_shares_count_the_rows(name: str) -> None:
+    """By hand, from the frame."""
+    found = mapped(name, 4)
+    table = found.percentiles([0, 50, 100])
+    assert list(table.index) == [*(payload.name for payload in found.machine.payloads), "all"]
+    assert table.loc["all", "0 %"] == found.frame["f1_hz"].min()
+    for payload, rows in found.frame.groupby("payload"):
+        assert table.loc[payload, "50 %"] == pytest.approx(rows["f1_hz"].median())
+        assert found.worst_of[payload].frequency <= rows["f1_hz"].min() + 1e-12
+        assert found.worst_of[payload].payload == payload
+    assert found.worst.frequency == min(worst.frequency for worst in found.worst_of.values())
+    shares = found.limiting_shares
+    assert shares.sum() == pytest.approx(1)
+    assert shares.to_dict() == {c.name: (found.limiting == c.name).mean() for c in found.machine.cylinders}
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "redundant"])
+def test_formula_ratios_obey_interlacing(name: str) -> None:
+    """Locked over coupled is never below one; with one joint and one cylinder it is one. Rigid: from the frame."""
+    found = mapped(name, 4)
+    table = found.formula_ratios
+    assert table.loc[(slice(None), "locked"), "least"].min() >= 1 - 1e-9
+    if len(found.machine.joints) == 1:
+        assert_allclose(table.loc[(slice(None), "locked"), :], 1, rtol=1e-9)
+    for cylinder in found.machine.cylinders:
+        ratio = found.frame[f"rigid_{cylinder.name}_hz"] / found.frame["f1_hz"]
+        expected = [ratio.min(), ratio.median(), ratio.max()]
+        assert_allclose(table.loc[(cylinder.name, "rigid")], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "spatial"])
+def test_stiffness_bookkeeping_adds_up(name: str) -> None:
+    """The parts sum to ω² of the lowest mode; oil alone, from the shares, is the Rayleigh quotient of K_h."""
+    found = mapped(name, 4)
+    omega = 2 * np.pi * found.frame["f1_hz"].to_numpy()
+    assert_allclose(found.stiffness_parts.sum(axis=1), omega**2, rtol=1e-9)
+    shares = found.stiffness_shares
+    assert list(shares.columns) == ["hydraulic", "gravity", "geometric"]
+    assert_allclose(shares.sum(axis=1), 1, rtol=1e-12)
+    row = len(found.frame) // 3
+    machine = found.machine.with_payload(found.frame["payload"].iloc[row])
+    poses = machine.at(found.frame[list(machine.joints)].iloc[row].to_numpy())
+    shape = ad.natural_modes(poses).shapes[0, :, 0]
+    assert shares["hydraulic"].iloc[row] == pytest.approx(
+        shape @ poses.hydraulic_stiffness[0] @ shape / omega[row] ** 2, rel=1e-9
+    )
+
+
+def test_holding_pressures_balance_the_forces() -> None:
+    """F = A1 p1 − A2 p2 with the unloaded chamber at the return pressure (definition)."""
+    found = mapped("excavator_20t")
+    supply, cylinder = found.machine.supply, found.machine.cylinders[1]
+    force = found.frame["stick_force_n"].to_numpy()
+    pressure = found.holding_pressures[:, 1] * supply.pressure
+    pushing = cylinder.bore_area * pressure - cylinder.annulus_area * supply.return_pressure
+    pulling = cylinder.bore_area * supply.return_pressure - cylinder.annulus_area * pressure
+    least = (cylinder.bore_area - cylinder.annulus_area) * supply.return_pressure
+    assert (force > least).any()
+    assert (force < least).any()
+    assert_allclose(np.where(force > least, pushing, pulling), force, rtol=1e-9, atol=1e-6)
+
+
 # --------------------------------------------------------------------------------------- an independent implementation
 
 
@@ -240,14 +398,14 @@ def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
 def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
     """Cells between grid poses are interpolated, which cannot go below the least grid value."""
     found = mapped(name)
-    x, z, values = plots.reach_plane(found)
-    assert values.shape == (len(x), len(z))
-    assert np.nanmin(values) == pytest.approx(found.frame["f1_hz"].min(), rel=1e-12)
+    reach = found.reach_map()
+    assert reach.frequency.shape == (len(reach.reach), len(reach.height))
+    assert np.nanmin(reach.frequency) == pytest.approx(found.frame["f1_hz"].min(), rel=1e-12)
 
 
 def test_places_out_of_reach_are_blank() -> None:
     """The corners of a picture around an arm's reach lie outside its annulus; joint pairs that cannot be, too."""
-    _, _, values = plots.reach_plane(mapped("excavator_20t"))
+    values = mapped("excavator_20t").reach_map().frequency
     assert np.isnan(values[-1, -1])
     assert np.isfinite(values).sum() > 0.3 * values.size
     machine = machines.named("crossing")
@@ -265,4 +423,34 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     """Without a display and without a warning (warnings are errors)."""
     fig, (ax,) = plots.figure()
     assert mapped(name, 3).plot(ax, plane=plane) is ax
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach"])
+def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
+    pair = {"one": mapped("excavator_20t", 3), "other": mapped("crossing", 3)}
+    fig = plots.side_by_side(pair, plane)
+    scales = {mesh.get_clim() for ax in fig.axes for mesh in ax.collections[:1]}
+    least = min(found.frame["f1_hz"].min() for found in pair.values())
+    meshes = [scale for scale in scales if scale[0] == pytest.approx(least, rel=1e-12)]
+    assert len(meshes) == 1
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
+    """Cylinders are matched by name; the curve is the moment arm over the machine's own range."""
+    machine = machines.named("excavator_20t")
+    fig = plots.moment_arm_curves({"20 t": machine, "12 t": machines.named("excavator_12t")})
+    line = fig.axes[0].lines[0]
+    poses = machine.at(np.array([[machine.ranges[0, 0], *machine.ranges.mean(axis=1)[1:]]]))
+    assert line.get_xdata()[0] == pytest.approx(np.rad2deg(machine.ranges[0, 0]))
+    assert line.get_ydata()[0] == pytest.approx(1000 * abs(poses.moment_arms[0, 0, 0]))
+    assert [len(ax.lines) for ax in fig.axes] == [2, 2, 2]
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
+def test_holding_pressures_draw(name: str, tmp_path: Path) -> None:
+    fig, (ax,) = plots.figure()
+    assert plots.holding_pressure(mapped(name, 4), ax) is ax
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000

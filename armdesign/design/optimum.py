@@ -64,6 +64,13 @@ class Design:
         """The new machine over the same workspace."""
         return frequency_map(self.machine, self.workspace)
 
+    @cached_property
+    def in_own_workspace(self) -> FrequencyMap:
+        """The new machine over its own workspace: end margins are shares of its own strokes."""
+        counts = [len(axis) for axis in self.workspace.axes]
+        own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
+        return frequency_map(self.machine, own)
+
     def plot(self, plane: str = "joints") -> Any:
         """Maps before and after on one colour scale over two joints or over reach and height; returns the figure."""
         from armdesign import plots

@@ -20,7 +20,7 @@ WORST = (1.154, -1.199, -2.191)
 
 def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:
     """K v = ω² M v with trapped oil (closed form) = poles of the differentiated nonlinear model, undamped."""
-    machine = helpers.with_valves(machine)
+    machine = helpers.with_friction(helpers.with_valves(machine), Friction())
     for pose in machines.inner_poses(machine, 3):
         poses = machine.at(pose)
         model = linearize(machine, pose)

@@ -1,0 +1,70 @@
+"""Which simpler frequency formula is wrong, where in the workspace, and by how much?
+
+The rigid load: ×2.9 to ×4.3 in the median, up to ×23 (boom upright); one cylinder alone: up to +5 %, at worst +36 %.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import armdesign as ad
+from armdesign.machine import shipped
+
+OUT = Path("out") / "02_which_formula"
+FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static load as a mass"}
+
+
+def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
+    """What a formula says of every pose, its lowest over the cylinders, over the lowest coupled frequency."""
+    names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
+    return found.frame[names].min(axis=1) / found.frame["f1_hz"]
+
+
+def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
+    """Median and worst ratio of both formulas on every machine, and the maps; ``fast`` takes coarse grids."""
+    machines = {name: ad.load(name) for name in shipped()}
+    maps = {
+        name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
+        for name, machine in machines.items()
+    }
+    rows = {}
+    for name, found in maps.items():
+        for formula in FORMULAS:
+            ratio = ratios(found, formula)
+            worst = found.frame.loc[ratio.idxmax()]
+            rows[name, formula] = {
+                "median": ratio.median(),
+                "p95": ratio.quantile(0.95),
+                "worst": ratio.max(),
+                "lowest_pose": ratio[found.frame["f1_hz"].idxmin()],
+                "where": ", ".join(f"{joint} {worst[joint]:.2f}" for joint in found.machine.joints),
+                "payload": worst["payload"],
+            }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["machine", "formula"]), maps
+
+
+def main() -> None:
+    """Print the table, save it with the share of poses at which each formula is off by how much."""
+    from armdesign import plots
+
+    table, maps = run()
+    print(table.to_string(float_format="{:.2f}".format))
+    OUT.mkdir(parents=True, exist_ok=True)
+    table.to_csv(OUT / "ratios.csv")
+    fig, axes = plots.figure(len(FORMULAS), 6.0, 4.2)
+    for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
+        for name, found in maps.items():
+            ratio = np.sort(ratios(found, formula))
+            ax.plot(np.linspace(0, 100, len(ratio)), ratio, label=name)
+        ax.set(xlabel="share of poses [%]", title=title)
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("formula / lowest coupled frequency")
+    axes[0].legend(frameon=False)
+    plots.save(fig, OUT / "ratios.png")
+
+
+if __name__ == "__main__":
+    main()

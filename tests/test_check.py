@@ -1,0 +1,249 @@
+"""`armdesign check`: what a file amounts to, what looks odd, and everything that is wrong at once."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+import machines
+import numpy as np
+import pytest
+from test_bad_input import URDF, damaged
+from test_cli import main
+
+import armdesign as ad
+from armdesign import report
+from armdesign.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect, problems
+from armdesign.machine import Machine
+from armdesign.units import SI, WORKSHOP
+
+EXCAVATOR = machines.named("excavator_20t")
+
+
+def inspected(changes: dict[str, object], name: str = "excavator_20t") -> Inspection:
+    machine = machines.named(name).replace(changes)
+    return inspect(machine, ad.Workspace.grid(machine, points=7))
+
+
+def odd(changes: dict[str, object], name: str = "excavator_20t") -> dict[str, str]:
+    return {finding.part: finding.words for finding in inspected(changes, name).findings()}
+
+
+def written(folder: Path, *pairs: tuple[str, str]) -> str:
+    """The excavator with some texts changed, as a file."""
+    text = EXCAVATOR.text
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "x.toml").write_text(text, encoding="utf-8")
+    (folder / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    return str(folder / "x.toml")
+
+
+# ---------------------------------------------------------------------------------------------------------- oddities
+
+
+def test_the_stick_cylinder_of_the_20_t_machine_is_too_short_for_its_parts() -> None:
+    """1800 − 1504 = 296 mm between the pins must hold what takes 2.2 × 140 = 308 mm: the only oddity of the file."""
+    assert DEAD_LENGTH_PER_BORE * 140 > 1800 - 1504
+    found = odd({})
+    assert set(found) == {"cylinder.stick.closed_length_mm"}
+    assert "296.0 mm" in found["cylinder.stick.closed_length_mm"]
+
+
+@pytest.mark.parametrize("name", ["mini_excavator_2t", "excavator_12t", "patu_boom"])
+def test_real_machines_are_not_odd(name: str) -> None:
+    assert odd({}, name) == {}
+
+
+CASES = [
+    (
+        {"supply.pressure_bar": 150},
+        "cylinder.boom",
+        r"under full the cap side needs 19\d bar to stand still, more than",
+    ),
+    ({"supply.pressure_bar": 210}, "cylinder.boom", r"9\d % of what supply pressure holds \(requirement: 87 %\)"),
+    (
+        {"payload.full.link": "boom", "payload.full.pitch_deg": [100, 120]},
+        "payload.full.pitch_deg",
+        "at no pose of the workspace",
+    ),
+    (
+        {"payload.full.link": "boom", "payload.full.pitch_deg": [50, 90]},
+        "payload.full.pitch_deg",
+        r"of \[50\.0, 90\.0\]° the workspace reaches only \[5\d\.\d, 6\d\.\d\]°",
+    ),
+    ({"fluid.bulk_modulus_MPa": 100}, "fluid.bulk_modulus_MPa", "outside"),
+    ({"payload.full.mass_kg": 0}, "payload", "every load case is empty"),
+    (
+        {"cylinder.stick.stroke_mm": 1000},
+        "joint stick",
+        r"the URDF allows \[-155\.5, -33\.2\]°, the strokes cover only",
+    ),
+    ({"cylinder.boom.rod_mm": 40}, "cylinder.boom.rod_mm", "the rod buckles at"),
+    ({"cylinder.boom.dead_volume_l.cap": 0}, "cylinder.boom.dead_volume_l.cap", "infinitely stiff"),
+]
+
+
+@pytest.mark.parametrize(("changes", "part", "words"), CASES, ids=[part for _, part, _ in CASES])
+def test_what_looks_odd(changes: dict[str, object], part: str, words: str) -> None:
+    assert re.search(words, odd(changes)[part])
+
+
+def test_unstable_poses() -> None:
+    """Oil as soft as foam under eight tonnes: gravity wins."""
+    found = odd({"fluid.bulk_modulus_MPa": 5, "payload.full.mass_kg": 8000})
+    assert re.search(r"\d % of the poses are unstable \(0 Hz\)", found["payload.full"])
+
+
+def test_a_moment_arm_that_nearly_vanishes() -> None:
+    """Base to joint 500 mm, joint to rod end 150 mm: at 350 mm all three are in line; 351 mm is just before that.
+
+    By hand: r = |b × p|/ℓ at ℓ = 351 mm, cos θ = (500² + 150² − 351²)/(2·500·150), r = 500·150 sin θ/351 = 20.6 mm.
+    """
+    paper = machines.named("paper_1dof")
+    urdf = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1.57" upper="1.57"', paper.urdf_text)
+    text = paper.text.replace("closed_length_mm = 422.015325", "closed_length_mm = 351")
+    machine = Machine.from_text(text, urdf, Path("x.toml"))
+    inspection = inspect(machine, ad.Workspace.grid(machine, 20))
+    cosine = (500**2 + 150**2 - 351**2) / (2 * 500 * 150)
+    assert inspection.levers[0].least == pytest.approx(0.5 * 0.15 * np.sqrt(1 - cosine**2) / 0.351, rel=1e-9)
+    words = {finding.part: finding.words for finding in inspection.findings()}["cylinder.lift"]
+    assert re.search(r"moment arm falls to 1\d % of its largest at boom -?8\d\.\d° \(below 15 %\)", words)
+
+
+def test_a_link_without_mass() -> None:
+    urdf = re.sub(
+        r'(<link name="stick">.*?)<inertial>.*?</inertial>', r"\1", EXCAVATOR.urdf_text, count=1, flags=re.DOTALL
+    )
+    machine = Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml"))
+    found = {f.part for f in inspect(machine, ad.Workspace.grid(machine, 4)).findings()}
+    assert "link stick" in found
+
+
+# ------------------------------------------------------------------------------------------------------------- facts
+
+
+def test_facts_of_the_20_t_machine() -> None:
+    """Masses as in the URDF; ranges end on the strokes; reach and depth of the sheet (9.86 m and 6.72 m) within 9 %."""
+    inspection = inspect(EXCAVATOR, ad.Workspace.grid(EXCAVATOR, points=15))
+    assert inspection.masses == {"platform": 16520, "boom": 2310, "stick": 1010, "bucket": 660}
+    ends = [[inspection.ended_by(j, end) for end in (0, 1)] for j in range(3)]
+    assert ends == [["boom in", "boom out"], ["stick out", "stick in"], ["bucket out", "bucket in"]]
+    assert inspection.tool.max(axis=0)[0] == pytest.approx(9.86, rel=0.02)
+    assert -inspection.tool.min(axis=0)[1] == pytest.approx(6.72, rel=0.09)
+    assert inspection.stroke_used(0) == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize("units", [WORKSHOP, SI], ids=["workshop", "si"])
+@pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "paper_1dof", "redundant", "branched"])
+def test_sheets_of_every_kind_of_machine(name: str, units: object) -> None:
+    machine = machines.named(name)
+    sheets = report.check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)), units)  # type: ignore[arg-type]
+    for sheet in sheets:
+        assert all(len(row) == (len(sheet.columns) or 2) for row in sheet.rows)
+        assert "nan" not in str(sheet.rows)
+
+
+def test_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "excavator_20t"], monkeypatch) == 0
+    printed = capsys.readouterr().out
+    for words in ("Cylinders [mm]", "296.0", "link boom", "boom out", "350 bar", "What looks odd", "54 % of the poses"):
+        assert words in printed
+    assert max(map(len, printed.splitlines())) <= 100
+    assert not list(tmp_path.iterdir())
+
+
+# ------------------------------------------------------------------------------------------------- everything wrong
+
+
+def test_all_problems_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Schema, cross-checks, unknown links and joints, each on its own line, in one run."""
+    name = written(
+        tmp_path,
+        ("bore_mm = 120", "bore = 120"),
+        ("rod_mm = 100", "rod_mm = 300"),
+        ("return_pressure_bar = 5", "return_pressure_bar = 500"),
+        ('link = "chassis"', 'link = "chasis"'),
+        ('joints = ["boom"', 'joints = ["bom"'),
+        ('knee = "left"', 'knee = "up"'),
+        ("swing = 0.0", 'swing = "a"'),
+    )
+    assert main(["check", name], monkeypatch) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    lines = err.splitlines()
+    assert all(line.startswith("armdesign: ") for line in lines)
+    expected = [
+        'cylinder.boom.bore: unknown key; did you mean "bore_mm"?',
+        "cylinder.boom.bore_mm: missing",
+        "cylinder.stick.rod_mm: 300 mm does not fit the bore",
+        "supply.return_pressure_bar: 500 bar is not below",
+        'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean "chassis"?',
+        'joints: no joint "bom" in the URDF; choose from: swing, boom_foot, boom, stick, bucket',
+        'cylinder.bucket.four_bar.knee: "up" is not allowed; give one of "left", "right"',
+        'frozen.swing: "a" is not allowed',
+    ]
+    for words in expected:
+        assert sum(words in line for line in lines) == 1, (words, err)
+    assert len(lines) == len(expected), err
+
+
+def test_problems_of_the_assembled_machine(tmp_path: Path) -> None:
+    """Two joints that no pose suits are both said."""
+    name = written(
+        tmp_path,
+        ("closed_length_mm = 1825", "closed_length_mm = 9000"),
+        ("closed_length_mm = 1800", "closed_length_mm = 9"),
+    )
+    parts = [problem.part for problem in problems(name)]
+    assert parts == ["x.toml: cylinder.boom.stroke_mm", "x.toml: cylinder.stick.stroke_mm"]
+
+
+def test_problems_of_the_urdf(tmp_path: Path) -> None:
+    """Two joints and a link that cannot be: all three are said, beside a misspelt link of the machine file."""
+    name = written(tmp_path, ('link = "chassis"', 'link = "chasis"'))
+    urdf = EXCAVATOR.urdf_text.replace('mass value="1010"', 'mass value="-1010"')
+    urdf = re.sub(r'(<joint name="stick" type=)"revolute"', r'\1"floating"', urdf)
+    urdf = re.sub(r'(<joint name="boom" type="revolute">)', r'\1<mimic joint="bucket"/>', urdf)
+    (tmp_path / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
+    words = [str(problem) for problem in problems(name)]
+    assert len(words) == 4, words
+    for part in ('no link "chasis"', 'joint stick: type "floating"', "joint boom: mimics", "link stick: mass -1010 kg"):
+        assert any(part in word for word in words), (part, words)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "loader_crane"])
+def test_no_problems(name: str) -> None:
+    assert problems(name) == []
+
+
+@pytest.mark.parametrize("what", ["toml", "urdf"])
+def test_whatever_is_refused_has_a_problem_and_the_other_way_round(what: str, tmp_path: Path) -> None:
+    """Seeded damage: `check` and `load` agree on whether a file can be used, and no other exception comes."""
+    files = {"toml": tmp_path / "x.toml", "urdf": tmp_path / "excavator_20t.urdf"}
+    texts = {"toml": EXCAVATOR.text, "urdf": URDF}
+    for kind, file in files.items():
+        file.write_text(texts[kind], encoding="utf-8")
+    for seed in range(100):
+        files[what].write_text(damaged(texts[what], random.Random(seed)), encoding="utf-8")
+        found = problems(files["toml"])
+        assert all("\n" not in str(problem) and "stand_in" not in str(problem) for problem in found), found
+        try:
+            machine = ad.load(files["toml"])
+        except ad.ArmDesignError:
+            assert found, seed
+            continue
+        assert not found or "workspace" in str(found[0]), (seed, found)
+        if not found and seed % 4 == 0:
+            report.check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
+
+
+def test_a_supply_that_cannot_pull() -> None:
+    """Return pressure on the bore side outweighs supply pressure on the rod side: nothing holds a pull."""
+    found = odd({"supply.pressure_bar": 300, "supply.return_pressure_bar": 299})
+    assert "more than the supply's 300 bar can hold" in found["cylinder.stick"]
