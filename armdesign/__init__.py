@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from armdesign.machine import Machine as Machine
     from armdesign.machine import load as load
     from armdesign.maps import FrequencyMap as FrequencyMap
+    from armdesign.maps import ReachMap as ReachMap
     from armdesign.maps import WorstPose as WorstPose
     from armdesign.maps import frequency_map as frequency_map
     from armdesign.modes import Modes as Modes
@@ -47,6 +48,7 @@ _HOME = {
     "Poses": "poses",
     "Workspace": "workspace",
     "FrequencyMap": "maps",
+    "ReachMap": "maps",
     "WorstPose": "maps",
     "frequency_map": "maps",
     "Requirements": "design.requirements",

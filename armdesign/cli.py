@@ -367,9 +367,9 @@ def _outputs(out: Path) -> Iterator[Path]:
 @contextmanager
 def _progress(text: str) -> Iterator[Callable[[str], None]]:
     """A progress display on stderr that leaves no trace; call what it yields to change the text."""
-    from rich.console import Console
+    from armdesign.arrays import terminal
 
-    with Console(stderr=True).status(text) as status:
+    with terminal().status(text) as status:
         yield lambda words: status.update(words)
 
 

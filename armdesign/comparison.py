@@ -113,15 +113,7 @@ class Comparison:
         """Both heatmaps on one colour scale; returns the figure."""
         from armdesign import plots
 
-        fig, axes = plots.figure(2, *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
-        for ax, (label, frequencies) in zip(axes, self.maps.items(), strict=True):
-            frequencies.plot(ax, plane=plane)
-            ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
-        heatmaps = [drawn for ax in axes for drawn in ax.collections if drawn.get_array() is not None]
-        ends = [drawn.get_clim() for drawn in heatmaps]
-        for drawn in heatmaps:  # the machine with one joint has curves instead
-            drawn.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
-        return fig
+        return plots.side_by_side(self.maps, plane)
 
 
 def compare(first: Machine, second: Machine, points: int | Sequence[int] | None = None) -> Comparison:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from armdesign import foreign, machine_file
 from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.cylinder import Cylinder, Fluid, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError
 from armdesign.jets import VectorJet
@@ -276,7 +276,14 @@ class Machine:
         Raises:
             PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
         """
-        rigid = q if isinstance(q, RigidPoses) else self.rigid_poses(q)
+        if isinstance(q, RigidPoses):
+            rigid = (q[rows] for rows in shown(chunks(len(q)), len(q), "poses"))
+        else:
+            q = self._checked(q)
+            rigid = (self.arm.rigid_poses(q[rows]) for rows in shown(chunks(len(q)), len(q), "poses"))
+        return stacked((self._reachable(part) for part in rigid), len(q))
+
+    def _reachable(self, rigid: RigidPoses) -> Poses:
         poses = self.evaluate(rigid)
         self._refuse_unreachable(poses)
         return poses

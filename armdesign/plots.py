@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -263,15 +263,20 @@ def _label(joint: Joint) -> str:
 
 
 def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
-    """The arm at its worst pose: links as lines, cylinders as bars, the tool marked."""
+    """The arm at its worst pose, seen square to the tool's direction: links as lines, cylinders as bars."""
     arm, poses = machine.arm, machine.arm.kinematics(worst.q[None])
-    frames = poses.translation[0]
-    chain = [frames[j] for j in arm.chain(machine.tool.link)]
-    line = np.array([*chain, worst.tool])
-    ax.plot(line[:, 0], line[:, 2], "-", color="white", lw=6, solid_capstyle="round", zorder=3)
-    ax.plot(line[:, 0], line[:, 2], "-", color=INK, lw=3, solid_capstyle="round", zorder=4)
+    azimuth = math.atan2(worst.tool[1], worst.tool[0])
+    forward = math.copysign(1.0, worst.tool[0]) * np.array([math.cos(azimuth), math.sin(azimuth)])
+
+    def draw(points: Sequence[Array], **style: Any) -> None:
+        places = np.array(points).reshape(-1, 3)
+        ax.plot(places[:, :2] @ forward, places[:, 2], "-", solid_capstyle="round", **style)
+
+    line = [*(poses.translation[0, j] for j in arm.chain(machine.tool.link)), worst.tool]
+    draw(line, color="white", lw=6, zorder=3)
+    draw(line, color=INK, lw=3, zorder=4)
     for linkage in machine.linkages:
         base, rod_end, *bars = (pin[0] for pin in linkage.pins(poses))
-        for pins, style in (((base, rod_end), {"color": CYLINDER, "lw": 4}), (bars, {"color": INK, "lw": 1.5})):
-            ax.plot([pin[0] for pin in pins], [pin[2] for pin in pins], "-", zorder=4, **style)
-    mark(ax, worst.tool[0], worst.tool[2], worst.frequency)
+        draw([base, rod_end], color=CYLINDER, lw=4, zorder=4)
+        draw(bars, color=INK, lw=1.5, zorder=4)
+    mark(ax, float(worst.tool[:2] @ forward), worst.tool[2], worst.frequency)

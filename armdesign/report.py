@@ -121,7 +121,9 @@ def _gain(design: Design, units: Units) -> Sheet:
         ("new", f"{after.frequency:.3f} Hz", after.cylinder, pose_text(design.machine, after, units)),
         ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", ""),
     ]
-    note = f"optimum before rounding {design.unrounded:.3f} Hz"
+    own = design.in_own_workspace.worst.frequency
+    note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
+    note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     if design.bound is not None:
         note += f"; no sizes with these pins exceed {design.bound:.3f} Hz"
     if len(design.starts) > 1:
