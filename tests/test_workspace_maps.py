@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from reference_planar import Reference
 
 import armdesign as ad
-from armdesign import plots
+from armdesign import arrays, plots
 from armdesign.arrays import chunks, shown
 from armdesign.workspace import onto_pitch_limit, tipping_joints
 
@@ -286,6 +286,7 @@ def test_a_progress_bar_shows_on_a_terminal_only(
 ) -> None:
     monkeypatch.setattr("armdesign.arrays.PATIENCE", -1.0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    arrays.terminal.cache_clear()  # another test's console has looked at another stderr
     assert list(shown(chunks(40_000), 40_000, "poses")) == list(chunks(40_000))
     written = capsys.readouterr()
     assert written.out == ""
