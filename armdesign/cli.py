@@ -233,7 +233,7 @@ def new(
 
     It loads and maps at once; every number in it is a placeholder to be replaced.
     """
-    from armdesign import machine_file, scaffold
+    from armdesign import scaffold, schema
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out
@@ -243,7 +243,7 @@ def new(
         if (folder / file).exists():
             raise ArmDesignError(str(folder / file), "exists already", "give another name or --out another folder")
     if not (folder / "machine.schema.json").exists():  # which editors read; several machines may share it
-        files["machine.schema.json"] = machine_file.schema()
+        files["machine.schema.json"] = schema.schema()
     with _outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from armdesign import machine_file
+from armdesign import machine_file, schema
 from armdesign.errors import MachineFileError
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -93,8 +93,8 @@ def _robot(text: str, source: str) -> ET.Element:
 
 
 def _usable_name(words: str) -> str:
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", words)[: machine_file.NAME_LENGTH]
-    return name if re.match(machine_file.NAME_PATTERN, name) else "machine"
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", words)[: schema.NAME_LENGTH]
+    return name if re.match(schema.NAME_PATTERN, name) else "machine"
 
 
 def _parents(robot: ET.Element) -> dict[str, tuple[ET.Element, str]]:

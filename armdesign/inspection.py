@@ -23,6 +23,7 @@ from armdesign.foreign import MOVABLE
 from armdesign.machine import Machine, faults_of, find, unknown_links
 from armdesign.modes import natural_modes
 from armdesign.ranges import over, sweep
+from armdesign.schema import MachineSection
 from armdesign.units import WORKSHOP, Units
 from armdesign.workspace import Workspace
 
@@ -358,9 +359,7 @@ def problems(path_or_name: str | Path) -> list[ArmDesignError]:
     return found
 
 
-def _problems_of_urdf(
-    urdf_text: str, section: machine_file.MachineSection, source: str, wrong: set[str]
-) -> list[ArmDesignError]:
+def _problems_of_urdf(urdf_text: str, section: MachineSection, source: str, wrong: set[str]) -> list[ArmDesignError]:
     """Links and joints that the file names and the URDF lacks; faults of the URDF itself."""
     found: list[ArmDesignError] = []
     try:

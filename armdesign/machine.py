@@ -25,9 +25,9 @@ from armdesign.cylinder import Cylinder, Fluid, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError
 from armdesign.jets import VectorJet
 from armdesign.linkage import FourBar, Linkage, Pin
-from armdesign.machine_file import CylinderSection, MachineSection, PinSection, ValveSection
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
+from armdesign.schema import CylinderSection, MachineSection, PinSection, ValveSection
 from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
 from armdesign.valve import Friction, Valve
 

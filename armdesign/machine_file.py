@@ -9,264 +9,22 @@ from __future__ import annotations
 import contextlib
 import difflib
 import errno
-import json
 import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import tomlkit
-from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from annotated_types import MinLen
+from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
+from armdesign.schema import ONE_LINE, CylinderSection, MachineSection, Section, allowed, annotation
 
-NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
-Text = Annotated[str, Field(min_length=1, max_length=200)]
-Length = Annotated[float, Field(gt=0, le=100_000)]
-Volume = Annotated[float, Field(ge=0, le=10_000)]
-Flow = Annotated[float, Field(gt=0, le=100_000)]
-Mass = Annotated[float, Field(ge=0, le=1_000_000)]
-Pressure = Annotated[float, Field(gt=0, le=5_000)]
-Share = Annotated[float, Field(gt=0, le=1)]
-Ratio = Annotated[float, Field(gt=0, le=10)]
-Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
-Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Angle = Annotated[float, Field(ge=-360, le=360)]
-
-UNITS = {  # by the end of the key, longer ends first
-    "kg_per_m3": "kg/m³",
-    "l_per_min_per_bar": "l/min/bar",
-    "l_per_min": "l/min",
-    "mm_per_s": "mm/s",
-    "m_per_N": "m/N",
-    "N_s_per_m": "N s/m",
-    "percent": "%",
-    "MPa": "MPa",
-    "bar": "bar",
-    "deg": "deg",
-    "mm": "mm",
-    "kg": "kg",
-    "hz": "Hz",
-    "N": "N",
-    "l": "l",
-}
-DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
-    "name": "short name: letters, digits, _ and -",
-    "title": "name for people",
-    "urdf": "the URDF, relative to this file",
-    "joints": "the coordinates, in this order; every other joint of the URDF is frozen",
-    "frozen": "values of frozen joints [rad or m]; 0 where none is given",
-    "tool": "the point whose place is reported",
-    "payload": "load cases by name; the worst one counts",
-    "cylinder": "hydraulic functions by name",
-    "link": "link of the URDF",
-    "at_mm": "x, y, z in the frame of the link",
-    "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
-    "bulk_modulus_MPa": "of oil without air, or of the hose",
-    "entrained_air_percent": "by volume at atmospheric pressure",
-    "flow_l_per_min": "of the pump",
-    "count": "equal cylinders in parallel that share their pins",
-    "bore_mm": "inner diameter of the barrel",
-    "rod_mm": "diameter of the rod",
-    "closed_length_mm": "pin to pin, rod in",
-    "dead_volume_l": "oil that the piston never sweeps, hoses included, all parallel cylinders together",
-    "base": "pin of the barrel",
-    "rod_end": "pin of the rod; or give four_bar",
-    "four_bar": "rocker and coupler that the rod end drives",
-    "pivot": "pin of the rocker",
-    "lug": "pin of the coupler on the driven link",
-    "rocker_mm": "pivot to knee",
-    "coupler_mm": "knee to lug",
-    "knee": "side of the line from pivot to lug, seen with x right and z up",
-    "barrel_kg": "of each cylinder",
-    "rod_kg": "of each cylinder",
-    "compliance_m_per_N": "of pins, brackets and links in series, all together",
-    "hose": "the share of the dead volume that lies in hoses",
-    "valve": "one valve for all parallel cylinders together",
-    "rated_drop_bar": "per metering edge",
-    "overlap_percent": "of full spool stroke",
-    "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
-    "friction": "per cylinder",
-    "requirements": "what a new design must keep, relative to today's machine",
-    "end_margin": "share of the stroke that stays free at both ends",
-    "holding_share": "static force over what supply against return pressure gives",
-    "oil_total_share": "oil of all cylinders, at most",
-    "oil_each_share": "oil of each cylinder and side, at most",
-    "thrust_share": "supply pressure × bore area of each cylinder, at most",
-    "moment_arm_share": "smallest moment arm over the range, at least",
-    "transmission_deg": "angle between rocker and coupler, at least",
-    "digging": "cylinders whose digging force counts, and the share of it that must remain",
-    "pin_box_mm": "how far each pin coordinate may move",
-}
-ONE_LINE = {"link", "at_mm", "cap", "annulus"}  # tables of these keys are written in one line
 MENDING = 8  # passes in which tables that stand in for others are filled
 COLUMNS = ("payload", "tool_x_m", "tool_y_m", "tool_z_m", "cylinder", "mode", "linear_hz", "identified_hz", "deviation")
-
-
-class Section(BaseModel):
-    """A table of the file: no unknown keys, no other types, no NaN."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
-
-
-class PinSection(Section):
-    """A pin, given in the frame of the link that carries it."""
-
-    link: Text
-    at_mm: Point
-
-
-class PayloadSection(Section):
-    """A load case; without ``pitch_deg`` it exists at every pose."""
-
-    mass_kg: Mass
-    link: Text | None = None
-    at_mm: Point | None = None
-    pitch_deg: Annotated[list[Angle], Field(min_length=2, max_length=2)] | None = None
-
-
-class FluidSection(Section):
-    """The oil."""
-
-    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=10_000)]
-    entrained_air_percent: Annotated[float, Field(ge=0, lt=50)] = 0.0
-    density_kg_per_m3: Annotated[float, Field(gt=0, le=5_000)] = 870.0
-
-
-class SupplySection(Section):
-    """The pump."""
-
-    pressure_bar: Pressure
-    return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
-    flow_l_per_min: Flow
-
-
-class DeadVolumeSection(Section):
-    """Oil that the piston never sweeps, hoses included, all parallel cylinders together."""
-
-    cap: Volume
-    annulus: Volume
-
-
-class HoseSection(Section):
-    """The share of the dead volume that lies in hoses, and their wall's modulus."""
-
-    cap_l: Volume = 0.0
-    annulus_l: Volume = 0.0
-    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0
-
-
-class FourBarSection(Section):
-    """Rocker and coupler between cylinder and driven link."""
-
-    pivot: PinSection
-    rocker_mm: Length
-    coupler_mm: Length
-    lug: PinSection
-    knee: Literal["left", "right"]
-    rocker_kg: Mass = 0.0
-    coupler_kg: Mass = 0.0
-
-
-class ValveSection(Section):
-    """The 4/3 valve of a function, for all its parallel cylinders together."""
-
-    rated_flow_l_per_min: Flow
-    rated_drop_bar: Pressure
-    natural_frequency_hz: Annotated[float, Field(gt=0, le=10_000)]
-    damping_ratio: Annotated[float, Field(gt=0, le=10)]
-    overlap_percent: Annotated[float, Field(ge=0, lt=100)] = 0.0
-    leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
-
-
-class FrictionSection(Section):
-    """Friction per cylinder."""
-
-    coulomb_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0
-    static_N: Annotated[float, Field(ge=0, le=1e9)] = 0.0
-    stribeck_velocity_mm_per_s: Annotated[float, Field(gt=0, le=1e6)] = 5.0
-    viscous_N_s_per_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
-
-
-class CylinderSection(Section):
-    """A hydraulic function: ``count`` equal cylinders sharing their pins."""
-
-    count: Annotated[int, Field(ge=1, le=16)] = 1
-    bore_mm: Length
-    rod_mm: Length
-    stroke_mm: Length
-    closed_length_mm: Length
-    dead_volume_l: DeadVolumeSection
-    base: PinSection
-    rod_end: PinSection | None = None
-    four_bar: FourBarSection | None = None
-    barrel_kg: Mass = 0.0
-    rod_kg: Mass = 0.0
-    compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0
-    hose: HoseSection = HoseSection()
-    valve: ValveSection | None = None
-    friction: FrictionSection = FrictionSection()
-
-
-class DiggingSection(Section):
-    """Cylinders whose digging force counts, and how much of today's must remain."""
-
-    cylinders: list[Name]
-    share: Ratio = 0.95
-
-
-class RequirementsSection(Section):
-    """What a new design must keep, relative to today's machine."""
-
-    end_margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.02
-    holding_share: Share = 0.87
-    oil_total_share: Ratio = 1.0
-    oil_each_share: Ratio = 1.1
-    thrust_share: Ratio = 1.1
-    moment_arm_share: Ratio = 0.8
-    transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
-    digging: DiggingSection | None = None
-    pin_box_mm: Annotated[float, Field(ge=0, le=100_000)] | None = None
-
-
-class MachineSection(Section):
-    """The whole file."""
-
-    name: Name
-    title: Text | None = None
-    urdf: Text
-    joints: Annotated[list[Text], Field(min_length=1, max_length=20)]
-    frozen: dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]] = {}
-    tool: PinSection
-    payload: Annotated[dict[Name, PayloadSection], Field(min_length=1)]
-    fluid: FluidSection
-    supply: SupplySection
-    cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
-    requirements: RequirementsSection = RequirementsSection()
-
-
-def schema() -> str:
-    """The file's JSON Schema for editors, as text: ``machine.schema.json`` in the package is this."""
-    document = MachineSection.model_json_schema()
-    sections = {"": document, **document["$defs"]}
-    for section in sections.values():
-        section.pop("title", None)
-        for key, value in section.get("properties", {}).items():
-            value.pop("title", None)
-            if {"type": "null"} in value.get("anyOf", []):  # TOML has no null: the key is left out
-                value.update(next(kind for kind in value.pop("anyOf") if kind != {"type": "null"}))
-                value.pop("default", None)
-            if isinstance(value.get("default"), dict):  # that of a table is in its keys
-                value.pop("default")
-            words = [DESCRIPTIONS.get(key, ""), *([f"[{_unit((key,)).strip()}]"] if _unit((key,)) else [])]
-            if description := " ".join(word for word in words if word):
-                value["description"] = description
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "armdesign machine file"}
-    return json.dumps({**head, **document}, indent=2, ensure_ascii=False) + "\n"
 
 
 def read_text(path: Path) -> str:
@@ -426,7 +184,7 @@ def _mend(data: Any, location: tuple[Any, ...]) -> None:
     try:
         for key in location[:-1]:
             node = node[key]
-        parent, _ = _annotation(location[:-1])
+        parent, _ = annotation(location[:-1])
     except (KeyError, IndexError, TypeError):
         return  # gone with a table that was wrong as a whole
     fields = parent.model_fields if isinstance(parent, type) and issubclass(parent, Section) else {}
@@ -442,7 +200,7 @@ def _mend(data: Any, location: tuple[Any, ...]) -> None:
 
 def _stand_in(location: tuple[Any, ...]) -> Any:
     """A value that the schema allows at a key path, tables empty."""
-    kind, constraints = _annotation(location)
+    kind, constraints = annotation(location)
     if get_origin(kind) is Literal:
         return get_args(kind)[0]
     if kind in (float, int):
@@ -490,7 +248,7 @@ def write(text: str, changes: dict[str, Any], source: str) -> str:
 
 def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
     """Raise unless the schema knows this as an optional table: load cases and cylinders are not made by a change."""
-    parent, _ = _annotation(location[:-1])
+    parent, _ = annotation(location[:-1])
     known = parent.model_fields if isinstance(parent, type) and issubclass(parent, Section) else node
     if known is node or location[-1] not in known:
         raise MachineFileError(where, f'no "{location[-1]}" in the file', f"choose from: {', '.join(known)}")
@@ -521,74 +279,6 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
 # ----------------------------------------------------------------------------------------------------------- messages
 
 
-def _unwrap(annotation: Any) -> tuple[Any, list[Any]]:
-    """Strip Annotated and optional: (type, constraints)."""
-    constraints: list[Any] = []
-    while True:
-        if get_origin(annotation) is Annotated:
-            annotation, *extra = get_args(annotation)
-            for item in extra:
-                constraints += getattr(item, "metadata", [item])
-            continue
-        arguments = [a for a in get_args(annotation) if a is not type(None)]
-        if type(None) in get_args(annotation) and len(arguments) == 1:
-            annotation = arguments[0]
-            continue
-        return annotation, constraints
-
-
-def _annotation(location: tuple[Any, ...]) -> tuple[Any, list[Any]]:
-    """Type and constraints that the schema has at a key path; KeyError where it has none."""
-    kind: Any = MachineSection
-    constraints: list[Any] = []
-    for key in location:
-        if isinstance(kind, type) and issubclass(kind, Section):
-            field = kind.model_fields[key]
-            kind, constraints = _unwrap(field.annotation)
-            constraints = [*constraints, *field.metadata]
-        elif get_origin(kind) in (dict, list):
-            kind, constraints = _unwrap(get_args(kind)[-1])
-        else:
-            raise KeyError(key)
-    return kind, constraints
-
-
-def _allowed(location: tuple[Any, ...]) -> str:
-    """What may stand at a key path, in words."""
-    try:
-        kind, constraints = _annotation(location)
-    except KeyError:
-        return ""
-    if get_origin(kind) is Literal:
-        return "one of " + ", ".join(f'"{choice}"' for choice in get_args(kind))
-    if kind in (float, int):
-        low, high = "(-∞", "∞)"
-        for bound in constraints:
-            low = f"({bound.gt:g}" if isinstance(bound, Gt) else f"[{bound.ge:g}" if isinstance(bound, Ge) else low
-            high = f"{bound.lt:g})" if isinstance(bound, Lt) else f"{bound.le:g}]" if isinstance(bound, Le) else high
-        return f"{'a whole number' if kind is int else 'a number'} in {low}, {high}{_unit(location)}"
-    if get_origin(kind) is list:
-        least = next((c.min_length for c in constraints if isinstance(c, MinLen)), 0)
-        exact = any(isinstance(c, MaxLen) and c.max_length == least for c in constraints)
-        words = f"{least} values" if exact else f"at least {least}" if least else "any number of values"
-        return f"a list of {words}, each {_allowed((*location, 0))}"
-    if kind is str:
-        return "a text of letters, digits, _ and -" if (kind, constraints) == _unwrap(Name) else "a text"
-    if get_origin(kind) is dict:
-        return "a table of named entries (names of letters, digits, _ and -)"
-    required = [name for name, field in kind.model_fields.items() if field.is_required()]
-    return f"a table with {', '.join(required)}" if required else "a table"
-
-
-def _unit(location: tuple[Any, ...]) -> str:
-    """Unit of a number, which its key names, with a space before it."""
-    for key in reversed(location[-2:]):  # the key itself, or that of its list or table
-        found = re.search(rf"_({'|'.join(UNITS)})$", str(key))
-        if found:
-            return f" {UNITS[found[1]]}"
-    return ""
-
-
 def _explain(error: ValidationError, source: str) -> MachineFileError:
     faults = error.errors(include_url=False)
     # an unknown key next to a missing one is most likely a misspelling: say the one that holds the remedy
@@ -604,11 +294,11 @@ def _explained(fault: Any, source: str, more: str = "") -> MachineFileError:
     """One fault of the schema in the package's words."""
     location = _location(fault)
     path = ".".join(str(part) for part in location)
-    where, allowed = f"{source}: {path}", _allowed(location)
+    where, may_be = f"{source}: {path}", allowed(location)
     if fault["type"] == "missing":
-        return MachineFileError(where, "missing", f"add {location[-1]}: {allowed}{more}")
+        return MachineFileError(where, "missing", f"add {location[-1]}: {may_be}{more}")
     if fault["type"] == "extra_forbidden":
-        kind, _ = _annotation(location[:-1])
+        kind, _ = annotation(location[:-1])
         close = difflib.get_close_matches(str(location[-1]), kind.model_fields, n=1, cutoff=0.5)
         hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(kind.model_fields)}"
         return MachineFileError(where, "unknown key", hint + more)
@@ -617,7 +307,7 @@ def _explained(fault: Any, source: str, more: str = "") -> MachineFileError:
             where, "is not a usable name", "start with a letter, then letters, digits, _ or -" + more
         )
     return MachineFileError(
-        where, f"{_shown(fault['input'])} is not allowed", f"give {allowed or 'another value'}{more}"
+        where, f"{_shown(fault['input'])} is not allowed", f"give {may_be or 'another value'}{more}"
     )
 
 

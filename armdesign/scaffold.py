@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine_file import NAME_LENGTH, NAME_PATTERN
+from armdesign.schema import NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {1: ("boom",), 2: ("boom", "stick"), 3: ("boom", "stick", "bucket"), 4: ("boom", "jib", "stick", "bucket")}

@@ -14,7 +14,7 @@ import pytest
 from test_cli import assert_one_line, main
 
 import armdesign as ad
-from armdesign import machine_file, scaffold
+from armdesign import scaffold, schema
 from armdesign.inspection import inspect, problems
 
 SHIPPED = Path(ad.__file__).with_name("machine.schema.json")
@@ -112,8 +112,8 @@ def test_bad_input(
 
 
 def test_the_shipped_schema_is_that_of_the_model() -> None:
-    """Else write it again: open(armdesign/machine.schema.json, "w").write(machine_file.schema())."""
-    assert SHIPPED.read_text(encoding="utf-8") == machine_file.schema()
+    """Else write it again: open(armdesign/machine.schema.json, "w").write(schema.schema())."""
+    assert SHIPPED.read_text(encoding="utf-8") == schema.schema()
 
 
 def described(schema: dict[str, Any], node: dict[str, Any], data: Any, path: str) -> None:
@@ -134,15 +134,15 @@ def described(schema: dict[str, Any], node: dict[str, Any], data: Any, path: str
 
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "paper_1dof", "mini_excavator_2t"])
 def test_the_shipped_machines_follow_it(name: str) -> None:
-    schema = json.loads(machine_file.schema())
-    described(schema, schema, tomllib.loads(machines.named(name).text), name)
+    document = json.loads(schema.schema())
+    described(document, document, tomllib.loads(machines.named(name).text), name)
 
 
 def test_units_and_descriptions_are_in_it() -> None:
-    schema = json.loads(machine_file.schema())
-    cylinder = schema["$defs"]["CylinderSection"]["properties"]
+    document = json.loads(schema.schema())
+    cylinder = document["$defs"]["CylinderSection"]["properties"]
     assert cylinder["bore_mm"]["description"] == "inner diameter of the barrel [mm]"
     assert cylinder["compliance_m_per_N"]["description"].endswith("[m/N]")
-    assert "null" not in machine_file.schema()
-    keys = {key for section in (schema, *schema["$defs"].values()) for key in section.get("properties", {})}
-    assert set(machine_file.DESCRIPTIONS) <= keys
+    assert "null" not in schema.schema()
+    keys = {key for section in (document, *document["$defs"].values()) for key in section.get("properties", {})}
+    assert set(schema.DESCRIPTIONS) <= keys
