@@ -20,8 +20,9 @@ from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder, euler_safety, holding_force, static_pressures
 from armdesign.errors import ArmDesignError, PoseError
 from armdesign.foreign import MOVABLE
-from armdesign.machine import Machine, faults_of, find, unknown_links
+from armdesign.machine import Machine, faults_of, find
 from armdesign.modes import natural_modes
+from armdesign.parts import unknown_links
 from armdesign.ranges import over, sweep
 from armdesign.schema import MachineSection
 from armdesign.units import WORKSHOP, Units

@@ -7,9 +7,8 @@ A machine is made from its file's text and knows it: ``replace`` edits the text 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,32 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign import foreign, machine_file
+from armdesign import foreign, machine_file, parts
 from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.cylinder import Cylinder, Fluid, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError
 from armdesign.jets import VectorJet
-from armdesign.linkage import FourBar, Linkage, Pin
+from armdesign.linkage import Linkage, Pin
+from armdesign.parts import Payload, choose
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
-from armdesign.schema import CylinderSection, MachineSection, PinSection, ValveSection
-from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
-from armdesign.valve import Friction, Valve
+from armdesign.schema import MachineSection
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
-
-
-@dataclass(frozen=True, kw_only=True)
-class Payload:
-    """A load case: a point mass [kg] on a link; ``pitch`` [rad] limits the poses at which the link holds it."""
-
-    name: str
-    mass: float = 0.0
-    link: str | None = None
-    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    pitch: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -164,7 +151,7 @@ class Machine:
         if isinstance(payload, str):
             named = {case.name: case for case in self.payloads}
             if payload not in named:
-                raise ArmDesignError(f"{self.name}: payload {payload}", "no such load case", _choose(payload, named))
+                raise ArmDesignError(f"{self.name}: payload {payload}", "no such load case", choose(payload, named))
             return dataclasses.replace(self, payload=named[payload])
         if isinstance(payload, bool) or not isinstance(payload, int | float | np.number):
             raise ArmDesignError(
@@ -476,119 +463,23 @@ def find(path_or_name: str | Path) -> Path:
         raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
     if path.suffix == ".toml" or path.exists():
         return path
-    raise MachineFileError(str(path), "no such machine", f"{_choose(str(path), names)}, or give a .toml file")
-
-
-def _choose(name: str, known: Collection[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"
-
-
-def _pin(section: PinSection) -> Pin:
-    x, y, z = (value * mm for value in section.at_mm)
-    return Pin(link=section.link, at=(x, y, z))
-
-
-def _linkage(section: CylinderSection, arm: Arm) -> Linkage:
-    bars, four_bar = section.four_bar, None
-    if bars is not None:
-        four_bar = FourBar(
-            pivot=_pin(bars.pivot),
-            lug=_pin(bars.lug),
-            rocker=bars.rocker_mm * mm,
-            coupler=bars.coupler_mm * mm,
-            side=1 if bars.knee == "left" else -1,
-        )
-    return Linkage(
-        base=_pin(section.base),
-        rod_end=_pin(section.rod_end) if section.rod_end else None,
-        four_bar=four_bar,
-        arm=arm,
-    )
-
-
-def _valve(section: ValveSection) -> Valve:
-    return Valve(
-        rated_flow=section.rated_flow_l_per_min * l_per_min,
-        rated_drop=section.rated_drop_bar * bar,
-        natural_frequency=section.natural_frequency_hz,
-        damping_ratio=section.damping_ratio,
-        overlap=section.overlap_percent / 100,
-        leakage=section.leakage_l_per_min_per_bar * l_per_min / bar,
-    )
-
-
-def _cylinder(name: str, section: CylinderSection) -> Cylinder:
-    friction = section.friction
-    return Cylinder(
-        name=name,
-        count=section.count,
-        bore=section.bore_mm * mm,
-        rod=section.rod_mm * mm,
-        stroke=section.stroke_mm * mm,
-        closed_length=section.closed_length_mm * mm,
-        cap_dead_volume=section.dead_volume_l.cap * litre,
-        annulus_dead_volume=section.dead_volume_l.annulus * litre,
-        cap_hose_volume=section.hose.cap_l * litre,
-        annulus_hose_volume=section.hose.annulus_l * litre,
-        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
-        compliance=section.compliance_m_per_N,
-        barrel_mass=section.barrel_kg,
-        rod_mass=section.rod_kg,
-        rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
-        coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
-        valve=_valve(section.valve) if section.valve else None,
-        friction=Friction(
-            coulomb=friction.coulomb_N,
-            static=friction.static_N or friction.coulomb_N,
-            stribeck_velocity=friction.stribeck_velocity_mm_per_s * mm,
-            viscous=friction.viscous_N_s_per_m,
-        ),
-    )
-
-
-def unknown_links(section: MachineSection, links: Collection[str], source: str) -> list[MachineFileError]:
-    """A fault for every link that the machine file names and the URDF does not have."""
-    named = {f"payload.{name}": case.link for name, case in section.payload.items()}
-    named["tool"] = section.tool.link
-    for name, cylinder in section.cylinder.items():
-        bars = cylinder.four_bar
-        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
-        pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
-        named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None}
-    return [
-        MachineFileError(f"{source}: {path}.link", f'no link "{link}" in the URDF', _choose(link, links))
-        for path, link in named.items()
-        if link is not None and link not in links
-    ]
+    raise MachineFileError(str(path), "no such machine", f"{choose(str(path), names)}, or give a .toml file")
 
 
 def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
-    for fault in unknown_links(section, arm.links, source.name):
+    for fault in parts.unknown_links(section, arm.links, source.name):
         raise fault
-    payloads = []
-    for name, case in section.payload.items():
-        x, y, z = (value * mm for value in case.at_mm or (0.0, 0.0, 0.0))
-        pitch = (case.pitch_deg[0] * deg, case.pitch_deg[1] * deg) if case.pitch_deg else None
-        payloads.append(Payload(name=name, mass=case.mass_kg, link=case.link, at=(x, y, z), pitch=pitch))
+    payloads = parts.payloads(section)
     return Machine(
         name=section.name,
         arm=arm,
-        cylinders=tuple(_cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
-        linkages=tuple(_linkage(cylinder, arm) for cylinder in section.cylinder.values()),
-        payloads=tuple(payloads),
+        cylinders=tuple(parts.cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
+        linkages=tuple(parts.linkage(cylinder, arm) for cylinder in section.cylinder.values()),
+        payloads=payloads,
         payload=payloads[0],
-        fluid=Fluid(
-            bulk_modulus=section.fluid.bulk_modulus_MPa * MPa,
-            air=section.fluid.entrained_air_percent / 100,
-            density=section.fluid.density_kg_per_m3,
-        ),
-        supply=Supply(
-            pressure=section.supply.pressure_bar * bar,
-            return_pressure=section.supply.return_pressure_bar * bar,
-            flow=section.supply.flow_l_per_min * l_per_min,
-        ),
-        tool=_pin(section.tool),
+        fluid=parts.fluid(section.fluid),
+        supply=parts.supply(section.supply),
+        tool=parts.pin(section.tool),
         section=section,
         text=text,
         urdf_text=urdf_text,

@@ -16,7 +16,8 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array, Flags, chunks, shown
 from armdesign.errors import ArmDesignError
-from armdesign.machine import Machine, Payload
+from armdesign.machine import Machine
+from armdesign.parts import Payload
 from armdesign.ranges import over
 
 POSES = 20_000  # of the default grid

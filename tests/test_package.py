@@ -17,7 +17,7 @@ ORDER = [
     *("units", "errors", "arrays"),
     *("fluid", "valve", "cylinder", "formulas"),
     *("urdf", "jets", "arm", "linkage"),
-    *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "machine", "modes"),
+    *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
     *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
