@@ -8,6 +8,7 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -66,6 +67,11 @@ class Arm:
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def all_joints(self) -> list[str]:
+        """Names of all joints of the URDF, those that are no coordinates too."""
+        return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
+
+    @cached_property
     def limits(self) -> Array:
         """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
         return np.array([[joint.lower, joint.upper] for joint in self.joints])
@@ -95,6 +101,28 @@ class Arm:
         """Joints from the root to a link, root first."""
         joint = self.links[link].joint
         return self._chains[joint] if joint >= 0 else ()
+
+    @cached_property
+    def slewing(self) -> dict[int, float]:
+        """Joints that turn all there is about the vertical, with their sign: inertia and gravity do not feel them."""
+        still = self.kinematics(np.zeros((1, len(self.joints))))
+        found: dict[int, float] = {}
+        for index in self._order:
+            joint, upright = self.joints[index], float(still.axis[0, index, 2])
+            below_all = joint.parent in (-1, *found) and sum(other.parent == joint.parent for other in self.joints) == 1
+            if joint.revolute and below_all and abs(abs(upright) - 1) < 1e-12:
+                found[index] = upright
+        return found
+
+    def heading(self, q: Array) -> Array:
+        """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
+        angle = sum((sign * q[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def reach(self, q: Array, place: Array) -> Array:
+        """Horizontal distance of places (n, 3) from the root's z axis (n,) [m]; negative behind the arm."""
+        ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
+        return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
 
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""

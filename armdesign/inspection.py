@@ -17,7 +17,7 @@ import numpy as np
 from armdesign import machine_file, urdf
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, euler_safety, holding_force, static_pressures
+from armdesign.cylinder import Cylinder, euler_safety, holding_force, kind, static_pressures
 from armdesign.errors import ArmDesignError, PoseError
 from armdesign.foreign import MOVABLE
 from armdesign.machine import Machine, faults_of, find
@@ -59,7 +59,7 @@ class Lever:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """Largest static pressure [Pa] of a cylinder under a load case, and its share of what holds it.
+    """Largest static pressure [Pa] of a function under a load case, and its share of what holds it.
 
     ``share`` is the static force over the force of supply against return pressure (inf where that holds nothing),
     ``cap`` whether the cap side holds.
@@ -94,10 +94,10 @@ class Inspection:
         """Reach (forward positive) and height of the tool (n, 2) [m] in the root link's frame."""
         machine = self.machine
         at = machine.arm.point(self.workspace.rigid, machine.tool.link, np.array(machine.tool.at))
-        return np.stack([np.copysign(np.hypot(at[:, 0], at[:, 1]), at[:, 0]), at[:, 2]], axis=1)
+        return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
-        """What ends a joint's range at its lower (0) or upper (1) end: a cylinder's stroke or the URDF."""
+        """What ends a joint's range at its lower (0) or upper (1) end: a stroke, the URDF, nothing but a full turn."""
         machine = self.machine
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
@@ -107,7 +107,7 @@ class Inspection:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
                     return f"{cylinder.name} out"
-        return "URDF limit"
+        return "one turn" if _whole_turn(machine.arm.joints[joint]) else "URDF limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
         """Poses at which a cylinder is looked at: along its joint's range, or the workspace if it spans several."""
@@ -148,17 +148,17 @@ class Inspection:
 
     @cached_property
     def loads(self) -> list[Load]:
-        """Largest static load of every cylinder under every load case."""
+        """Largest static load of every cylinder and motor under every load case."""
         found = []
         for payload in self.machine.payloads:
             case = self.machine.with_payload(payload.name)
             forces = case.evaluate(self.workspace.rigid[case.holds(self.workspace.rigid)]).cylinder_forces
             if len(forces):
-                found += [self._load(i, payload.name, forces[:, i]) for i in range(len(case.cylinders))]
+                found += [self._load(i, payload.name, forces[:, i]) for i in range(len(case.functions))]
         return found
 
     def _load(self, i: int, payload: str, forces: Array) -> Load:
-        cylinder, supply = self.machine.cylinders[i], self.machine.supply
+        cylinder, supply = self.machine.functions[i], self.machine.supply
         areas = (cylinder.bore_area, cylinder.annulus_area)
         held = holding_force(*areas, supply, forces >= 0)
         share = np.divide(np.abs(forces), held, out=np.where(forces == 0, 0.0, np.inf), where=held > 0)
@@ -224,9 +224,8 @@ class Inspection:
         machine, joint = self.machine, self.machine.arm.joints[j]
         unit = "rad" if joint.revolute else "m"
         (low, high), (lower, upper) = machine.ranges[j], (joint.lower, joint.upper)
-        whole_turn = joint.revolute and upper - lower > 2 * np.pi - 1e-6
         tolerance = RANGE_TOLERANCE[joint.revolute]
-        if not whole_turn and (low - lower > tolerance or upper - high > tolerance):
+        if not _whole_turn(joint) and (low - lower > tolerance or upper - high > tolerance):
             yield Finding(
                 part=f"joint {joint.name}",
                 words=f"the URDF allows {units.span(lower, upper, unit)}, the strokes cover only "
@@ -251,7 +250,7 @@ class Inspection:
         if payload.pitch and payload.link:
             yield from self._odd_pitch(name, units)
         for load in (load for load in self.loads if load.payload == name):
-            cylinder = self.machine.cylinders[load.cylinder].name
+            function = self.machine.functions[load.cylinder]
             limit = self.machine.section.requirements.holding_share
             side = "cap" if load.cap else "rod"
             words = f"under {name} the {side} side needs {units.text(load.pressure, 'Pa')} to stand still"
@@ -261,7 +260,7 @@ class Inspection:
                 words += f", {100 * load.share:.0f} % of what supply pressure holds (requirement: {100 * limit:.0f} %)"
             else:
                 continue
-            yield Finding(part=f"cylinder.{cylinder}", words=words)
+            yield Finding(part=f"{kind(function)}.{function.name}", words=words)
         yield from self._odd_modes(name)
 
     def _odd_pitch(self, name: str, units: Units) -> Iterator[Finding]:
@@ -296,6 +295,9 @@ class Inspection:
             )
 
     def _odd_rest(self, units: Units) -> Iterator[Finding]:
+        section = self.machine.section
+        for name in set(section.frozen) & set(section.joints):
+            yield Finding(part=f"frozen.{name}", words="is not used: the joint is a coordinate")
         fluid, (low, high) = self.machine.fluid, BULK_MODULUS
         if not low <= fluid.bulk_modulus <= high:
             yield Finding(
@@ -305,6 +307,10 @@ class Inspection:
             )
         if all(case.mass == 0 for case in self.machine.payloads):
             yield Finding(part="payload", words="every load case is empty: the worst pose of work is not looked at")
+
+
+def _whole_turn(joint: urdf.Joint) -> bool:
+    return joint.revolute and joint.upper - joint.lower > 2 * np.pi - 1e-6
 
 
 def _odd_volumes(part: str, cylinder: Cylinder) -> Iterator[Finding]:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.machine import Machine
 from armdesign.simulation.plant import Plant
+from armdesign.valve import Friction
 
 # Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table 1).
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -110,15 +111,22 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
         C=c / unit,
         D=np.zeros((plant.nc, plant.nc)),
         states=plant.state_names,
-        inputs=tuple(cylinder.name for cylinder in machine.cylinders),
+        inputs=tuple(function.name for function in machine.functions),
         equilibrium=rest * unit,
     )
 
 
 def without_dry_friction(machine: Machine) -> Machine:
     """The machine with viscous friction alone: dry friction has no derivative at rest."""
-    smooth = [replace(c, friction=replace(c.friction, coulomb=0.0, static=0.0)) for c in machine.cylinders]
-    return replace(machine, cylinders=tuple(smooth))
+
+    def smooth(friction: Friction) -> Friction:
+        return replace(friction, coulomb=0.0, static=0.0)
+
+    return replace(
+        machine,
+        cylinders=tuple(replace(c, friction=smooth(c.friction)) for c in machine.cylinders),
+        motors=tuple(replace(m, friction=smooth(m.friction)) for m in machine.motors),
+    )
 
 
 def _jacobian(f: Callable[[Array], list[float]], x: Array, steps: Array) -> Array:

@@ -188,6 +188,29 @@ class Linkage:
         return np.asarray(u - np.einsum("ni,ni->n", u, normal)[:, None] * normal)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """What a motor is to its joint: its "length" is the joint's own coordinate, so r = 1 and H = 0."""
+
+    joint: int
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The coordinate that it turns."""
+        return (self.joint,)
+
+    def length(self, poses: RigidPoses) -> Array:
+        """Angle of the joint (n,) [rad]."""
+        return np.asarray(poses.q[:, self.joint])
+
+    def actuation(self, poses: RigidPoses) -> Actuation:
+        """Angle, and the unit moment arm."""
+        n, nq = poses.q.shape
+        arm = np.zeros((n, nq))
+        arm[:, self.joint] = 1.0
+        return Actuation(poses.q[:, self.joint], arm, np.zeros((n, nq, nq)))
+
+
 def knee(arm: Arm, poses: RigidPoses, four_bar: FourBar, seen_from: str, joints: tuple[int, ...]) -> VectorJet:
     """Where rocker and coupler meet, seen from a link.
 

@@ -334,9 +334,9 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name in machine.joints:
         if name in COLUMNS or re.fullmatch(r"f\d+_hz", name):
             refuse("joints", f'"{name}" is a column of the CSV files', "rename the joint")
-    for name in machine.frozen:
-        if name in machine.joints:
-            refuse(f"frozen.{name}", "is also in joints", "a joint is either a coordinate or frozen")
+    for name in machine.motor:
+        if name in machine.cylinder:
+            refuse(f"motor.{name}", "is the name of a cylinder too", "give each function a name of its own")
     if Path(machine.urdf).is_absolute() or ".." in Path(machine.urdf).parts:
         refuse("urdf", f'"{machine.urdf}" leaves the folder of the machine file', "put the URDF beside the file")
     if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
@@ -361,6 +361,9 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
                 refuse(f"payload.{name}.link", "missing: the pitch is that of a link", "add link")
     for name, cylinder in machine.cylinder.items():
         _check_cylinder(f"cylinder.{name}", cylinder, refuse)
+    for name, motor in machine.motor.items():
+        _check_hoses(f"motor.{name}", motor.hose, motor.trapped_volume_l, refuse)
+        _check_friction(f"motor.{name}.friction", motor.friction.static_N_m, motor.friction.coulomb_N_m, "N m", refuse)
     digging = machine.requirements.digging
     for name in digging.cylinders if digging else []:
         if name not in machine.cylinder:
@@ -382,18 +385,20 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
     if (cylinder.rod_end is None) == (cylinder.four_bar is None):
         given = "neither rod_end nor" if cylinder.rod_end is None else "both rod_end and"
         refuse(f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them")
-    volumes = (("cap", cylinder.hose.cap_l), ("annulus", cylinder.hose.annulus_l))
-    for side, hose in volumes:
-        dead = getattr(cylinder.dead_volume_l, side)
-        if hose > dead:
-            refuse(
-                f"{path}.hose.{side}_l",
-                f"{hose:g} l exceeds the dead volume",
-                f"give a volume in [0, {dead:g}] l",
-            )
-    if cylinder.friction.static_N and cylinder.friction.static_N < cylinder.friction.coulomb_N:
-        refuse(
-            f"{path}.friction.static_N",
-            f"{cylinder.friction.static_N:g} N is below the Coulomb friction",
-            f"give 0 or at least {cylinder.friction.coulomb_N:g} N",
-        )
+    _check_hoses(path, cylinder.hose, cylinder.dead_volume_l, refuse)
+    _check_friction(f"{path}.friction", cylinder.friction.static_N, cylinder.friction.coulomb_N, "N", refuse)
+
+
+def _check_hoses(path: str, hose: Section, volumes: Section, refuse: Any) -> None:
+    """Hoses hold a share of the oil that the piston does not sweep, not more."""
+    for side in type(volumes).model_fields:
+        inside, whole = getattr(hose, f"{side}_l"), getattr(volumes, side)
+        if inside > whole:
+            key = f"{path}.hose.{side}_l"
+            refuse(key, f"{inside:g} l exceeds the dead volume", f"give a volume in [0, {whole:g}] l")
+
+
+def _check_friction(path: str, static: float, coulomb: float, unit: str, refuse: Any) -> None:
+    if static and static < coulomb:
+        key = f"{path}.static_{unit.replace(' ', '_')}"
+        refuse(key, f"{static:g} {unit} is below the Coulomb friction", f"give 0 or at least {coulomb:g} {unit}")

@@ -7,18 +7,19 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from armdesign.arm import Arm
-from armdesign.cylinder import Cylinder, Fluid, Supply
+from armdesign.cylinder import Cylinder, Fluid, Motor, Supply
 from armdesign.errors import MachineFileError
 from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.schema import (
     CylinderSection,
     FluidSection,
     MachineSection,
+    MotorSection,
     PinSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
+from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm
 from armdesign.valve import Friction, Valve
 
 
@@ -127,6 +128,36 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
     )
 
 
+def motors(section: MachineSection) -> tuple[Motor, ...]:
+    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    made = (_motor(name, motor) for name, motor in section.motor.items())
+    return tuple(motor for motor in made if motor.joint in section.joints)
+
+
+def _motor(name: str, section: MotorSection) -> Motor:
+    friction, count = section.friction, section.count
+    return Motor(
+        name=name,
+        joint=section.joint or name,
+        count=count,
+        displacement=section.displacement_cm3 * cm3,
+        gear_ratio=section.gear_ratio,
+        cap_dead_volume=section.trapped_volume_l.a * litre,
+        annulus_dead_volume=section.trapped_volume_l.b * litre,
+        cap_hose_volume=section.hose.a_l * litre,
+        annulus_hose_volume=section.hose.b_l * litre,
+        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
+        compliance=section.compliance_rad_per_N_m,
+        valve=_valve(section.valve) if section.valve else None,
+        friction=Friction(  # of one motor: a function multiplies it by their count
+            coulomb=friction.coulomb_N_m / count,
+            static=(friction.static_N_m or friction.coulomb_N_m) / count,
+            stribeck_velocity=friction.stribeck_velocity_deg_per_s * deg,
+            viscous=friction.viscous_N_m_s_per_rad / count,
+        ),
+    )
+
+
 def unknown_links(section: MachineSection, links: Collection[str], source: str) -> list[MachineFileError]:
     """A fault for every link that the machine file names and the URDF does not have."""
     named = {f"payload.{name}": case.link for name, case in section.payload.items()}
@@ -140,6 +171,15 @@ def unknown_links(section: MachineSection, links: Collection[str], source: str) 
         MachineFileError(f"{source}: {path}.link", f'no link "{link}" in the URDF', choose(link, links))
         for path, link in named.items()
         if link is not None and link not in links
+    ]
+
+
+def unknown_joints(section: MachineSection, joints: Collection[str], source: str) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have."""
+    return [
+        MachineFileError(f"{source}: motor.{name}.joint", f'no joint "{joint}" in the URDF', choose(joint, joints))
+        for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
+        if joint not in joints
     ]
 
 

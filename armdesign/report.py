@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.cylinder import Cylinder, static_pressures
+from armdesign.cylinder import Cylinder, kind, static_pressures
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -63,13 +63,15 @@ def unit_of(joint: Joint) -> str:
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
     """Worst pose, percentiles and the cylinder that limits, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
+    reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
+    limiting = next(function for function in machine.functions if function.name == worst.cylinder)
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
             ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
             ("at", pose_text(machine, worst, units)),
-            ("tool at", f"reach {worst.tool[0]:.2f} m, height {worst.tool[2]:.2f} m"),
-            ("limited by", f"{worst.cylinder} cylinder"),
+            ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
+            ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
         bold=(0,),
     )
@@ -90,11 +92,11 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     frame, rows = frequencies.frame, []
-    for cylinder in frequencies.machine.cylinders:
+    for cylinder in frequencies.machine.functions:
         limits = frequencies.limiting == cylinder.name
         ratios = []
-        for kind in ("locked", "rigid"):
-            ratio = (frame[f"{kind}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
+        for formula in ("locked", "rigid"):
+            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
             ratios.append(f"{ratio.median():.2f}" if limits.any() else "–")
         rows.append((cylinder.name, f"{100 * limits.mean():.1f} %", *ratios))
     return Sheet(
@@ -280,6 +282,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         _masses(inspection, units),
         _joints(inspection, units),
         _cylinders(inspection, units),
+        *([_motors(inspection, units)] if inspection.machine.motors else []),
         _levers(inspection, units),
         _static_loads(inspection, units),
         _oddities(inspection, units),
@@ -290,7 +293,7 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
     machine, tool = inspection.machine, inspection.tool
     (near, low), (far, high) = tool.min(axis=0), tool.max(axis=0)
     supply, fluid = machine.supply, machine.fluid
-    frozen = machine.section.frozen
+    frozen = [name for name in machine.section.frozen if name not in machine.joints]
     air = f", {100 * fluid.air:g} % air" if fluid.air else ""
     rows = [
         ("joints", ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")),
@@ -351,6 +354,21 @@ def _cylinders(inspection: Inspection, units: Units) -> Sheet:
     )
 
 
+def _motors(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for motor in machine.motors:
+        drop = machine.supply.pressure - machine.supply.return_pressure
+        speed = machine.supply.flow / motor.bore_area
+        sides = [units.text(volume, "m³") for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)]
+        most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
+        rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
+    return Sheet(
+        title="Motors",
+        columns=("motor", "joint", "gear ratio", "oil a", "oil b", "torque at supply", "speed at all the flow"),
+        rows=tuple(rows),
+    )
+
+
 def _levers(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
     for lever in inspection.levers:
@@ -373,7 +391,7 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
 def _static_loads(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for load in inspection.loads:
-        name = inspection.machine.cylinders[load.cylinder].name
+        name = inspection.machine.functions[load.cylinder].name
         side = "cap" if load.cap else "rod"
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))

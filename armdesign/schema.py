@@ -28,6 +28,10 @@ Angle = Annotated[float, Field(ge=-360, le=360)]
 
 UNITS = {  # by the end of the key, longer ends first
     "kg_per_m3": "kg/m³",
+    "rad_per_N_m": "rad/(N m)",
+    "N_m_s_per_rad": "N m s/rad",
+    "deg_per_s": "deg/s",
+    "cm3": "cm³",
     "l_per_min_per_bar": "l/min/bar",
     "l_per_min": "l/min",
     "mm_per_s": "mm/s",
@@ -40,6 +44,7 @@ UNITS = {  # by the end of the key, longer ends first
     "mm": "mm",
     "kg": "kg",
     "hz": "Hz",
+    "N_m": "N m",
     "N": "N",
     "l": "l",
 }
@@ -75,11 +80,17 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "rod_kg": "of each cylinder",
     "compliance_m_per_N": "of pins, brackets and links in series, all together",
     "hose": "the share of the dead volume that lies in hoses",
-    "valve": "one valve for all parallel cylinders together",
+    "motor": "hydraulic motors by name, on joints that turn without end",
+    "joint": "joint that the motor turns; default: the one of the motor's name",
+    "displacement_cm3": "oil per turn of one motor",
+    "gear_ratio": "turns of a motor per turn of the joint",
+    "trapped_volume_l": "oil between valve and pistons, hoses included, all parallel motors together; a drives forward",
+    "compliance_rad_per_N_m": "of gear and mounting in series, at the joint",
+    "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "per metering edge",
     "overlap_percent": "of full spool stroke",
     "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
-    "friction": "per cylinder",
+    "friction": "per cylinder; of a motor at the joint, all together",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
@@ -91,7 +102,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
 }
-ONE_LINE = {"link", "at_mm", "cap", "annulus"}  # tables of these keys are written in one line
+ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # tables of these keys are written in one line
 
 
 class Section(BaseModel):
@@ -199,6 +210,44 @@ class CylinderSection(Section):
     friction: FrictionSection = FrictionSection()
 
 
+class TrappedVolumeSection(Section):
+    """Oil between the valve and the motors' pistons, all parallel motors together."""
+
+    a: Annotated[float, Field(gt=0, le=10_000)]
+    b: Annotated[float, Field(gt=0, le=10_000)]
+
+
+class MotorHoseSection(Section):
+    """The share of the trapped volume that lies in hoses, and their wall's modulus."""
+
+    a_l: Volume = 0.0
+    b_l: Volume = 0.0
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0
+
+
+class MotorFrictionSection(Section):
+    """Friction of motors and gear together, at the joint."""
+
+    coulomb_N_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    static_N_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    stribeck_velocity_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = 0.5
+    viscous_N_m_s_per_rad: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+
+
+class MotorSection(Section):
+    """A hydraulic function: ``count`` equal motors that turn a joint through a gear; idle while the joint is frozen."""
+
+    joint: Text | None = None
+    count: Annotated[int, Field(ge=1, le=16)] = 1
+    displacement_cm3: Annotated[float, Field(gt=0, le=1e6)]
+    gear_ratio: Annotated[float, Field(gt=0, le=1e6)]
+    trapped_volume_l: TrappedVolumeSection
+    hose: MotorHoseSection = MotorHoseSection()
+    compliance_rad_per_N_m: Annotated[float, Field(ge=0, le=1)] = 0.0
+    valve: ValveSection | None = None
+    friction: MotorFrictionSection = MotorFrictionSection()
+
+
 class DiggingSection(Section):
     """Cylinders whose digging force counts, and how much of today's must remain."""
 
@@ -233,6 +282,7 @@ class MachineSection(Section):
     fluid: FluidSection
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
+    motor: dict[Name, MotorSection] = {}
     requirements: RequirementsSection = RequirementsSection()
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 mm = 1e-3
 litre = 1e-3
+cm3 = 1e-6
 bar = 1e5
 MPa = 1e6
 kN = 1e3
@@ -65,6 +66,7 @@ WORKSHOP = Units(
         "N": (kN, "kN", 1),
         "N m": (kN, "kN m", 1),
         "rad": (deg, "°", 1),
+        "rad/s": (deg, "°/s", 1),
         "": (1.0, "", 2),
     }
 )
@@ -79,6 +81,7 @@ SI = Units(
         "N": (1.0, "N", 0),
         "N m": (1.0, "N m", 0),
         "rad": (1.0, "rad", 4),
+        "rad/s": (1.0, "rad/s", 4),
         "": (1.0, "", 2),
     }
 )

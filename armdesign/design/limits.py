@@ -64,8 +64,8 @@ def _oil(problem: Problem, areas: Array, stroke: Array, stack: _Stack) -> None:
     """Swept volumes of both sides, summed and of each cylinder."""
     r, tight, cylinders = problem.requirements, problem.tightening, problem.machine.cylinders
     for side, label in enumerate(("cap", "annulus")):
-        volume = areas[:, :, side] * stroke
-        today = problem.areas_today[:, side] * np.array([c.stroke for c in cylinders])
+        volume = areas[:, : len(cylinders), side] * stroke[:, : len(cylinders)]
+        today = problem.areas_today[: len(cylinders), side] * np.array([c.stroke for c in cylinders])
         share = r.oil_total_share * (1 - tight)
         stack.add(f"oil.{label}.total", share - volume.sum(axis=1) / today.sum(), 0.01 * share)
         share = r.oil_each_share * (1 - tight)
@@ -126,7 +126,7 @@ def _holding(problem: Problem, x: Array, areas: Array, rows: Array, stack: _Stac
     arm = problem.geometry(x, problem.workspace.rigid[problem.rows.pose[rows]], derivatives=True).stepped()[1]
     gravity = problem.rows.gravity[rows]
     forces = np.stack([static_forces(arm[v], gravity, areas[v, :, 0]) for v in range(len(x))])
-    for i, cylinder in enumerate(problem.machine.cylinders):
+    for i, function in enumerate(problem.machine.functions):
         pushes = forces[0, :, i].real > 0
         a1, a2 = areas[:, i, None, 0], areas[:, i, None, 1]
         held = np.where(
@@ -137,7 +137,7 @@ def _holding(problem: Problem, x: Array, areas: Array, rows: Array, stack: _Stac
         scale = supply.pressure * problem.areas_today[i, 0]
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
         relaxation = float(0.01 * least * held[0].real.max() / scale)
-        stack.add(f"holding.{cylinder.name}", (least * held - used) / scale, relaxation)
+        stack.add(f"holding.{function.name}", (least * held - used) / scale, relaxation)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:
@@ -169,8 +169,8 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
     by its chord over the box, which lies below it. None where stiffness is not a sum of convex functions of one area
     each (air, compliance, more cylinders than joints) or pins vary.
     """
-    plain = problem.machine.fluid.air == 0 and all(c.compliance == 0 for c in problem.machine.cylinders)
-    if not plain or "pins" in problem.vary or len(problem.machine.cylinders) != len(problem.machine.joints):
+    plain = problem.machine.fluid.air == 0 and all(f.compliance == 0 for f in problem.machine.functions)
+    if not plain or "pins" in problem.vary or len(problem.machine.functions) != len(problem.machine.joints):
         return None
     x = problem.start
     exact = limits(problem, x)

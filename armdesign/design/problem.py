@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 
@@ -100,11 +101,12 @@ class Problem:
 
     @cached_property
     def variables(self) -> list[Variable]:
-        """Entries of x: all areas (fixed unless they vary), then the pins that move."""
+        """Entries of x: all areas (fixed unless they vary, and always of motors), then the pins that move."""
         made = []
-        for i in range(len(self.machine.cylinders)):
+        cylinders, most = len(self.machine.cylinders), max(2.0, self.requirements.thrust_share)
+        for i in range(len(self.machine.functions)):
             for axis in (0, 1):
-                low, high = (0.1, max(2.0, self.requirements.thrust_share)) if "areas" in self.vary else (1.0, 1.0)
+                low, high = (0.1, most) if "areas" in self.vary and i < cylinders else (1.0, 1.0)
                 made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
         if "pins" in self.vary and self.box > 0:
             for i, linkage in enumerate(self.machine.linkages):
@@ -126,8 +128,8 @@ class Problem:
         return np.array([v.lower for v in self.variables]), np.array([v.upper for v in self.variables])
 
     def areas(self, x: Array) -> Array:
-        """Bore and annulus areas of all parallel cylinders together (nc, 2) [m²]."""
-        return np.asarray(x[: 2 * len(self.machine.cylinders)].reshape(-1, 2) * self.areas_today)
+        """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
+        return np.asarray(x[: 2 * len(self.machine.functions)].reshape(-1, 2) * self.areas_today)
 
     def linkages(self, x: Array) -> list[Linkage]:
         """Every cylinder's pins at x."""
@@ -141,8 +143,8 @@ class Problem:
 
     @cached_property
     def areas_today(self) -> Array:
-        """Bore and annulus areas of today's machine (nc, 2) [m²]."""
-        return np.array([[c.bore_area, c.annulus_area] for c in self.machine.cylinders])
+        """Areas of today's machine (nc, 2) [m², of a motor m³/rad]."""
+        return np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
 
     # ----------------------------------------------------------------------------------------------------- rows
 
@@ -162,7 +164,7 @@ class Problem:
         if self.bars_at is None or not self.machine.has_bars:
             return self.machine
         closed, _ = self._strokes(self.bars_at, self._range_lengths(self.bars_at)[0])
-        pairs = zip(self.machine.cylinders, closed, strict=True)
+        pairs = zip(self.machine.cylinders, closed[: len(self.machine.cylinders)], strict=True)
         cylinders = tuple(dataclasses.replace(c, closed_length=float(length)) for c, length in pairs)
         return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(self.bars_at)))
 
@@ -185,7 +187,7 @@ class Problem:
     def geometry(self, x: Array, poses: RigidPoses, derivatives: bool = False) -> Geometry:
         """Every linkage at some poses, with derivatives by x when asked."""
         linkages = self.linkages(x)
-        parts = [linkage.actuation(poses) for linkage in linkages]
+        parts = [drive.actuation(poses) for drive in (*linkages, *self.machine.drives[len(linkages) :])]
         length = np.stack([p.length for p in parts], axis=1)
         arm = np.stack([p.moment_arm for p in parts], axis=1)
         curve = np.stack([p.moment_arm_derivative for p in parts], axis=1)
@@ -304,17 +306,17 @@ class Problem:
         slope = self.rows.slope[rows]
         fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
         oil = []
-        for i, cylinder in enumerate(self.machine.cylinders):
+        for i, function in enumerate(self.machine.functions):
             a1, a2 = areas[i]
             if self.proportional:
                 old = self.areas_today[i]
-                cylinder = dataclasses.replace(
-                    cylinder,
-                    cap_dead_volume=cylinder.cap_dead_volume * a1 / old[0],
-                    annulus_dead_volume=cylinder.annulus_dead_volume * a2 / old[1],
+                function = dataclasses.replace(
+                    function,
+                    cap_dead_volume=function.cap_dead_volume * a1 / old[0],
+                    annulus_dead_volume=function.annulus_dead_volume * a2 / old[1],
                 )
             extension = length[:, i] - closed[i]
-            oil.append(stiffness(cylinder, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
+            oil.append(stiffness(function, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
         weighted = arm * np.stack(oil, axis=1)[:, :, None]
         return np.swapaxes(arm, 1, 2) @ weighted + slope - np.einsum("nc,ncij->nij", forces, curve)
 
@@ -339,14 +341,14 @@ class Problem:
         return found, linkages
 
     def _strokes(self, x: Array, lengths: list[Array | None]) -> tuple[Array, Array]:
-        """Closed length and stroke of each cylinder [m]: least length and span over its joint's range.
+        """Closed length and stroke of each function [m]: least length and span over its joint's range.
 
-        Today's for a cylinder whose pins stay.
+        Today's for a motor and for a cylinder whose pins stay.
         """
         closed, stroke = [], []
-        for cylinder, length in zip(self.machine.cylinders, lengths, strict=True):
-            closed.append(cylinder.closed_length if length is None else length.min())
-            stroke.append(cylinder.stroke if length is None else np.ptp(length))
+        for function, length in zip_longest(self.machine.functions, lengths):
+            closed.append(function.closed_length if length is None else length.min())
+            stroke.append(function.stroke if length is None else np.ptp(length))
         return np.array(closed), np.array(stroke)
 
     def stepped_strokes(self, x: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from armdesign.arm import Arm
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, euler_safety, holding_force
+from armdesign.cylinder import Cylinder, euler_safety, holding_force, kind
 from armdesign.errors import ArmDesignError
 from armdesign.linkage import Linkage
 from armdesign.machine import Machine
@@ -159,8 +159,8 @@ def _oil(machine: Machine, today: Machine, requirements: Requirements) -> list[C
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
-    """Largest push and largest pull that each cylinder must hold, all poses and load cases (nc,) [N, ≥ 0]."""
-    push = pull = np.zeros(len(machine.cylinders))
+    """Largest push and largest pull that each function must hold, all poses and load cases (nc,) [N, N m, ≥ 0]."""
+    push = pull = np.zeros(len(machine.functions))
     for payload in machine.payloads:
         case = machine.with_payload(payload.name)
         forces = case.evaluate(workspace.rigid[case.holds(workspace.rigid)]).cylinder_forces
@@ -198,11 +198,11 @@ def digging_forces(machine: Machine) -> dict[str, float]:
 
 def _holding(machine: Machine, loads: tuple[Array, Array], requirements: Requirements) -> list[Check]:
     checks = []
-    for cylinder, push, pull in zip(machine.cylinders, *loads, strict=True):
-        held = [holding_force(cylinder.bore_area, cylinder.annulus_area, machine.supply, way) for way in (True, False)]
+    for function, push, pull in zip(machine.functions, *loads, strict=True):
+        held = [holding_force(function.bore_area, function.annulus_area, machine.supply, way) for way in (True, False)]
         use = max(float(push / held[0]), float(pull / held[1]))
-        words = f"static load of the {cylinder.name} cylinder"
-        checks.append(_at_most(f"holding.{cylinder.name}", use, requirements.holding_share, "", words))
+        words = f"static load of the {function.name} {kind(function)}"
+        checks.append(_at_most(f"holding.{function.name}", use, requirements.holding_share, "", words))
     return checks
 
 

@@ -87,7 +87,7 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     changes = _pin_changes(problem, search.x)
     frame = today.replace(changes) if changes else today  # pins and strokes as they will be, sizes of today
     options, wanted = [], []
-    for cylinder, (a1, a2) in zip(today.cylinders, problem.areas(search.x), strict=True):
+    for cylinder, (a1, a2) in zip(today.cylinders, problem.areas(search.x)[: len(today.cylinders)], strict=True):
         bore = 2 * math.sqrt(a1 / cylinder.count / math.pi) / mm
         rod = 2 * math.sqrt((a1 - a2) / cylinder.count / math.pi) / mm
         wanted += [bore, rod]
@@ -102,11 +102,11 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
         cylinders = tuple(replace(c, bore=b, rod=r) for c, (b, r) in zip(frame.cylinders, sizes, strict=True))
         x = search.x.copy()
         areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
-        x[: areas.size] = (areas / problem.areas_today).ravel()
+        x[: areas.size] = (areas / problem.areas_today[: len(areas)]).ravel()
         found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
     found.sort(key=lambda entry: -entry[0])
     light, limits = _light_workspace(search), replace(problem.requirements, pin_box=problem.box)
-    loads = static_loads(frame, light) if len(frame.cylinders) == len(frame.joints) else None  # else they hang on areas
+    loads = static_loads(frame, light) if len(frame.functions) == len(frame.joints) else None  # else they hang on areas
     passed = 0
     for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Fluid
+from armdesign.cylinder import Fluid, kind
 from armdesign.errors import SimulationError
 from armdesign.fluid import bulk_modulus
 from armdesign.linearization import LinearModel, linearize
@@ -87,7 +87,7 @@ class Experiment:
     @property
     def cylinder(self) -> str:
         """Name of the cylinder that sweeps."""
-        return self.machine.cylinders[self.index].name
+        return self.machine.functions[self.index].name
 
     @property
     def target(self) -> float:
@@ -114,7 +114,7 @@ class Experiment:
         centre = self.even.share(trims[self.index])
         commands: dict[str, Callable[[float], float]] = {
             cylinder.name: partial(_held, trim)
-            for cylinder, trim in zip(self.machine.cylinders, trims, strict=True)
+            for cylinder, trim in zip(self.machine.functions, trims, strict=True)
             if trim != 0
         }
         return commands | {self.cylinder: lambda time: self.even.spool(centre + sweep(time))}
@@ -163,9 +163,10 @@ class Experiment:
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
 
     def _ends(self) -> Array:
-        """How far the pistons may swing (nc,) [m]."""
+        """How far the pistons may swing (nc,) [m]; motors without end."""
         places = np.array(self.plant.evaluate(self.rest.tolist(), [0.0] * self.plant.nc)[1])
-        return SHARE * np.minimum(places, [c.stroke for c in self.machine.cylinders] - places)
+        strokes = np.array([function.stroke for function in self.machine.functions])
+        return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:
         """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
@@ -204,12 +205,12 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
     """Where nothing can oscillate freely: a load above supply pressure, a piston on its stop."""
     _, _, caps, annuli, _, _ = plant.split(rest)
     places, supply = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1], plant.machine.supply.pressure
-    for cylinder, place, pressure in zip(plant.machine.cylinders, places, np.maximum(caps, annuli), strict=True):
-        part, end = f"{plant.machine.name}: {cylinder.name} cylinder", min(place, cylinder.stroke - place)
+    for cylinder, place, pressure in zip(plant.machine.functions, places, np.maximum(caps, annuli), strict=True):
+        part, end = f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}", min(place, cylinder.stroke - place)
         if pressure >= supply:
             problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
-        if end < LEAST_END * cylinder.stroke:
+        if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
 
 

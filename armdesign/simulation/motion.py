@@ -117,7 +117,7 @@ class _Loop:
     """
 
     def __init__(self, plant: Plant, rest: Array, command: Command | ByName, hold: float | None) -> None:
-        names = [cylinder.name for cylinder in plant.machine.cylinders]
+        names = [function.name for function in plant.machine.functions]
         self.plant, self._command = plant, _by_order(command, names)
         self._corner = 2 * math.pi * (hold or 0.0)
         self._place = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1]
@@ -246,5 +246,5 @@ def _recorded(loop: _Loop, time: Array, states: Array) -> Simulation:
         tool=np.array(tool),
         energy=np.array([plant.dynamics.energy(a, b) for a, b in pairs]),
         joints=machine.joints,
-        cylinders=tuple(cylinder.name for cylinder in machine.cylinders),
+        cylinders=tuple(function.name for function in machine.functions),
     )

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, Fluid, Supply, static_pressures
+from armdesign.cylinder import Actuator, Fluid, Supply, kind, static_pressures
 from armdesign.errors import PoseError, SimulationError
 from armdesign.fluid import bulk_modulus
 from armdesign.machine import Machine
-from armdesign.simulation.reach import Reach
+from armdesign.simulation.reach import reach
 from armdesign.units import bar
 from armdesign.valve import Valve, friction_force, opening, orifice_flow, port_flows, spool_position
 
@@ -41,9 +41,12 @@ LEAST_VOLUME_SHARE = 1e-3  # of a chamber's swept volume, when the piston is bey
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """A cylinder with its valve at work in a machine: everything about one piston, in plain numbers."""
+    """A cylinder or motor with its valve at work in a machine: everything about one piston, in plain numbers.
 
-    cylinder: Cylinder
+    Of a motor the "piston" is the joint, its position and speed are angles.
+    """
+
+    cylinder: Actuator
     valve: Valve
     fluid: Fluid
     supply: Supply
@@ -51,14 +54,14 @@ class Function:
     stop_stiffness: float
 
     @classmethod
-    def of(cls, machine: Machine, cylinder: Cylinder) -> Function:
-        """The cylinder as it stands in its machine.
+    def of(cls, machine: Machine, cylinder: Actuator) -> Function:
+        """The cylinder or motor as it stands in its machine.
 
         Raises:
             SimulationError: it has no valve.
         """
         if cylinder.valve is None:
-            part = f"{machine.name}: cylinder.{cylinder.name}.valve"
+            part = f"{machine.name}: {kind(cylinder)}.{cylinder.name}.valve"
             raise SimulationError(part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics")
         thrust = machine.supply.pressure * cylinder.bore_area
         stop = thrust / (STOP_SHARE * cylinder.stroke)
@@ -69,7 +72,7 @@ class Function:
         """C1 and C2 [m³/Pa] at a piston position [m] and pressures [Pa]: oil, its air and vapour, hoses."""
         cylinder, (bore, ring) = self.cylinder, self.areas
         v1, v2 = cylinder.volumes(extension)
-        least = LEAST_VOLUME_SHARE * cylinder.stroke
+        least = LEAST_VOLUME_SHARE * cylinder.stroke if math.isfinite(cylinder.stroke) else 0.0
         return (
             max(v1, least * bore) / self._modulus(cap) + cylinder.cap_hose_volume / cylinder.hose_modulus,
             max(v2, least * ring) / self._modulus(annulus) + cylinder.annulus_hose_volume / cylinder.hose_modulus,
@@ -171,9 +174,9 @@ class Plant:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.functions = tuple(Function.of(machine, cylinder) for cylinder in machine.cylinders)
+        self.functions = tuple(Function.of(machine, function) for function in machine.functions)
         self.dynamics = machine.dynamics()
-        self._reaches = tuple(Reach(linkage) for linkage in machine.linkages)
+        self._reaches = tuple(reach(drive) for drive in machine.drives)
         self.nq, self.nc = len(machine.joints), len(self.functions)
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, self.nc, self.nc])
         self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
@@ -184,7 +187,7 @@ class Plant:
     @property
     def state_names(self) -> tuple[str, ...]:
         """What each number of the state is."""
-        joints, cylinders = self.machine.joints, [c.name for c in self.machine.cylinders]
+        joints, cylinders = self.machine.joints, [f.name for f in self.machine.functions]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
         kinds += [("annulus pressure", cylinders), ("spool", cylinders), ("spool speed", cylinders)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
@@ -234,7 +237,7 @@ class Plant:
         extensions, cap_rates, annulus_rates = [], [], []
         frames = self.dynamics.frames(q)
         for i, function in enumerate(self.functions):
-            length, moments = self._reaches[i](frames)
+            length, moments = self._reaches[i](q, frames)
             speed = sum(arm * velocity[j] for j, arm in moments)
             cap, annulus = caps[i] * bar, annuli[i] * bar
             extensions.append(function.extension(length, cap, annulus))
@@ -254,7 +257,7 @@ class Plant:
     def lengths(self, state: Sequence[float]) -> tuple[list[float], list[float]]:
         """Pin-to-pin lengths [m] and their rates [m/s]."""
         frames, velocity = self.dynamics.frames(list(state[self._parts[0]])), state[self._parts[1]]
-        found = [reach(frames) for reach in self._reaches]
+        found = [reach(state[self._parts[0]], frames) for reach in self._reaches]
         return [length for length, _ in found], [sum(arm * velocity[j] for j, arm in moments) for _, moments in found]
 
 

@@ -9,13 +9,14 @@ the rocker pushes on its pivot, the coupler on the lug.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from armdesign.arm import Arm, Frame
-from armdesign.linkage import FourBar, Linkage, Pin
+from armdesign.linkage import FourBar, Gear, Linkage, Pin
 
 Vector: TypeAlias = tuple[float, float, float]
 Moments: TypeAlias = list[tuple[int, float]]  # (joint, moment arm [m/rad])
@@ -71,7 +72,7 @@ class Reach:
         self._far = Point.of(arm, far, observer)
         self._knee = _Knee(arm, bars) if bars else None
 
-    def __call__(self, frames: list[Frame]) -> tuple[float, Moments]:
+    def __call__(self, q: Sequence[float], frames: list[Frame]) -> tuple[float, Moments]:
         """Pin-to-pin length [m] and moment arms [m/rad] of the joints that change it.
 
         Raises:
@@ -85,6 +86,11 @@ class Reach:
         force = bar(push) if bar else push
         moments = self._far.moments(frames, far, force)
         return length, moments + self._base.moments(frames, base, (-push[0], -push[1], -push[2]))
+
+
+def reach(drive: Linkage | Gear) -> Callable[[Sequence[float], list[Frame]], tuple[float, Moments]]:
+    """Length and moment arms of a drive by the joints' positions and frames; of a gear the joint's angle, and 1."""
+    return Reach(drive) if isinstance(drive, Linkage) else lambda q, _: (q[drive.joint], [(drive.joint, 1.0)])
 
 
 class _Knee:

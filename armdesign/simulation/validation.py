@@ -164,7 +164,7 @@ def validate(
 
 def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
-    shares, names = energy_shares(poses, natural_modes(poses))[0], [cylinder.name for cylinder in machine.cylinders]
+    shares, names = energy_shares(poses, natural_modes(poses))[0], [function.name for function in machine.functions]
     if cylinders is None:
         return [(int(np.argmax(shares[0])), 0)]
     for name in cylinders:
@@ -215,7 +215,7 @@ def _run(experiment: Experiment, amplitude: float, damping: float) -> Run:
 def _judged(runs: list[Run], machine: Machine, index: int) -> list[Run]:
     """The runs with a remark on their deviation, which the half amplitude explains or does not."""
     full, half = (abs(run.deviation) for run in runs)
-    dry = machine.cylinders[index].friction.coulomb > 0
+    dry = machine.functions[index].friction.coulomb > 0
     if full <= AGREES and half <= AGREES:
         remark = "agrees"
     elif half < 0.75 * full:

@@ -6,7 +6,7 @@ import machines
 import numpy as np
 
 from armdesign import Machine
-from armdesign.simulation.reach import Reach
+from armdesign.simulation.reach import reach
 
 
 def test_length_and_moment_arm(machine: Machine) -> None:
@@ -14,8 +14,8 @@ def test_length_and_moment_arm(machine: Machine) -> None:
     poses, dynamics = machine.at(q), machine.dynamics()
     for row, pose in enumerate(q.tolist()):
         frames = dynamics.frames(pose)
-        for i, linkage in enumerate(machine.linkages):
-            length, moments = Reach(linkage)(frames)
+        for i, linkage in enumerate(machine.drives):
+            length, moments = reach(linkage)(pose, frames)
             arms = np.zeros(len(pose))
             for j, arm in moments:
                 arms[j] += arm
