@@ -53,14 +53,18 @@ class Workspace:
         Args:
             machine: today's machine.
             points: number of values per joint, one for all or one each (≥ 2); default about 20 000 poses, the last
-                joint finest, two of a joint that slews the whole arm, for there nothing depends on it.
+                joint finest; of a joint that slews the whole arm only middle and end, for nothing depends on it.
             end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
 
         Raises:
             ArmDesignError: counts or margin that cannot be, or nothing left.
         """
         counts, margin = _counts(machine, points), _margin(machine, end_margin)
-        axes = tuple(over(ends, count) for ends, count in zip(machine.range_within(margin), counts, strict=True))
+        ranges = machine.range_within(margin)
+        if points is None:
+            for j in machine.arm.slewing:
+                ranges[j, 0] = ranges[j].mean()
+        axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = _mesh(axes)
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
