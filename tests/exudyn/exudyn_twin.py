@@ -163,7 +163,6 @@ class Twin:
         """
         data, initial = self.system.systemData, exudyn.ConfigurationType.Initial
         settings = _settings(1.0, 1.0)
-        settings.timeIntegration.explicit.computeEndOfStepAccelerations = False
         found = []
         for state in states:
             q, velocity, pressures = np.split(state, (len(self._order), 2 * len(self._order)))
@@ -180,8 +179,10 @@ class Twin:
         ordered[self._order] = values
         return ordered
 
-    def run(self, solver: str, step: float, duration: float, valves: Valves | None = None) -> Motion:
-        """Motion from rest, recorded at every step; valves stand still during a step.
+    def run(
+        self, solver: str, step: float, duration: float, valves: Valves | None = None, period: float = 0.0
+    ) -> Motion:
+        """Motion from rest, recorded at every step or with a period [s]; valves stand still during a step.
 
         A Runge–Kutta method has them as they are in the middle of the step, the trapezoidal rule as at its end, since
         it takes the rates at the step's beginning from the last one: so both keep their second order.
@@ -197,6 +198,7 @@ class Twin:
 
         self.system.SetPreStepUserFunction(set_valves if valves else 0)
         settings = _settings(step, duration)
+        settings.solution.sensors.writePeriod = max(period, step) * (1 - 1e-9)  # rounding of times
         self.system.SolveDynamic(settings, solverType=getattr(exudyn.DynamicSolverType, solver))
         q, velocity, *chambers = (self.system.GetSensorStoredData(sensor) for sensor in self._sensors)
         return Motion(
@@ -212,9 +214,9 @@ def _settings(step: float, duration: float) -> exudyn.SimulationSettings:
     time = settings.timeIntegration
     time.numberOfSteps, time.verboseMode = round(duration / step), 0
     time.endTime = step * time.numberOfSteps
+    time.explicit.computeEndOfStepAccelerations = False
     time.automaticStepSize, time.newton.useModifiedNewton = False, False
     time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-10, 1e-12  # small vibrations need small residuals
-    settings.solution.sensors.writePeriod = step / 2  # at every step, whatever the rounding
     settings.solution.file.write = False
     return settings
 
