@@ -1,7 +1,8 @@
 """A URDF and the pins of a machine file as a kinematic tree: the geometry of the independent check.
 
 Written against the files' own texts, without the package's arm and linkages. Every moving joint turns or slides its
-link along that link's z axis, fixed and frozen joints weld, the rocker of a four-bar is one more link.
+link along that link's z axis, fixed and frozen joints weld; the bars of four-bars and the cylinders' own halves, where
+they weigh, are more links.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armdesign import Machine
-from armdesign.linkage import FourBar, Pin
+from armdesign.cylinder import Cylinder
+from armdesign.linkage import FourBar, Linkage, Pin
 
 Array = np.ndarray
 GROUND = -1
-UPRIGHT = np.array([0.0, -1.0, 0.0])  # the axis about which a rocker turns, in its pivot's link
+ACROSS = np.array([0.0, -1.0, 0.0])  # the axis about which bars turn, in the world
 
 
 def rotation_about(axis: Array, angle: float) -> Array:
@@ -51,6 +53,10 @@ class Placement:
         return Placement(self.rotation.T, -self.rotation.T @ self.offset)
 
 
+def shift(offset: Array) -> Placement:
+    return Placement(offset=np.asarray(offset))
+
+
 @dataclass
 class Body:
     """A link of the tree and everything rigid on it: mass, centre of mass, inertia about that, in the link's frame."""
@@ -73,12 +79,22 @@ class Body:
             self.inertia = self.inertia + m * (at @ at * np.eye(3) - np.outer(at, at))
         self.mass, self.com = total, middle
 
+    def add_bar(self, mass: float, start: Array, end: Array) -> None:
+        """Put a uniform slender bar on the link."""
+        along = end - start
+        self.add(mass, (start + end) / 2, mass / 12 * (along @ along * np.eye(3) - np.outer(along, along)))
+
 
 Seat = tuple[int, Array]  # a link of the tree and a point in it [m]
 
 
 class Tree:
-    """A URDF as links of a kinematic tree: every moving joint turns or slides its link along that link's z axis."""
+    """A URDF at a pose as links of a kinematic tree, with the machine's moving bars as further links.
+
+    Every joint turns or slides its link along that link's z axis; the joints of the bars stand at 0 in the pose. Bars
+    move in the world's x–z plane. ``rod_ends`` are the seats that the cylinders push; ``loops`` must be kept together,
+    ``struts`` at a distance [m].
+    """
 
     def __init__(self, machine: Machine, q: Array) -> None:
         self.machine = machine
@@ -86,6 +102,8 @@ class Tree:
         self.bodies: list[Body] = []
         self.names: list[str] = []
         self.places: dict[str, tuple[int, Placement]] = {}  # URDF link → link of the tree and its place there
+        self.loops: list[tuple[Seat, Seat]] = []
+        self.struts: list[tuple[Seat, Seat, float]] = []
         robot = ET.fromstring(machine.urdf_text)
         joints = robot.findall("joint")
         children = {joint.find("child").get("link") for joint in joints}
@@ -94,12 +112,9 @@ class Tree:
         self._place(root, links, joints, GROUND, Placement())
         payload = machine.payload
         if payload.mass > 0:
-            carrier, place = self.places[payload.link]
-            self.bodies[carrier].add(payload.mass, place.point(payload.at), np.zeros((3, 3)))
-        self.rod_ends = [
-            self._knee(linkage.four_bar, cylinder.rocker_mass) if linkage.four_bar else self.seat(linkage.rod_end)
-            for linkage, cylinder in zip(machine.linkages, machine.cylinders, strict=True)
-        ]
+            carrier, at = self.seat(Pin(link=payload.link, at=payload.at))
+            self.bodies[carrier].add(payload.mass, at, np.zeros((3, 3)))
+        self.rod_ends = [self._rod_end(*pair) for pair in zip(machine.cylinders, machine.linkages, strict=True)]
 
     def _place(self, name: str, links: dict, joints: list, carrier: int, place: Placement) -> None:
         self.places[name] = (carrier, place)
@@ -115,15 +130,14 @@ class Tree:
         origin, axis = place @ _origin(joint), _axis(joint)
         name, slides = joint.get("name"), joint.get("type") == "prismatic"
         if name in self.machine.joints:
-            self.names.append(name)
-            return self.hang("PrismaticZ" if slides else "RevoluteZ", carrier, origin, axis)
+            return self._hang(name, "PrismaticZ" if slides else "RevoluteZ", carrier, origin, axis)
         value = 0.0 if joint.get("type") == "fixed" else self.machine.section.frozen.get(name, 0.0)
-        shift = Placement(offset=value * axis) if slides else Placement(rotation_about(axis, value))
-        return carrier, origin @ shift
+        return carrier, origin @ (shift(value * axis) if slides else Placement(rotation_about(axis, value)))
 
-    def hang(self, kind: str, carrier: int, origin: Placement, axis: Array) -> tuple[int, Placement]:
+    def _hang(self, name: str, kind: str, carrier: int, origin: Placement, axis: Array) -> tuple[int, Placement]:
         """Add a link that moves along or about an axis of its joint frame; where that frame is in it."""
         align = Placement(z_onto(axis))
+        self.names.append(name)
         self.bodies.append(Body(kind, carrier, origin @ align))
         return len(self.bodies) - 1, Placement(align.rotation.T)
 
@@ -136,24 +150,47 @@ class Tree:
         """A link of the tree in the world."""
         if carrier == GROUND:
             return Placement()
-        body, value = self.bodies[carrier], self._q[self.names[carrier]]
-        upward = np.eye(3)[2]
-        moved = (
-            Placement(rotation_about(upward, value)) if body.kind == "RevoluteZ" else Placement(offset=value * upward)
-        )
+        body, value = self.bodies[carrier], self._q.get(self.names[carrier], 0.0)
+        axis = np.eye(3)[2]
+        moved = Placement(rotation_about(axis, value)) if body.kind == "RevoluteZ" else shift(value * axis)
         return self._frame(body.parent) @ body.joint @ moved
 
-    def _knee(self, bars: FourBar, mass: float) -> Seat:
-        """Hang the rocker, a uniform bar, on its pivot's link, at angle 0 in the pose; where the knee is on it."""
-        carrier, place = self.places[bars.pivot.link]
-        lug_carrier, lug = self.seat(bars.lug)
-        lug = (self._frame(carrier) @ place).inverse().point(self._frame(lug_carrier).point(lug))
-        knee = _third_corner(lug - bars.pivot.at, bars.rocker, bars.coupler, bars.side)
-        self.names.append(f"rocker on {bars.pivot.link}")
-        link, turned = self.hang("RevoluteZ", carrier, place @ Placement(offset=np.array(bars.pivot.at)), UPRIGHT)
-        knee = turned.point(knee)
-        self.bodies[link].add(mass, knee / 2, mass / 12 * (knee @ knee * np.eye(3) - np.outer(knee, knee)))
-        return link, knee
+    def _world(self, seat: Seat) -> Array:
+        return self._frame(seat[0]).point(seat[1])
+
+    def _rod_end(self, cylinder: Cylinder, linkage: Linkage) -> Seat:
+        """What the cylinder pushes; the bars between its pins are hung."""
+        bars, base = linkage.four_bar, self.seat(linkage.base)
+        end = self._knee(bars, cylinder) if bars else self.seat(linkage.rod_end)
+        masses = cylinder.moving_masses
+        if "barrel" in masses:
+            way = self._world(end) - self._world(base)
+            closed = cylinder.closed_length * way / np.linalg.norm(way)
+            barrel, along = self._bar("barrel", base, closed, masses["barrel"])
+            far = along / np.linalg.norm(along)
+            rod, turned = self._hang("rod", "PrismaticZ", barrel, shift(np.linalg.norm(way) * far), far)
+            self.bodies[rod].add_bar(masses["rod"], np.zeros(3), -turned.point(along))
+            self.loops.append(((rod, np.zeros(3)), end))
+        return end
+
+    def _knee(self, bars: FourBar, cylinder: Cylinder) -> Seat:
+        pivot, lug = self.seat(bars.pivot), self.seat(bars.lug)
+        side = self._world(lug) - self._world(pivot)
+        rocker = _third_corner(side, bars.rocker, bars.coupler, bars.side)
+        knee = self._bar("rocker", pivot, rocker, cylinder.rocker_mass)
+        if cylinder.coupler_mass > 0:
+            self.loops.append((self._bar("coupler", knee, side - rocker, cylinder.coupler_mass), lug))
+        else:
+            self.struts.append((knee, lug, bars.coupler))
+        return knee
+
+    def _bar(self, name: str, start: Seat, way: Array, mass: float) -> Seat:
+        """Hang a bar by a hinge at its start; ``way`` leads to its end in the world. The seat of its end."""
+        into = self._frame(start[0]).rotation.T
+        link, turned = self._hang(name, "RevoluteZ", start[0], shift(start[1]), into @ ACROSS)
+        end = turned.point(into @ way)
+        self.bodies[link].add_bar(mass, np.zeros(3), end)
+        return link, end
 
 
 def _third_corner(side: Array, near: float, far: float, left: int) -> Array:

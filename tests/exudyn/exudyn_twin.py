@@ -6,9 +6,9 @@ stops, reliefs, vapour and the laminar range of the valve:
 
     ṗ0 = K/V0 (−A0 ṡ + a0 Qn √(ps − p0)),  V0 = Vh0 + A0 s,  force on the pins p0 A0 − p1 A1 − d ṡ
 
-and the like for p1; the root keeps its sign, and an opening a0 < 0 leads to the tank: p0 − pt in place of ps − p0. A
-four-bar becomes a rocker and, for the coupler, a distance constraint, which only Exudyn's implicit solvers take; they
-need a rocker that weighs.
+and the like for p1; the root keeps its sign, and an opening a0 < 0 leads to the tank: p0 − pt in place of ps − p0.
+Four-bars and the cylinders' own bars close loops by constraints, which only Exudyn's implicit solvers take; they need a
+rocker that weighs. A coupler without mass is a constant distance.
 
 The frequencies that Exudyn itself offers leave the pressures out, so they are found from its motion or its right-hand
 side.
@@ -30,6 +30,7 @@ from exudyn.itemInterface import (
     NodeGenericODE2,
     ObjectConnectorDistance,
     ObjectGround,
+    ObjectJointSpherical,
     ObjectKinematicTree,
     SensorNode,
 )
@@ -55,10 +56,7 @@ class Motion:
 
 
 def common(machine: Machine) -> Machine:
-    """The machine with what an actuator of Exudyn knows: no air, hoses, compliance, leakage, friction, own masses.
-
-    A rocker's mass stays.
-    """
+    """The machine with what an actuator of Exudyn knows: no air, hoses, compliance, leakage, friction."""
     cylinders = [
         replace(
             cylinder,
@@ -67,9 +65,6 @@ def common(machine: Machine) -> Machine:
             annulus_hose_volume=0.0,
             friction=NO_FRICTION,
             valve=replace(cylinder.valve, leakage=0.0) if cylinder.valve else None,
-            barrel_mass=0.0,
-            rod_mass=0.0,
-            coupler_mass=0.0,
         )
         for cylinder in machine.cylinders
     ]
@@ -143,10 +138,12 @@ class Twin:
             markers = [self._marker(tree.seat(linkage.base)), self._marker(tree.rod_ends[i])]
             self._chambers.append(node)
             self._actuators.append(self.system.AddObject(_actuator(machine, cylinder, node, markers)))
-            if linkage.four_bar:
-                ends = [markers[1], self._marker(tree.seat(linkage.four_bar.lug))]
-                coupler = ObjectConnectorDistance(markerNumbers=ends, distance=linkage.four_bar.coupler)
-                self.system.AddObject(coupler)
+        for ends in tree.loops:
+            both = [self._marker(seat) for seat in ends]
+            self.system.AddObject(ObjectJointSpherical(markerNumbers=both, constrainedAxes=[1, 0, 1]))
+        for *ends, distance in tree.struts:
+            both = [self._marker(seat) for seat in ends]
+            self.system.AddObject(ObjectConnectorDistance(markerNumbers=both, distance=distance))
 
     def _marker(self, seat: Seat) -> int:
         carrier, at = seat
