@@ -364,6 +364,9 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name, motor in machine.motor.items():
         _check_hoses(f"motor.{name}", motor.hose, motor.trapped_volume_l, refuse)
         _check_friction(f"motor.{name}.friction", motor.friction.static_N_m, motor.friction.coulomb_N_m, "N m", refuse)
+    for key, band in machine.bands:
+        if band and not band[0] <= band[1]:
+            refuse(f"bands.{key}", f"[{band[0]:g}, {band[1]:g}] is upside down", "give [lower, upper]")
     digging = machine.requirements.digging
     for name in digging.cylinders if digging else []:
         if name not in machine.cylinder:

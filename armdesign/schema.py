@@ -91,6 +91,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "overlap_percent": "of full spool stroke",
     "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
     "friction": "per cylinder; of a motor at the joint, all together",
+    "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
@@ -269,6 +270,21 @@ class RequirementsSection(Section):
     pin_box_mm: Annotated[float, Field(ge=0, le=100_000)] | None = None
 
 
+ShareBand = Annotated[list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)]
+
+
+class BandsSection(Section):
+    """What is not known exactly: lower and upper end, as shares of this file's values."""
+
+    bulk_modulus_share: ShareBand | None = None
+    dead_volume_share: ShareBand | None = None
+    payload_share: ShareBand | None = None
+    link_mass_share: ShareBand | None = None
+    entrained_air_percent: (
+        Annotated[list[Annotated[float, Field(ge=0, lt=50)]], Field(min_length=2, max_length=2)] | None
+    ) = None
+
+
 class MachineSection(Section):
     """The whole file."""
 
@@ -284,6 +300,7 @@ class MachineSection(Section):
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
     requirements: RequirementsSection = RequirementsSection()
+    bands: BandsSection = BandsSection()
 
 
 def schema() -> str:

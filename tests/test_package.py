@@ -18,7 +18,7 @@ ORDER = [
     *("fluid", "valve", "cylinder", "formulas"),
     *("urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
-    *("workspace", "maps", "inspection"),
+    *("workspace", "maps", "bands", "inspection"),
     *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(
