@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import errno
+import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -42,6 +43,34 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(path), f"cannot be read ({reason})", "check the path") from None
+
+
+def leads_out(folder: Path, urdf: str) -> bool:
+    """Whether a URDF's path, symbolic links followed, ends outside a folder."""
+    try:
+        return not Path(os.path.realpath(folder / urdf)).is_relative_to(os.path.realpath(folder))
+    except ValueError:  # a NUL in the path, which reading refuses
+        return False
+
+
+def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
+    """Text of the URDF that a machine file names.
+
+    Args:
+        path: of the machine file.
+        urdf: as the file names it, relative to it.
+        allow_outside: whether it may lie outside the file's folder.
+
+    Raises:
+        MachineFileError: it lies outside, is missing or is no text.
+    """
+    if not allow_outside and leads_out(path.parent, urdf):
+        raise MachineFileError(
+            f"{path.name}: urdf",
+            f'"{urdf}" is outside the folder of the machine file',
+            "put it beside the file, or allow it: --allow-outside, in Python load(…, allow_outside=True)",
+        )
+    return read_text(path.parent / urdf)
 
 
 def write_files(texts: dict[Path, str]) -> None:
@@ -337,8 +366,8 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name in machine.frozen:
         if name in machine.joints:
             refuse(f"frozen.{name}", "is also in joints", "a joint is either a coordinate or frozen")
-    if Path(machine.urdf).is_absolute() or ".." in Path(machine.urdf).parts:
-        refuse("urdf", f'"{machine.urdf}" leaves the folder of the machine file', "put the URDF beside the file")
+    if Path(machine.urdf).name in ("", ".."):
+        refuse("urdf", f'"{machine.urdf}" is no file name', "name the URDF")
     if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
         refuse(
             "supply.return_pressure_bar",

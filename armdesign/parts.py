@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection
 from dataclasses import dataclass
 
 from armdesign.arm import Arm
 from armdesign.cylinder import Cylinder, Fluid, Supply
-from armdesign.errors import MachineFileError
+from armdesign.errors import MachineFileError, choose
 from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.schema import (
     CylinderSection,
@@ -141,9 +140,3 @@ def unknown_links(section: MachineSection, links: Collection[str], source: str) 
         for path, link in named.items()
         if link is not None and link not in links
     ]
-
-
-def choose(name: str, known: Collection[str]) -> str:
-    """A remedy for a wrong name: the one that was meant, or all that there are."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"

@@ -210,7 +210,11 @@ BARS = "cylinder.bucket.four_bar."
 CASES: list[tuple[str, Any, str]] = [
     ("joints", ["boom", "boom", "bucket"], r"x\.toml: joints: a joint is named twice"),
     ("joints", [], r"joints: \[\] is not allowed; give a list of at least 1"),
-    ("joints", ["boom", "stick", "buckett"], r"joint buckett: is not in the URDF; choose from: .*bucket"),
+    (
+        "joints",
+        ["boom", "stick", "buckett"],
+        r'joint buckett: is not in the URDF \(named in joints\); did you mean "bucket"\?',
+    ),
     ("joints", ["boom", "stick", "bucket", "boom_foot"], r"joint boom_foot: is fixed and cannot be a coordinate"),
     ("joints", ["boom", "stick"], r"cylinder\.bucket: no joint lies between its pins"),
     ("joints", ["swing", "boom", "stick", "bucket"], r"frozen\.swing: is also in joints"),
@@ -261,8 +265,7 @@ CASES: list[tuple[str, Any, str]] = [
     (BARS + "lug.at_mm", [0, 0, 0], r"cylinder\.bucket: .*dead centre"),
     ("requirements.digging.cylinders", ["spade"], r'digging\.cylinders: no cylinder "spade"; choose from: boom, stick'),
     ("requirements.end_margin", 0.5, r"end_margin: 0\.5 is not allowed; give a number in \[0, 0\.5\)"),
-    ("urdf", "../other.urdf", r"urdf: .* leaves the folder"),
-    ("urdf", "/etc/passwd", r"urdf: .* leaves the folder"),
+    ("urdf", "..", r'urdf: "\.\." is no file name'),
     ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters, digits'),
 ]
 
@@ -306,8 +309,8 @@ URDF_CASES = [
     ("", "not well-formed XML"),
     ("<html/>", "the XML root is <html>, not <robot>"),
     ('<robot xmlns="http://a"/>', "not <robot>"),
-    ("<robot/>", "joint .* is not in the URDF; choose from: none"),
-    (URDF.replace('link="boom"', 'link="bom"'), 'link "bom" does not exist; choose from'),
+    ("<robot/>", "joint .* is not in the URDF \\(named in joints\\); choose from: none"),
+    (URDF.replace('link="boom"', 'link="bom"'), 'link "bom" does not exist; did you mean "boom"'),
     (URDF.replace('<child link="boom" />', ""), 'joint boom: has no child; add <child link="…"/>'),
     (URDF.replace('link name="stick"', 'link name="boom"'), 'two links are named "boom"'),
     (URDF.replace('joint name="stick"', 'joint name="boom"'), 'two joints are named "boom"'),
