@@ -79,9 +79,10 @@ def map_command(
 ) -> None:
     """Find the worst pose; write map.csv, heatmaps.
 
-    Prints the worst pose, percentiles and which cylinder limits.
+    Prints the worst pose, percentiles, which cylinder limits and what holds the lowest mode. Writes map.csv and
+    stiffness.csv, heatmaps over joints and over the tool's reach, static pressures, moment arms.
     """
-    from armdesign import report
+    from armdesign import plots, report
     from armdesign.maps import frequency_map
 
     with _progress("mapping the workspace"):
@@ -89,7 +90,9 @@ def map_command(
         frequencies = frequency_map(model, workspace)
     with _outputs(out) as folder:
         _write_csv(frequencies.frame, folder / "map.csv")
+        _write_csv(frequencies.stiffness, folder / "stiffness.csv")
         _write_heatmaps(frequencies, folder)
+        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     _print(report.map_sheets(frequencies, units.units))
 
 
@@ -302,11 +305,14 @@ def _write_csv(frame: pd.DataFrame, path: Path) -> None:
 def _write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     from armdesign import plots
 
-    for plane, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0))):
+    for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
         fig, (ax,) = plots.figure(1, *size)
-        frequencies.plot(ax, plane=plane)
+        if name == "holding":
+            plots.holding_pressure(frequencies, ax)
+        else:
+            frequencies.plot(ax, plane=name)
         fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
-        plots.save(fig, folder / f"map_{plane}.png")
+        plots.save(fig, folder / f"map_{name}.png")
 
 
 def _write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:

@@ -28,7 +28,7 @@ OTHERS = {  # and what they take
     "new": ["--out", "--links"],
 }
 QUICK = {  # what each writes for the one-joint machine
-    "map": {"map.csv", "map_joints.png", "map_reach.png"},
+    "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
 }
 ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
 

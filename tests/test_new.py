@@ -15,7 +15,8 @@ from test_cli import assert_one_line, main
 
 import armdesign as ad
 from armdesign import scaffold, schema
-from armdesign.inspection import inspect, problems
+from armdesign.inspection import inspect
+from armdesign.problems import problems
 
 SHIPPED = Path(ad.__file__).with_name("machine.schema.json")
 
