@@ -70,7 +70,10 @@ def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
             f'"{urdf}" is outside the folder of the machine file',
             "put it beside the file, or allow it: --allow-outside, in Python load(…, allow_outside=True)",
         )
-    return read_text(path.parent / urdf)
+    try:
+        return read_text(path.parent / urdf)
+    except MachineFileError as error:
+        raise MachineFileError(f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy) from None
 
 
 def write_files(texts: dict[Path, str]) -> None:
@@ -246,7 +249,20 @@ def _toml(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
-        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
+        words = str(error).removesuffix("(at end of document)").strip()
+        if isinstance(error, RecursionError):
+            words = "nested too deeply"
+        if not re.search(r"\(at line \d+, column \d+\)$", words):
+            words += f" (at {_place(text, error)})"
+        raise MachineFileError(source, f"not valid TOML: {words}", "correct the file at that place") from None
+
+
+def _place(text: str, error: Exception) -> str:
+    """Line and column of what the parser found wrong without saying where: the end, a huge number, a deep nest."""
+    at = len(text)
+    if not isinstance(error, tomllib.TOMLDecodeError):  # both are in the longest line of any file that was not built so
+        at = text.index(max(text.split("\n"), key=len))
+    return f"line {text.count(chr(10), 0, at) + 1}, column {at - text.rfind(chr(10), 0, at)}"
 
 
 def write(text: str, changes: dict[str, Any], source: str) -> str:
