@@ -243,7 +243,7 @@ def compare(
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(help="Name of the new machine and its files.")],
-    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 4.")] = 2,
+    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 6.")] = 2,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")] = None,
 ) -> None:
     """Write a commented starting machine file and URDF.
