@@ -254,7 +254,9 @@ def _toml(text: str, source: str) -> dict[str, Any]:
             words = "nested too deeply"
         if not re.search(r"\(at line \d+, column \d+\)$", words):
             words += f" (at {_place(text, error)})"
-        raise MachineFileError(source, f"not valid TOML: {words}", "correct the file at that place") from None
+        xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
+        remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
+        raise MachineFileError(source, f"not valid TOML: {words}", remedy) from None
 
 
 def _place(text: str, error: Exception) -> str:

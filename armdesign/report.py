@@ -110,7 +110,7 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     shares = 100 * frequencies.stiffness_shares[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
     rows = [
-        (origins[str(part)], *(f"{value:+.1f} %" for value in (share.min(), share.median(), share.max())))
+        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in share.quantile((0, 0.5, 1))))
         for part, share in shares.items()
         if len(share)
     ]

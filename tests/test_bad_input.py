@@ -363,6 +363,7 @@ def test_entities_do_not_explode() -> None:
         ("a = " + "1" * 10_000, "not valid TOML"),
         (".".join(["a"] * 3000) + " = 1", "a: unknown key"),
         ("\0" * 10, "not valid TOML"),
+        (URDF, "not valid TOML: .*; give the .toml file that names the URDF"),
     ],
 )
 def test_text_that_is_no_machine_file(text: str, message: str) -> None:

@@ -206,7 +206,7 @@ FILES = [
         "payload.full.link: missing: a mass must sit somewhere; add link",
     ),
     ("[461.5, 0, -602.5]", "[0, 0, 0]", "cylinder.boom: is at its dead centre"),
-    ("excavator_20t.urdf", "none.urdf", "none.urdf: no such file; check the path"),
+    ("excavator_20t.urdf", "none.urdf", 'urdf: "none.urdf": no such file; check the path'),
     ("[fluid]", "[fluid", "broken.toml: not valid TOML"),
 ]
 
