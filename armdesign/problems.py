@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from armdesign import machine_file, urdf_faults
 from armdesign.arm import Arm
 from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.foreign import FLUID, SUPPLY
 from armdesign.machine import Machine, faults_of, find, load
 from armdesign.parts import linkage, unknown_links
 from armdesign.schema import MachineSection
@@ -42,13 +44,16 @@ def problems(path_or_name: str | Path, *, allow_outside: bool = False) -> list[A
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
     in_urdf = urdf_faults.problems(urdf_text, joints, section.frozen, section.urdf)
     found += [*_unknown_links(section, urdf_text, path.name, wrong), *in_urdf]
-    if joints is None or in_urdf or any(fault.part.endswith(": joints") for fault in faults):
+    geometry = _without_masses(urdf_text) if in_urdf else urdf_text
+    if joints is None or any(fault.part.endswith(": joints") for fault in faults):
+        return found
+    if in_urdf and urdf_faults.problems(geometry, joints, section.frozen, section.urdf):
         return found
     try:
         if not found:
             found += faults_of(Machine.unchecked(text, urdf_text, path))
         if found:
-            return [*found, *_faults_of_the_rest(section, urdf_text, path, _blamed(found))]
+            return [*found, *_faults_of_the_rest(section, geometry, path, _blamed(found))]
         Workspace.grid(load(path, allow_outside=allow_outside))
     except ArmDesignError as error:
         found.append(error)
@@ -64,6 +69,18 @@ def _unknown_links(section: MachineSection, urdf_text: str, source: str, wrong: 
     stand_ins = wrong | {f"{key}.link" for key in wrong}
     faults = unknown_links(section, links, source) if links else []
     return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
+
+
+def _without_masses(urdf_text: str) -> str:
+    """A URDF of the same geometry: pins and ranges do not depend on masses, so faults of these do not hide them."""
+    try:
+        robot = urdf_faults.parse(urdf_text, "")
+    except MachineFileError:
+        return urdf_text
+    for link in robot.findall("link"):
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+    return ET.tostring(robot, encoding="unicode")
 
 
 def _blamed(faults: Iterable[ArmDesignError]) -> set[str]:
@@ -84,11 +101,11 @@ def _faults_of_the_rest(
             "name": section.name,
             "urdf": section.urdf,
             "joints": [name for name in section.joints if name not in still],
-            "frozen": {**section.frozen, **still},
+            "frozen": {name: at for name, at in section.frozen.items() if name not in section.joints} | still,
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
             "payload": {"empty": {"mass_kg": 0.0}},
-            "fluid": section.fluid.model_dump(),
-            "supply": section.supply.model_dump(),
+            "fluid": FLUID,
+            "supply": SUPPLY,
             "cylinder": {name: table.model_dump(exclude_none=True) for name, table in sound.items()},
         }
         machine = Machine.unchecked(machine_file.dump(data, "what is sound"), urdf_text, path)

@@ -308,6 +308,31 @@ def test_ranges_are_looked_at_beside_faults_elsewhere(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("return_pressure_bar = 5", "return_pressure_bar = 500", "supply.return_pressure_bar"),
+        ("{ swing = 0.0 }", "{ swing = 0.0, boom = 0.0 }", "frozen.boom"),
+        ("mass_kg = 1600", "mass_kg = -1", "payload.full.mass_kg"),
+        ('tool   = { link = "bucket"', 'tool   = { link = "buckt"', "tool.link"),
+        ("digging = { cylinders = [", 'digging = { cylinders = ["spade", ', "requirements.digging.cylinders"),
+        ('name   = "excavator_20t"', 'name   = "2 t"', "name"),
+    ],
+)
+def test_ranges_are_looked_at_beside_any_other_fault(old: str, new: str, part: str, tmp_path: Path) -> None:
+    lines = told(tmp_path, EXCAVATOR.urdf_text, (old, new), ("closed_length_mm = 1800", "closed_length_mm = 9"))
+    assert [line.split(": ")[1] for line in lines] == [part, "cylinder.stick.stroke_mm"]
+
+
+def test_ranges_are_looked_at_beside_wrong_masses(tmp_path: Path) -> None:
+    """Where the pins are does not depend on what the links weigh."""
+    urdf = EXCAVATOR.urdf_text.replace('mass value="1010"', 'mass value="-1010"')
+    lines = told(tmp_path, urdf, ("closed_length_mm = 1800", "closed_length_mm = 9"))
+    assert "link stick: mass -1010 kg" in lines[0]
+    assert "cylinder.stick.stroke_mm" in lines[1]
+    assert len(lines) == 2
+
+
 def test_both_cylinders_of_a_joint(tmp_path: Path) -> None:
     """Each of two cylinders on the boom can never be in stroke: reading says the first, `check` both."""
     section = re.search(r"\[cylinder\.boom\].*?(?=\n\[cylinder\.stick\])", EXCAVATOR.text, re.DOTALL)
@@ -351,7 +376,7 @@ def test_no_problems(name: str) -> None:
 
 @pytest.mark.parametrize("what", ["toml", "urdf"])
 def test_whatever_is_refused_has_a_problem_and_the_other_way_round(what: str, tmp_path: Path) -> None:
-    """Seeded damage: `check` and `load` agree on whether a file can be used, and no other exception comes."""
+    """Seeded damage: what `load` refuses, `check` lists among others, each once; no other exception comes."""
     files = {"toml": tmp_path / "x.toml", "urdf": tmp_path / "excavator_20t.urdf"}
     texts = {"toml": EXCAVATOR.text, "urdf": URDF}
     for kind, file in files.items():
@@ -360,10 +385,11 @@ def test_whatever_is_refused_has_a_problem_and_the_other_way_round(what: str, tm
         files[what].write_text(damaged(texts[what], random.Random(seed)), encoding="utf-8")
         found = problems(files["toml"])
         assert all("\n" not in str(problem) and "stand_in" not in str(problem) for problem in found), found
+        assert len({str(problem) for problem in found}) == len(found), found
         try:
             machine = ad.load(files["toml"])
-        except ad.ArmDesignError:
-            assert found, seed
+        except ad.ArmDesignError as error:
+            assert (error.part, error.problem) in [(problem.part, problem.problem) for problem in found], seed
             continue
         assert not found or "workspace" in str(found[0]), (seed, found)
         if not found and seed % 4 == 0:
