@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+
 
 class ArmDesignError(Exception):
     """Bad input, said in one line: which part, its value, what is allowed, what to do.
@@ -36,3 +39,9 @@ class InfeasibleError(ArmDesignError):
 
 class SimulationError(ArmDesignError):
     """The nonlinear run could not be completed or identified."""
+
+
+def choose(name: str, known: Collection[str]) -> str:
+    """A remedy for a wrong name: the one that was meant, or all that there are."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"

@@ -1,7 +1,7 @@
-"""What a machine file amounts to, what looks odd in it, and everything that is wrong with it at once.
+"""What a machine file amounts to and what looks odd in it.
 
-``problems`` lists what makes a file unusable. ``inspect`` takes a machine that can be used and looks at it as a
-designer would: ranges, reach, moment arms, pressures. Oddities are no errors: they are numbers worth a second look.
+``inspect`` looks at a machine as a designer would: ranges, reach, moment arms, pressures. Oddities are no errors: they
+are numbers worth a second look. What makes a file unusable is in ``problems``.
 """
 
 from __future__ import annotations
@@ -10,22 +10,18 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from armdesign import machine_file, urdf
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder, euler_safety, holding_force, kind, static_pressures
-from armdesign.errors import ArmDesignError, PoseError
-from armdesign.foreign import MOVABLE
-from armdesign.machine import Machine, faults_of, find
+from armdesign.errors import PoseError
+from armdesign.machine import Machine
 from armdesign.modes import natural_modes
-from armdesign.parts import unknown_links
 from armdesign.ranges import over, sweep
-from armdesign.schema import MachineSection
 from armdesign.units import WORKSHOP, Units
+from armdesign.urdf import Joint
 from armdesign.workspace import Workspace
 
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
@@ -309,7 +305,7 @@ class Inspection:
             yield Finding(part="payload", words="every load case is empty: the worst pose of work is not looked at")
 
 
-def _whole_turn(joint: urdf.Joint) -> bool:
+def _whole_turn(joint: Joint) -> bool:
     return joint.revolute and joint.upper - joint.lower > 2 * np.pi - 1e-6
 
 
@@ -326,70 +322,3 @@ def _odd_volumes(part: str, cylinder: Cylinder) -> Iterator[Finding]:
 def inspect(machine: Machine, workspace: Workspace) -> Inspection:
     """Look at a machine over its workspace."""
     return Inspection(machine, workspace)
-
-
-# ------------------------------------------------------------------------------------------------- everything wrong
-
-
-def problems(path_or_name: str | Path) -> list[ArmDesignError]:
-    """Everything that makes a machine file unusable, one error each; empty if it can be used.
-
-    Schema, keys that contradict each other, links and joints that the URDF does not have, faults of the URDF, then what
-    only the assembled machine tells: ranges, dead centres, four-bars that do not close.
-    """
-    try:
-        path = find(path_or_name)
-        text = machine_file.read_text(path)
-    except ArmDesignError as error:
-        return [error]
-    section, faults, wrong = machine_file.problems(text, path.name)
-    found: list[ArmDesignError] = [*faults]
-    if section is None or "urdf" in wrong or any(fault.part.endswith(": urdf") for fault in faults):
-        return found
-    try:
-        urdf_text = machine_file.read_text(path.parent / section.urdf)
-    except ArmDesignError as error:
-        return [*found, error]
-    found += _problems_of_urdf(urdf_text, section, path.name, wrong)
-    if found:
-        return found
-    try:
-        machine = Machine.unchecked(text, urdf_text, path)
-    except ArmDesignError as error:
-        return [error]
-    found += faults_of(machine)
-    if not found:
-        try:
-            Workspace.grid(machine)
-        except ArmDesignError as error:
-            found.append(error)
-    return found
-
-
-def _problems_of_urdf(urdf_text: str, section: MachineSection, source: str, wrong: set[str]) -> list[ArmDesignError]:
-    """Links and joints that the file names and the URDF lacks; faults of the URDF itself."""
-    found: list[ArmDesignError] = []
-    try:
-        robot = ET.fromstring(urdf_text)
-    except ET.ParseError:
-        robot = ET.Element("robot")
-    links, joints = ([str(e.get("name")) for e in robot.findall(kind)] for kind in ("link", "joint"))
-    if links:
-        for fault in unknown_links(section, links, source):
-            if fault.part.removeprefix(f"{source}: ") not in wrong | {f"{p}.link" for p in wrong}:
-                found.append(fault)
-    for key, names in (("joints", section.joints), ("frozen", list(section.frozen))):
-        missing = [name for name in names if name not in joints and not any(w.startswith(key) for w in wrong)]
-        for name in missing if joints else []:
-            found.append(
-                ArmDesignError(
-                    f"{source}: {key}", f'no joint "{name}" in the URDF', f"choose from: {', '.join(joints)}"
-                )
-            )
-    moving = [name for name in section.joints if name in joints]
-    if len(moving) < len(section.joints):  # which joints were meant is not known: none is at fault for being frozen
-        movable = [str(e.get("name")) for e in robot.findall("joint") if e.get("type") in MOVABLE]
-        moving = [name for name in movable if name not in section.frozen]
-    frozen = {name: value for name, value in section.frozen.items() if name in joints and name not in moving}
-    found += urdf.problems(urdf_text, moving, frozen, section.urdf)
-    return found

@@ -21,10 +21,10 @@ from armdesign import foreign, machine_file, parts
 from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.cylinder import Actuator, Cylinder, Fluid, Motor, Supply
-from armdesign.errors import ArmDesignError, MachineFileError, PoseError
+from armdesign.errors import ArmDesignError, MachineFileError, PoseError, choose
 from armdesign.jets import VectorJet
 from armdesign.linkage import Gear, Linkage, Pin
-from armdesign.parts import Payload, choose
+from armdesign.parts import Payload
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
 from armdesign.schema import MachineSection
@@ -91,8 +91,7 @@ class Machine:
     def unchecked(cls, text: str, urdf_text: str, source: Path, arm: Arm | None = None) -> Machine:
         """As ``from_text``, but without looking at ranges and linkages: see ``faults_of``."""
         section = machine_file.parse(text, source.name)
-        frozen = {name: value for name, value in section.frozen.items() if name not in section.joints}
-        arm = arm or Arm(urdf_text, section.joints, frozen, section.urdf)
+        arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf)
         return _assemble(section, arm, text=text, urdf_text=urdf_text, source=source)
 
     @classmethod
@@ -201,16 +200,22 @@ class Machine:
         return machine.loaded_like(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""
+        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file.
+
+        A URDF from outside the machine file's folder is copied beside the new file.
+        """
         target = _path(path)
         if target.suffix != ".toml":
             raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
-        urdf = target.parent / self.section.urdf
+        text, urdf = self.text, target.parent / self.section.urdf
+        if any(machine_file.leads_out(file.parent, self.section.urdf) for file in (self.source, target)):
+            urdf = target.parent / Path(self.section.urdf).name
+            text = machine_file.write(text, {"urdf": urdf.name}, self.source.name)
         if urdf == target:
             raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
         if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
             raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
-        machine_file.write_files({urdf: self.urdf_text, target: self.text})
+        machine_file.write_files({urdf: self.urdf_text, target: text})
         return target
 
     # --------------------------------------------------------------------------------------------------- poses
@@ -426,10 +431,14 @@ class Machine:
 # -------------------------------------------------------------------------------------------------- from the file
 
 
-def load(path_or_name: str | Path) -> Machine:
+def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
     """Machine from a ``.toml`` file, a folder ``<name>/<name>.toml``, or the name of a shipped machine.
 
     It carries its first load case.
+
+    Args:
+        path_or_name: which machine.
+        allow_outside: whether the file may name a URDF outside its folder (or behind a symbolic link out of it).
 
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
@@ -437,7 +446,7 @@ def load(path_or_name: str | Path) -> Machine:
     path = find(path_or_name)
     text = machine_file.read_text(path)
     section = machine_file.parse(text, path.name)
-    urdf_text = machine_file.read_text(path.parent / section.urdf)
+    urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
     return Machine.from_text(text, urdf_text, path)
 
 

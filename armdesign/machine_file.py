@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import errno
+import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -42,6 +43,37 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(path), f"cannot be read ({reason})", "check the path") from None
+
+
+def leads_out(folder: Path, urdf: str) -> bool:
+    """Whether a URDF's path, symbolic links followed, ends outside a folder."""
+    try:
+        return not Path(os.path.realpath(folder / urdf)).is_relative_to(os.path.realpath(folder))
+    except ValueError:  # a NUL in the path, which reading refuses
+        return False
+
+
+def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
+    """Text of the URDF that a machine file names.
+
+    Args:
+        path: of the machine file.
+        urdf: as the file names it, relative to it.
+        allow_outside: whether it may lie outside the file's folder.
+
+    Raises:
+        MachineFileError: it lies outside, is missing or is no text.
+    """
+    if not allow_outside and leads_out(path.parent, urdf):
+        raise MachineFileError(
+            f"{path.name}: urdf",
+            f'"{urdf}" is outside the folder of the machine file',
+            "put it beside the file, or allow it: --allow-outside, in Python load(…, allow_outside=True)",
+        )
+    try:
+        return read_text(path.parent / urdf)
+    except MachineFileError as error:
+        raise MachineFileError(f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy) from None
 
 
 def write_files(texts: dict[Path, str]) -> None:
@@ -217,7 +249,22 @@ def _toml(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
-        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
+        words = str(error).removesuffix("(at end of document)").strip()
+        if isinstance(error, RecursionError):
+            words = "nested too deeply"
+        if not re.search(r"\(at line \d+, column \d+\)$", words):
+            words += f" (at {_place(text, error)})"
+        xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
+        remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
+        raise MachineFileError(source, f"not valid TOML: {words}", remedy) from None
+
+
+def _place(text: str, error: Exception) -> str:
+    """Line and column of what the parser found wrong without saying where: the end, a huge number, a deep nest."""
+    at = len(text)
+    if not isinstance(error, tomllib.TOMLDecodeError):  # both are in the longest line of any file that was not built so
+        at = text.index(max(text.split("\n"), key=len))
+    return f"line {text.count(chr(10), 0, at) + 1}, column {at - text.rfind(chr(10), 0, at)}"
 
 
 def write(text: str, changes: dict[str, Any], source: str) -> str:
@@ -337,8 +384,8 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name in machine.motor:
         if name in machine.cylinder:
             refuse(f"motor.{name}", "is the name of a cylinder too", "give each function a name of its own")
-    if Path(machine.urdf).is_absolute() or ".." in Path(machine.urdf).parts:
-        refuse("urdf", f'"{machine.urdf}" leaves the folder of the machine file', "put the URDF beside the file")
+    if Path(machine.urdf).name in ("", ".."):
+        refuse("urdf", f'"{machine.urdf}" is no file name', "name the URDF")
     if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
         refuse(
             "supply.return_pressure_bar",

@@ -139,6 +139,15 @@ class FrequencyMap:
         return pd.DataFrame(self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True), columns=STIFFNESS)
 
     @property
+    def stiffness(self) -> pd.DataFrame:
+        """Bookkeeping of the lowest mode row by row: pose, load case, ω² and what each part gives to it [rad²/s²]."""
+        frame = self.frame[[*self.machine.joints, "payload", "f1_hz"]].copy()
+        frame["omega_squared"] = self.stiffness_parts.sum(axis=1)
+        for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=True):
+            frame[name] = values
+        return frame
+
+    @property
     def holding_pressures(self) -> Array:
         """Larger static chamber pressure of each cylinder over the supply's (n, nc), row by row; above one it sinks."""
         supply, shares = self.machine.supply, []

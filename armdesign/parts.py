@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection
 from dataclasses import dataclass
 
 from armdesign.arm import Arm
 from armdesign.cylinder import Cylinder, Fluid, Motor, Supply
-from armdesign.errors import MachineFileError
+from armdesign.errors import MachineFileError, choose
 from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.schema import (
     CylinderSection,
@@ -181,9 +180,3 @@ def unknown_joints(section: MachineSection, joints: Collection[str], source: str
         for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
         if joint not in joints
     ]
-
-
-def choose(name: str, known: Collection[str]) -> str:
-    """A remedy for a wrong name: the one that was meant, or all that there are."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"

@@ -103,34 +103,41 @@ def moment_arms(design: Design) -> Any:
 
 
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
-    """Moment arm of every cylinder that moves one joint alone, over that joint's range; returns the figure.
+    """Moment arm of every cylinder about every joint that it spans, over that joint's range; returns the figure.
 
-    The first machine says which cylinders; of the others those of the same name are drawn beside them.
+    A cylinder across several joints is drawn with the others in the middle of their ranges. The first machine says
+    which cylinders and joints; of the other machines those of the same names are drawn beside them.
     """
-    from armdesign.ranges import over, sweep
-
     first = next(iter(machines.values()))
-    shown = [c.name for c, k in zip(first.cylinders, first.linkages, strict=True) if len(k.joints) == 1]
+    spans = [(c.name, j, k) for c, k in zip(first.cylinders, first.linkages, strict=True) for j in k.joints]
     styles = STYLES if len(machines) > 1 else (("-", INK),)
-    fig, axes = figure(max(len(shown), 1), 4.4, 3.6)
-    for ax, name in zip(axes, shown, strict=False):
+    fig, axes = figure(len(spans), 4.4, 3.6)
+    for ax, (name, j, linkage) in zip(axes, spans, strict=True):
+        joint = first.arm.joints[j]
         for (label, machine), (style, colour) in zip(machines.items(), cycle(styles), strict=False):
-            linkage = {c.name: k for c, k in zip(machine.cylinders, machine.linkages, strict=True)}.get(name)
-            if linkage is None or len(linkage.joints) != 1:
-                continue
-            j = linkage.joints[0]
-            joint = machine.arm.joints[j]
-            poses = sweep(machine.arm, j, over(machine.ranges[j], 121))
-            x = poses.q[:, j] * _scale(joint)
-            arm = np.abs(linkage.actuation(poses).moment_arm[:, j]) * (1000 if joint.revolute else 1)
-            ax.plot(x, arm, style, color=colour, label=label)
-            ax.set(xlabel=_label(joint), ylabel="moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]")
+            if (curve := _moment_arm(machine, name, joint.name)) is not None:
+                ax.plot(*curve, style, color=colour, label=label)
+        ax.set(xlabel=_label(joint), ylabel="moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]")
         ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
-        ax.set_title(f"{name} cylinder", fontsize=10)
+        ax.set_title(f"{name} cylinder" + (f" about {joint.name}" if len(linkage.joints) > 1 else ""), fontsize=10)
         ax.grid(alpha=0.3)
     if len(machines) > 1:
         axes[0].legend(frameon=False)
     return fig
+
+
+def _moment_arm(machine: Machine, cylinder: str, joint: str) -> tuple[Array, Array] | None:
+    """Joint positions and sizes of a cylinder's moment arm there, in the labels' units; None if there is none."""
+    from armdesign.ranges import over
+
+    linkage = {c.name: k for c, k in zip(machine.cylinders, machine.linkages, strict=True)}.get(cylinder)
+    if linkage is None or joint not in [machine.joints[j] for j in linkage.joints]:
+        return None
+    j = machine.joints.index(joint)
+    q = np.tile(machine.ranges.mean(axis=1), (121, 1))
+    q[:, j] = over(machine.ranges[j], len(q))
+    arm = np.abs(linkage.actuation(machine.arm.kinematics(q)).moment_arm[:, j])
+    return q[:, j] * _scale(machine.arm.joints[j]), arm * (1000 if machine.arm.joints[j].revolute else 1)
 
 
 def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:

@@ -75,7 +75,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         ),
         bold=(0,),
     )
-    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies)]
+    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
 
 
 def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
@@ -104,6 +104,23 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
         columns=("cylinder", "limits poses", "locked / coupled", "rigid load / coupled"),
         rows=tuple(rows),
         note="medians over the poses that the cylinder limits; 1.00 would be right",
+    )
+
+
+def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
+    stable = frequencies.frame["f1_hz"].to_numpy() > 0
+    shares = 100 * frequencies.stiffness_shares[stable]
+    origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
+    rows = [
+        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in share.quantile((0, 0.5, 1))))
+        for part, share in shares.items()
+        if len(share)
+    ]
+    return Sheet(
+        title="What the stiffness of the lowest mode is made of",
+        columns=("part", "least", "median", "greatest"),
+        rows=tuple(rows),
+        note="shares of each pose's stiffness, all load cases; negative: it softens; every pose is in stiffness.csv",
     )
 
 

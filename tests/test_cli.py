@@ -28,7 +28,7 @@ OTHERS = {  # and what they take
     "new": ["--out", "--links"],
 }
 QUICK = {  # what each writes for the one-joint machine
-    "map": {"map.csv", "map_joints.png", "map_reach.png"},
+    "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
 }
 ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
 
@@ -206,7 +206,7 @@ FILES = [
         "payload.full.link: missing: a mass must sit somewhere; add link",
     ),
     ("[461.5, 0, -602.5]", "[0, 0, 0]", "cylinder.boom: is at its dead centre"),
-    ("excavator_20t.urdf", "none.urdf", "none.urdf: no such file; check the path"),
+    ("excavator_20t.urdf", "none.urdf", 'urdf: "none.urdf": no such file; check the path'),
     ("[fluid]", "[fluid", "broken.toml: not valid TOML"),
 ]
 

@@ -16,9 +16,9 @@ PACKAGE = ROOT / "armdesign"
 ORDER = [
     *("units", "errors", "arrays"),
     *("fluid", "valve", "cylinder", "formulas"),
-    *("urdf", "jets", "arm", "linkage"),
+    *("urdf_faults", "urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
-    *("workspace", "maps", "bands", "inspection"),
+    *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(
