@@ -62,6 +62,7 @@ class Cylinder:
     compliance: float = 0.0  # [m/N] in series with the oil, all together
     barrel_mass: float = 0.0  # [kg] of each of the parallel cylinders
     rod_mass: float = 0.0
+    barrel_wall: float | None = None  # [m]; None: what the supply pressure needs
     rocker_mass: float = 0.0  # [kg] of the four-bar
     coupler_mass: float = 0.0
     valve: Valve | None = None
@@ -206,6 +207,11 @@ def barrel_ratio(pressure: Any) -> Any:
             f"give 0 to {BARREL_STRESS / 2 / MPa:.4g} MPa",
         )
     return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
+
+
+def barrel_outer(bore: Any, wall: float | None, pressure: Any) -> Any:
+    """Outer diameter of a barrel [m]: with its wall [m], or as thick as ``barrel_ratio`` says a pressure [Pa] needs."""
+    return bore + 2 * wall if wall is not None else barrel_ratio(pressure) * bore
 
 
 def estimated_mass(bore: Any, rod: Any, stroke: Any, pressure: Any) -> Any:

@@ -15,11 +15,12 @@ PACKAGE = ROOT / "armdesign"
 # From the ground up: a module may import those above it in this list only.
 ORDER = [
     *("units", "errors", "arrays"),
-    *("fluid", "valve", "cylinder", "formulas"),
+    *("fluid", "valve", "cylinder", "column", "formulas"),
     *("urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
-    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
+    *("design.requirements", "design.lifting", "design.outlines", "design.conditions", "design.check"),
+    *("design.problem", "design.limits", "design.conflict", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(
         "simulation.reach",
