@@ -84,16 +84,17 @@ def _bounded(
     at_least: bool = False,
     scale: float | None = None,
     slack_scale: float | None = None,
-    **more: Any,
+    room: Array | None = None,
+    easing: Array | None = None,
+    care: float = 1.0,
+    rounding: float = 0.0,
 ) -> Condition:
     """A condition whose room is the distance to the limit over ``scale`` (its size if None)."""
     value = value[:, None] if value.ndim == 1 else value
     limit = np.asarray(limit)
     scale = scale or slack_scale or abs(float(limit)) or 1.0
-    more = {
-        "room": (value - limit if at_least else limit - value) / scale,
-        "easing": np.broadcast_to(np.abs(limit) / scale, value.shape),
-    } | more
+    if room is None:
+        room = (value - limit if at_least else limit - value) / scale
     return Condition(
         name=name,
         words=words,
@@ -102,7 +103,10 @@ def _bounded(
         limit=limit,
         at_least=at_least,
         slack_scale=slack_scale,
-        **more,
+        room=room,
+        easing=np.broadcast_to(np.abs(limit) / scale, room.shape) if easing is None else easing,
+        care=care,
+        rounding=rounding,
     )
 
 

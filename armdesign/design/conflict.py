@@ -22,8 +22,9 @@ from armdesign.units import WORKSHOP
 MET = 1e-6  # a share of its limit by which a requirement may be missed
 STEPS = 40
 PRICE = 100.0  # of a requirement that must hold, against the largest share of those that may give
+EACH = 1e-3  # of every other share that is given: what need not give does not
 PAIRS = 60  # of requirements that are tried for a smaller conflict
-STARTS = 2  # drawn designs from which requirements are tried, besides those at hand
+STARTS = 1  # drawn designs from which requirements are tried, besides those at hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +91,10 @@ class Conflict:
                 kept = rest
         return tuple(kept)
 
-    def concessions(self, names: Sequence[str]) -> tuple[Concession, ...]:
-        """What the requirements of a conflict must give, all of them or each alone, for all requirements to be met.
+    def concessions(self, names: Sequence[str]) -> tuple[tuple[Concession, ...], bool]:
+        """What the requirements of a conflict must give, all of them or each alone, and whether that settles all.
 
-        Where more conflicts remain, what they must give to be met by themselves.
+        Where other conflicts remain, it is what these must give to be met by themselves.
         """
         everything = list(dict.fromkeys(self._at(self.x, None).names))
         others = [n for n in everything if n not in names]
@@ -103,10 +104,10 @@ class Conflict:
         given = self._amounts(together.x)
         found = []
         for name in names:
-            alone = self._least((name,), [*others, *(n for n in names if n != name)])
             condition, amount = given[name]
-            own = self._amounts(alone.x)[name][1]
-            limit = float(np.real(np.ravel(condition.limit)[0]))
+            rest = [n for n in names if n != name]
+            alone = self._least((name,), [*others, *rest]) if rest else together
+            own, limit = self._amounts(alone.x)[name][1], float(np.real(np.ravel(condition.limit)[0]))
             helps = alone.missed <= MET and not (condition.at_least and own >= abs(limit) > 0)
             found.append(
                 Concession(
@@ -119,7 +120,7 @@ class Conflict:
                     alone=own if helps else None,
                 )
             )
-        return tuple(found)
+        return tuple(found), bool(others) or len(names) == len(everything)
 
     def _amounts(self, x: Array) -> dict[str, tuple[Any, float]]:
         """Each requirement's condition at x, and by how much it is missed in its unit."""
@@ -190,7 +191,7 @@ class Conflict:
             change, foreseen, tight = _step(at, soft, *box)
             merit = given + PRICE * missed
             promised = merit - foreseen
-            if promised < 1e-9:
+            if promised < 1e-5 * merit:
                 break
             trial = self._at(x + change, names)
             moved = _least_of(trial, soft)
@@ -213,46 +214,50 @@ def _room_per_limit(condition: Any) -> Array:
 
 
 def _least_of(at: _Missed, soft: Collection[str]) -> tuple[float, float]:
-    """Largest share that soft requirements are missed by, and the sum of what the others are."""
+    """Largest share that soft requirements are missed by (and a little of their sum), and the sum of the others'."""
     may_give = np.isin(at.names, list(soft))
     short = np.where(np.isfinite(at.room), np.maximum(-at.room, 0.0), 1e3)
-    return float(short[may_give].max(initial=0.0)), float(short[~may_give].sum())
+    return float(short[may_give].max(initial=0.0) + EACH * short[may_give].sum()), float(short[~may_give].sum())
 
 
 def _step(at: _Missed, soft: Collection[str], low: Array, high: Array) -> tuple[Array, float, frozenset[str]]:
     """Linear programme of one step: change of x, merit foreseen, requirements with a multiplier.
 
-    least t + PRICE Σ e  with  c + C d + t ≥ 0 (soft),  c + C d + e ≥ 0 (others),  t, e ≥ 0.
+    least t + Σ w e  with  c + C d + e ≥ 0,  e ≥ 0,  and e ≤ t, w = EACH for the soft ones, w = PRICE for the others.
     """
     from scipy.optimize import linprog
+    from scipy.sparse import csr_array, eye_array, hstack, vstack
 
     reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
     near = np.flatnonzero(np.isfinite(at.room) & (at.room + reach < 0))
-    room, jacobian = at.room[near], at.jacobian[near]
+    m, nx = len(near), len(low)
     may_give = np.isin(np.array(at.names)[near], list(soft))
-    nx, hard = len(low), np.flatnonzero(~may_give)
-    rows = np.zeros((len(near), nx + 1 + len(hard)))
-    rows[:, :nx], rows[may_give, nx] = -jacobian, -1.0
-    rows[hard, nx + 1 + np.arange(len(hard))] = -1.0
-    cost = np.concatenate([np.zeros(nx), [1.0], np.full(len(hard), PRICE)])
-    box = [*zip(low, high, strict=True), *[(0.0, None)] * (1 + len(hard))]
-    answer = linprog(cost, A_ub=rows, b_ub=room, bounds=box)
+    excess = eye_array(m, format="csr")
+    limits = hstack([csr_array(-at.jacobian[near]), csr_array((m, 1)), -excess])
+    shared = hstack([csr_array((m, nx)), csr_array(-np.ones((m, 1))), excess], format="csr")[may_give]
+    answer = linprog(
+        np.concatenate([np.zeros(nx), [1.0], np.where(may_give, EACH, PRICE)]),
+        A_ub=vstack([limits, shared]),
+        b_ub=np.concatenate([at.room[near], np.zeros(int(may_give.sum()))]),
+        bounds=[*zip(low, high, strict=True), *[(0.0, None)] * (1 + m)],
+    )
     if answer.status != 0:
         raise InfeasibleError("design", f"the search for a conflict gave up ({answer.message})", "loosen requirements")
-    held = near[np.abs(answer.ineqlin.marginals) > 1e-9]
+    held = near[np.abs(answer.ineqlin.marginals[:m]) > 1e-9]
     return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in held)
 
 
-def sentence(conflict: Sequence[Concession]) -> str:
-    """A conflict in plain words."""
+def sentence(conflict: Sequence[Concession], settles: bool) -> str:
+    """A conflict in plain words; ``settles``: what it gives is enough for all requirements to be met."""
+    more = "" if settles else "; others conflict besides"
     if len(conflict) == 1:
         only = conflict[0]
-        return f"no design meets {_named(only)}: it must give {_given(only, only.together)}"
+        return f"no design meets {_named(only)}: it must give {_given(only, only.together)}{more}"
     names = " together with ".join(_named(c) for c in conflict)
     each = ", ".join(f"{c.name} {_given(c, c.together)}" for c in conflict)
     single = [f"{c.name} {_given(c, c.alone)}" for c in conflict if c.alone is not None]
-    alone = f"; or one alone: {' or '.join(single)}" if single else ", no one alone is enough"
-    return f"no design meets {names}: they must give {each}{alone}"
+    alone = f", or one alone {' or '.join(single)}" if single else ", no one alone is enough"
+    return f"no design meets {names}: they must give {each}{alone}{more}"
 
 
 def _named(c: Concession) -> str:

@@ -22,6 +22,7 @@ from armdesign.design.rounding import rounded
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
+from armdesign.units import WORKSHOP
 from armdesign.workspace import Workspace
 
 STARTS = 3
@@ -90,6 +91,11 @@ class Design:
         """Requirements that bind and cost frequency, the dearest first."""
         held = [c for c in self.checks if c.slack < BINDING and self.worth.get(c.name, 0.0) > 1e-6]
         return sorted(held, key=lambda c: -self.worth[c.name])
+
+    @property
+    def sentences(self) -> list[str]:
+        """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
+        return [c.sentence(self.worth[c.name], WORKSHOP) for c in self.binding]
 
 
 def optimize(
@@ -219,5 +225,5 @@ def _conflict_of(search: Search) -> InfeasibleError | None:
     if not names:
         search.x = conflict.x
         return None
-    given = conflict.concessions(names)
-    return InfeasibleError(search.problem.machine.name, sentence(given), "loosen them", given)
+    given, settles = conflict.concessions(names)
+    return InfeasibleError(search.problem.machine.name, sentence(given, settles), "loosen them", given)

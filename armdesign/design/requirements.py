@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.machine import Machine
 from armdesign.parts import choose
 from armdesign.schema import ClearanceSection, LiftSection, OutlineSection, RequirementsSection, SpeedSection
@@ -172,8 +172,8 @@ class Requirements:
             pin_box=None if section.pin_box_mm is None else section.pin_box_mm * mm,
             pin_boxes=_pin_boxes(section),
             cylinder_mass=section.cylinder_mass_kg,
-            speeds=tuple(_speed(name, speed) for name, speed in section.speed.items()),
-            lifts=tuple(_lift(name, lift) for name, lift in section.lift.items()),
+            speeds=tuple(_speed(machine, name, speed) for name, speed in section.speed.items()),
+            lifts=tuple(_lift(machine, name, lift) for name, lift in section.lift.items()),
             outlines=tuple(_outline(link, outline) for link, outline in section.outline.items()),
             clearances=tuple(_clearance(name, clearance) for name, clearance in section.clearance.items()),
         )
@@ -239,26 +239,39 @@ def _pin_boxes(section: RequirementsSection) -> dict[str, dict[str, float]]:
     }
 
 
-def _speed(name: str, section: SpeedSection) -> Speed:
-    joints = {joint: value * deg for joint, value in section.joint_deg_per_s.items()}
-    joints |= {joint: value * mm for joint, value in section.joint_mm_per_s.items()}
-    cylinders = {cylinder: value * mm for cylinder, value in section.cylinder_mm_per_s.items()}
-    return Speed(name=name, joints=joints, cylinders=cylinders, at=section.at)
+def _joints(
+    machine: Machine, path: str, turning: Mapping[str, float], sliding: Mapping[str, float]
+) -> dict[str, float]:
+    """Numbers by joint [rad, m], from those in degrees and those in millimetres."""
+    for key, given, revolute in (("deg", turning, True), ("mm", sliding, False)):
+        for name in given:
+            if machine.arm.joints[machine.joints.index(name)].revolute != revolute:
+                kind, other = ("slides", "mm") if revolute else ("turns", "deg")
+                raise MachineFileError(
+                    f"{machine.source.name}: requirements.{path}",
+                    f'"{name}" {kind}, so nothing of it is in {key}',
+                    f"give it in {other}",
+                )
+    return {name: value * deg for name, value in turning.items()} | {n: value * mm for n, value in sliding.items()}
 
 
-def _lift(name: str, section: LiftSection) -> Lift:
-    at = None
-    if section.at_mm is not None:
-        x, y, z = (value * mm for value in section.at_mm)
-        at = (x, y, z)
-    joints = {joint: value * deg for joint, value in section.joint_deg.items()}
-    joints |= {joint: value * mm for joint, value in section.joint_mm.items()}
+def _speed(machine: Machine, name: str, section: SpeedSection) -> Speed:
+    return Speed(
+        name=name,
+        joints=_joints(machine, f"speed.{name}", section.joint_deg_per_s, section.joint_mm_per_s),
+        cylinders={cylinder: value * mm for cylinder, value in section.cylinder_mm_per_s.items()},
+        at=section.at,
+    )
+
+
+def _lift(machine: Machine, name: str, section: LiftSection) -> Lift:
+    x, y, z = (value * mm for value in section.at_mm or (0.0, 0.0, 0.0))
     return Lift(
         name=name,
         mass=section.mass_kg,
         link=section.link,
-        at=at,
-        joints=joints,
+        at=None if section.at_mm is None else (x, y, z),
+        joints=_joints(machine, f"lift.{name}", section.joint_deg, section.joint_mm),
         reach=None if section.reach_mm is None else section.reach_mm * mm,
         height=None if section.height_mm is None else section.height_mm * mm,
     )
