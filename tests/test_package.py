@@ -19,7 +19,8 @@ ORDER = [
     *("urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
-    *("design.requirements", "design.lifting", "design.outlines", "design.conditions", "design.check"),
+    *("design.requirements", "design.lifting", "design.outlines"),
+    *("design.candidates", "design.explicit", "design.conditions", "design.check"),
     *("design.problem", "design.limits", "design.conflict", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design import conditions
-from armdesign.design.conditions import Built, Condition
+from armdesign.design.candidates import Built, Condition, frame_of
+from armdesign.design.conditions import conditions, guaranteed, static_loads_held
+from armdesign.design.explicit import digging_forces as forces_at_tool
 from armdesign.design.requirements import Requirements
 from armdesign.machine import Machine
 from armdesign.units import Units
@@ -43,7 +44,7 @@ class Check:
         return cls(
             name=condition.name,
             value=float(condition.value[0, worst].real),
-            limit=float(np.broadcast_to(condition.limit, condition.value.shape)[0, worst].real),
+            limit=float(condition.limit),
             unit=condition.unit,
             slack=float(slack[worst]),
             words=condition.words,
@@ -76,16 +77,35 @@ def check(
         requirements: the limits.
         loads: ``static_loads`` of the machine on the workspace, if known.
     """
-    frame = conditions.frame(today, requirements, SWEEP)
+    return tuple(Check.of(condition) for condition in _judged(machine, today, workspace, requirements, loads))
+
+
+def meets(
+    machine: Machine,
+    today: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    loads: tuple[Array, Array] | None = None,
+    tolerance: float = 0.0,
+) -> bool:
+    """Whether no slack of ``check`` is below −``tolerance``; it stops at the first that is."""
+    judged = _judged(machine, today, workspace, requirements, loads)
+    return all(condition.slack.min() >= -tolerance for condition in judged)
+
+
+def _judged(
+    machine: Machine,
+    today: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    loads: tuple[Array, Array] | None,
+) -> Iterator[Condition]:
+    frame = frame_of(today, requirements, SWEEP)
     new = Built(machine, frame)
+    yield from conditions(new, frame)
     push, pull = loads or static_loads(machine, workspace)
-
-    def judged() -> Iterator[Condition]:
-        yield from conditions.conditions(new, frame)
-        yield from conditions.holding(new, frame, np.stack([push, -pull])[None])
-        yield from conditions.guaranteed(new, frame, requirements.box(today, workspace))
-
-    return tuple(Check.of(condition) for condition in judged())
+    yield from static_loads_held(new, frame, np.stack([push, -pull])[None])
+    yield from guaranteed(new, frame, requirements.box(today, workspace))
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
@@ -100,6 +120,6 @@ def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
 
 
 def digging_forces(machine: Machine) -> dict[str, float]:
-    """Largest force of each cylinder at the tool [N]: see ``conditions.digging_forces``."""
-    frame = conditions.frame(machine, Requirements(), SWEEP)
-    return {name: float(force[0]) for name, force in conditions.digging_forces(frame.old, frame).items()}
+    """Largest force of each cylinder at the tool [N]: see ``explicit.digging_forces``."""
+    frame = frame_of(machine, Requirements(), SWEEP)
+    return {name: float(force[0]) for name, force in forces_at_tool(frame.old, frame).items()}

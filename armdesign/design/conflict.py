@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.candidates import Condition
 from armdesign.design.limits import conditions_at, holding_rows
 from armdesign.design.problem import STEP, Problem
 from armdesign.errors import Concession, InfeasibleError
@@ -107,7 +107,7 @@ class Conflict:
             condition, amount = given[name]
             rest = [n for n in names if n != name]
             alone = self._least((name,), [*others, *rest]) if rest else together
-            own, limit = self._amounts(alone.x)[name][1], float(np.real(np.ravel(condition.limit)[0]))
+            own, limit = self._amounts(alone.x)[name][1], condition.limit
             helps = alone.missed <= MET and not (condition.at_least and own >= abs(limit) > 0)
             found.append(
                 Concession(
@@ -122,7 +122,7 @@ class Conflict:
             )
         return tuple(found), bool(others) or len(names) == len(everything)
 
-    def _amounts(self, x: Array) -> dict[str, tuple[Any, float]]:
+    def _amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
         """Each requirement's condition at x, and by how much it is missed in its unit."""
         found = {}
         for c in conditions_at(self.problem, x, holding_rows(self.problem, x)):
@@ -206,11 +206,12 @@ class Conflict:
         return _Answer(x, *_least_of(at, soft), tight)
 
 
-def _room_per_limit(condition: Any) -> Array:
+def _room_per_limit(condition: Condition) -> Array:
     """Room of a condition per relative slack (k,); of what hangs on nothing, one."""
-    if condition.slack_scale is None:
-        return np.where(condition.easing[0].real > 0, condition.easing[0].real, 1.0)
-    return np.ones(condition.room.shape[1])  # its room is a share of that scale already
+    if condition.slack_scale is not None:
+        return np.ones(condition.room.shape[1])  # its room is a share of that scale already
+    easing = np.broadcast_to(condition.easing, condition.room.shape)[0].real
+    return np.where(easing > 0, easing, 1.0)
 
 
 def _least_of(at: _Missed, soft: Collection[str]) -> tuple[float, float]:

@@ -15,8 +15,8 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import euler_safety
-from armdesign.design import conditions
-from armdesign.design.conditions import Condition, Frame, rod_area_factor
+from armdesign.design.candidates import PINS, Condition, frame_of
+from armdesign.design.conditions import conditions, rod_area_factor, static_loads_held
 from armdesign.design.problem import RANGE_POSES, STEP, Problem
 from armdesign.errors import InfeasibleError
 from armdesign.linkage import Linkage, Pin
@@ -110,7 +110,7 @@ class Stepped:
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """See ``Candidate``."""
         ends = np.tile(np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex), (1, len(self.x), 1, 1))
-        places = {pin: self.pin(i, pin) for pin in conditions.PINS}
+        places = {pin: self.pin(i, pin) for pin in PINS}
         for index, v in enumerate(self.problem.variables):
             if v.cylinder == i and v.pin is not None:
                 ends[:, index] = np.stack(_moved(self.linkages[i], places, index).pins(rigid)[:2])
@@ -130,9 +130,10 @@ def _moved(linkage: Linkage, places: dict[str, Array | None], index: int) -> Lin
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
     found = list(conditions_at(problem, x, holding))
-    room, easing = (np.concatenate([getattr(c, part) for c in found], axis=1) for part in ("room", "easing"))
+    room = np.concatenate([c.room for c in found], axis=1)
+    easing = np.concatenate([np.broadcast_to(c.easing, c.room.shape) for c in found], axis=1)
     if problem.tightening:
-        drawn_in = [problem.tightening * c.care * c.easing + c.rounding for c in found]
+        drawn_in = [np.broadcast_to(problem.tightening * c.care * c.easing + c.rounding, c.room.shape) for c in found]
         moves = np.any(room.imag != 0, axis=0)  # what no variable moves, no rounding changes either
         room = room - np.where(moves, np.concatenate(drawn_in, axis=1), 0.0)
     names = [c.name for c in found for _ in range(c.room.shape[1])]
@@ -142,17 +143,12 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
 def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> Iterator[Condition]:
     """Every requirement at x as its condition; holding at the rows given, or at ``holding_rows``."""
     rows = holding_rows(problem, x) if holding is None else holding
-    new, frame = Stepped(problem, x), frame_of(problem)
-    yield from conditions.conditions(new, frame)
+    new, frame = Stepped(problem, x), frame_of(problem.machine, problem.requirements, RANGE_POSES)
+    yield from conditions(new, frame)
     arm = new.moment_arms(problem.workspace.rigid[problem.rows.pose[rows]])
     gravity = problem.rows.gravity[rows]
     forces = np.stack([static_forces(arm[v], gravity, new.areas[v, :, 0]) for v in range(len(x))])
-    yield from conditions.holding(new, frame, forces)
-
-
-def frame_of(problem: Problem) -> Frame:
-    """What the problem's requirements refer to, at the poses of its joint ranges."""
-    return conditions.frame(problem.machine, problem.requirements, RANGE_POSES)
+    yield from static_loads_held(new, frame, forces)
 
 
 def buckling_factor(problem: Problem, i: int) -> float:

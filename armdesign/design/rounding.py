@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.check import Check, check, static_loads
+from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
 from armdesign.errors import InfeasibleError
@@ -111,7 +111,7 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     passed = 0
     for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)
-        if min(c.slack for c in check(trial, today, light, limits, loads)) >= -TOLERANCE:
+        if meets(trial, today, light, limits, loads, TOLERANCE):
             yield changes | _size_changes(problem, choice, x)
             passed += 1
         if passed == 5:

@@ -121,9 +121,9 @@ def test_pins_in_a_conflict() -> None:
     assert "oil.cap.total" in names
     (oil,) = (c for c in error.conflict if c.name == "oil.cap.total")
     assert oil.alone is not None
-    needed = 0.7 * oil.alone / oil.limit
-    allowed("single", vary, **settings | {"oil_total_share": 0.7 + 1.001 * needed})
-    refused("single", vary, **settings | {"oil_total_share": 0.7 + 0.98 * needed})
+    needed = 0.4 * oil.alone / oil.limit
+    allowed("single", vary, **settings | {"oil_total_share": 0.4 + 1.001 * needed})
+    refused("single", vary, **settings | {"oil_total_share": 0.4 + 0.98 * needed})
 
 
 def test_the_smaller_of_two_conflicts() -> None:

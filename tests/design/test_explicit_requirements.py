@@ -20,8 +20,8 @@ import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.column import euler_load, second_moment, stepped_load
 from armdesign.cylinder import barrel_ratio, estimated_mass
+from armdesign.design.candidates import frame_of
 from armdesign.design.check import Check, check, digging_forces
-from armdesign.design.conditions import frame
 from armdesign.design.limits import limits
 from armdesign.design.requirements import Clearance, Lift, Outline, Speed
 from armdesign.errors import MachineFileError
@@ -110,7 +110,7 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
     """
     machine = MACHINES["excavator"]()
     found = own(lifts=(lift,))[f"lift.{lift.name}"]
-    at = frame(machine, replace(Requirements.of(machine), lifts=(lift,)), 181).lifts[0]
+    at = frame_of(machine, replace(Requirements.of(machine), lifts=(lift,)), 181).lifts[0]
     link = lift.link or "bucket"
     place = [1000.0 * x for x in (lift.at or machine.tool.at)]
     loaded = machine.replace(
@@ -128,7 +128,7 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
 def test_lift_at_a_place_stands_there() -> None:
     """The reference's tool: reach and height as asked; the bucket as given; of both elbows the one that lifts more."""
     machine, old = MACHINES["excavator"](), reference()
-    at = frame(machine, replace(Requirements.of(machine), lifts=(FRONT,)), 181).lifts[0]
+    at = frame_of(machine, replace(Requirements.of(machine), lifts=(FRONT,)), 181).lifts[0]
     (q,) = at.rigid.q
     frames = old.frames(q[None])
     x, z, angle = frames["bucket"]
@@ -316,6 +316,20 @@ def test_worth_is_what_relaxing_buys(case: str) -> None:
     gain = 20 * (math.sqrt(after.squared / before.squared) - 1)
     assert gain > 1e-5
     assert worth == pytest.approx(gain, rel=0.02)
+
+
+@pytest.mark.parametrize("case", [case for case in PRICED if PRICED[case][0] == ("areas",)])
+def test_bound_of_sizes_with_an_explicit_requirement(case: str) -> None:
+    """No sizes exceed it, and where the requirement is linear or convex in the areas it is below that without it."""
+    machine, space = MACHINES["double"](), workspace_of("double")
+    requirements = replace(Requirements.of(machine), **PRICED[case][1](1.0))
+    design, free = ad.size_cylinders(machine, space, requirements), ad.size_cylinders(machine, space)
+    assert design.bound is not None
+    assert free.bound is not None
+    assert design.unrounded <= design.bound * (1 + 1e-9)
+    if case != "buckling_factor":
+        assert design.bound < free.bound * (1 - 1e-4)
+    assert design.bound < 1.05 * design.unrounded
 
 
 # ----------------------------------------------------------------------------------------------------- file and faults
