@@ -141,6 +141,9 @@ class Requirements:
         for name, value in vars(self).items():
             if isinstance(value, float | int) and value < 0:
                 raise ArmDesignError(f"requirements.{name}", f"{value!r} is not allowed", "give a number ≥ 0")
+        _one_of("buckling_column", self.buckling_column, ("rod", "stepped"))
+        for speed in self.speeds:
+            _one_of(f"speed.{speed.name}.at", speed.at, ("mean", "every"))
         for link, points in (
             *((outline.link, outline.points) for outline in self.outlines),
             *((clearance.link, clearance.points) for clearance in self.clearances),
@@ -216,6 +219,13 @@ class Requirements:
             for name in names:
                 if name not in known:
                     raise ArmDesignError(f"requirements.{path}", f'no {kind} "{name}"', choose(name, known))
+
+
+def _one_of(name: str, word: str, known: tuple[str, ...]) -> None:
+    if word not in known:
+        raise ArmDesignError(
+            f"requirements.{name}", f"{word!r} is not allowed", f"give {' or '.join(map(repr, known))}"
+        )
 
 
 def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:

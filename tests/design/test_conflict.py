@@ -106,9 +106,9 @@ def test_three_by_hand() -> None:
 
 
 def test_pins_in_a_conflict() -> None:
-    """Areas and pins: with what a requirement alone must give there is a design, with 2 % less there is none."""
+    """Areas and pins: with 2 % more than the oil alone must give there is a design, with 2 % less none."""
     settings = {
-        "oil_total_share": 0.7,
+        "oil_total_share": 0.4,
         "digging": ("lift",),
         "digging_share": 1.3,
         "pin_box": 0.05,
@@ -122,7 +122,7 @@ def test_pins_in_a_conflict() -> None:
     (oil,) = (c for c in error.conflict if c.name == "oil.cap.total")
     assert oil.alone is not None
     needed = 0.4 * oil.alone / oil.limit
-    allowed("single", vary, **settings | {"oil_total_share": 0.4 + 1.001 * needed})
+    allowed("single", vary, **settings | {"oil_total_share": 0.4 + 1.02 * needed})
     refused("single", vary, **settings | {"oil_total_share": 0.4 + 0.98 * needed})
 
 

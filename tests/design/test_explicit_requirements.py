@@ -446,3 +446,12 @@ def test_a_number_that_is_none(value: float) -> None:
     for settings in ({"digging_force": {"stick": value}}, {"lifts": (replace(FRONT, mass=value),)}):
         with pytest.raises(ArmDesignError, match="is not allowed"):
             Requirements(**settings)  # type: ignore[arg-type]
+
+
+def test_a_word_that_is_none() -> None:
+    with pytest.raises(ArmDesignError, match=r"speed.a.at: 'best' is not allowed; give 'mean' or 'every'"):
+        Requirements(speeds=(Speed(name="a", at="best"),))  # type: ignore[arg-type]
+    with pytest.raises(ArmDesignError, match="buckling_column"):
+        Requirements(buckling_column="tube")  # type: ignore[arg-type]
+    with pytest.raises(ArmDesignError, match="outline on boom: has 2 points"):
+        Requirements(outlines=(Outline(link="boom", points=((0, 0), (1, 1))),))
