@@ -150,7 +150,7 @@ def _labels(first: Machine, second: Machine) -> tuple[str, str]:
 
 def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     """Value and SI unit of everything that the comparison writes, by name."""
-    from armdesign.design.requirements import digging_forces
+    from armdesign.design.check import digging_forces
 
     machine = frequencies.machine
     found: dict[str, tuple[Any, str]] = {}

@@ -12,7 +12,7 @@ import errno
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -414,15 +414,38 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
             refuse(f"bands.{key}", f"[{band[0]:g}, {band[1]:g}] is upside down", "give [lower, upper]")
-    digging = machine.requirements.digging
-    for name in digging.cylinders if digging else []:
-        if name not in machine.cylinder:
-            refuse(
-                "requirements.digging.cylinders",
-                f'no cylinder "{name}"',
-                f"choose from: {', '.join(machine.cylinder)}",
-            )
+    _check_requirements(machine, refuse)
     return faults
+
+
+def _check_requirements(machine: MachineSection, refuse: Any) -> None:
+    """Names of cylinders and joints that requirements give."""
+    asked, cylinders, joints = machine.requirements, machine.cylinder, machine.joints
+    named: list[tuple[str, str, Iterable[str], Iterable[str]]] = [
+        ("digging.cylinders", "cylinder", asked.digging.cylinders if asked.digging else [], cylinders),
+        ("digging_kN", "cylinder", asked.digging_kN, cylinders),
+        ("pin_boxes_mm", "cylinder", asked.pin_boxes_mm, cylinders),
+    ]
+    for name, speed in asked.speed.items():
+        named += [
+            (f"speed.{name}.joint_deg_per_s", "joint", speed.joint_deg_per_s, joints),
+            (f"speed.{name}.joint_mm_per_s", "joint", speed.joint_mm_per_s, joints),
+            (f"speed.{name}.cylinder_mm_per_s", "cylinder", speed.cylinder_mm_per_s, cylinders),
+        ]
+    for name, lift in asked.lift.items():
+        named += [
+            (f"lift.{name}.joint_deg", "joint", lift.joint_deg, joints),
+            (f"lift.{name}.joint_mm", "joint", lift.joint_mm, joints),
+        ]
+        if (lift.reach_mm is None) != (lift.height_mm is None):
+            missing = "reach_mm" if lift.reach_mm is None else "height_mm"
+            refuse(f"requirements.lift.{name}.{missing}", "missing: a place has both", f"add {missing}")
+    for name, clearance in asked.clearance.items():
+        named += [(f"clearance.{name}.cylinders", "cylinder", clearance.cylinders, cylinders)]
+    for path, kind, names, known in named:
+        for name in names:
+            if name not in known:
+                refuse(f"requirements.{path}", f'no {kind} "{name}"', f"choose from: {', '.join(known)}")
 
 
 def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:

@@ -115,6 +115,7 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
         compliance=section.compliance_m_per_N,
         barrel_mass=section.barrel_kg,
         rod_mass=section.rod_kg,
+        barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
         rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
         coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
         valve=_valve(section.valve) if section.valve else None,
@@ -161,12 +162,19 @@ def unknown_links(section: MachineSection, links: Collection[str], source: str) 
     """A fault for every link that the machine file names and the URDF does not have."""
     named = {f"payload.{name}": case.link for name, case in section.payload.items()}
     named["tool"] = section.tool.link
+    asked = section.requirements
+    named |= {f"requirements.lift.{name}": lift.link for name, lift in asked.lift.items()}
+    named |= {f"requirements.clearance.{name}": clearance.link for name, clearance in asked.clearance.items()}
     for name, cylinder in section.cylinder.items():
         bars = cylinder.four_bar
         pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
         pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
         named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None}
+    outlined = [link for link in asked.outline if link not in links]
     return [
+        MachineFileError(f"{source}: requirements.outline", f'no link "{link}" in the URDF', choose(link, links))
+        for link in outlined
+    ] + [
         MachineFileError(f"{source}: {path}.link", f'no link "{link}" in the URDF', choose(link, links))
         for path, link in named.items()
         if link is not None and link not in links

@@ -214,7 +214,7 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         digging: cylinders whose digging force counts.
         units: of the numbers.
     """
-    from armdesign.design.requirements import digging_forces, static_loads
+    from armdesign.design.check import digging_forces, static_loads
 
     found: dict[str, list[tuple[str, ...]]] = {}
     totals = []

@@ -24,6 +24,10 @@ Share = Annotated[float, Field(gt=0, le=1)]
 Ratio = Annotated[float, Field(gt=0, le=10)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
 Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Distance = Annotated[float, Field(ge=0, le=100_000)]
+Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
 UNITS = {  # by the end of the key, longer ends first
@@ -44,6 +48,7 @@ UNITS = {  # by the end of the key, longer ends first
     "mm": "mm",
     "kg": "kg",
     "hz": "Hz",
+    "kN": "kN",
     "N_m": "N m",
     "N": "N",
     "l": "l",
@@ -102,6 +107,28 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "transmission_deg": "angle between rocker and coupler, at least",
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
+    "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
+    "digging_kN": "digging force at the tool by cylinder, at least: it alone, supply pressure, best angle (ISO 6015)",
+    "buckling_share": "Euler safety of each rod, at least",
+    "buckling_factor": "buckling load over supply pressure × bore area, at least; default: no such limit",
+    "buckling_column": "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod",
+    "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "barrel_wall_mm": "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)",
+    "speed": "motions at pump flow by name: what one entry names moves together",
+    "joint_deg_per_s": "speed of joints, at least; negative: against the joint's direction",
+    "joint_mm_per_s": "speed of prismatic joints, at least; negative: against the joint's direction",
+    "cylinder_mm_per_s": "speed of cylinders, at least; negative: retracting",
+    "at": "mean: over the joint's range (stroke time); every: at every pose of it",
+    "lift": "masses to hold within holding_share, by name",
+    "joint_deg": "where joints stand; all of them, or all but two with reach_mm and height_mm",
+    "joint_mm": "where prismatic joints stand",
+    "reach_mm": "of the mass from the root's vertical axis",
+    "height_mm": "of the mass over the root",
+    "outline": "outlines by link; pins of cylinders on the link must lie within by their radius",
+    "points_mm": "corners x, z in the frame of the link, in order",
+    "pin_radius_mm": "of the pins, with what must surround them",
+    "clearance": "parts of links that barrels keep clear of, by name",
+    "distance_mm": "between barrel and part, at least",
 }
 ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # tables of these keys are written in one line
 
@@ -205,6 +232,7 @@ class CylinderSection(Section):
     four_bar: FourBarSection | None = None
     barrel_kg: Mass = 0.0
     rod_kg: Mass = 0.0
+    barrel_wall_mm: Length | None = None
     compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0
     hose: HoseSection = HoseSection()
     valve: ValveSection | None = None
@@ -256,6 +284,50 @@ class DiggingSection(Section):
     share: Ratio = 0.95
 
 
+class PinBoxSection(Section):
+    """How far the coordinates of a cylinder's pins may move."""
+
+    base: Distance | None = None
+    rod_end: Distance | None = None
+
+
+class SpeedSection(Section):
+    """A motion at pump flow."""
+
+    joint_deg_per_s: dict[Text, Rate] = {}
+    joint_mm_per_s: dict[Text, Rate] = {}
+    cylinder_mm_per_s: dict[Name, Rate] = {}
+    at: Literal["mean", "every"] = "mean"
+
+
+class LiftSection(Section):
+    """A mass to hold at a pose, or at a place."""
+
+    mass_kg: Annotated[float, Field(gt=0, le=1_000_000)]
+    link: Text | None = None
+    at_mm: Point | None = None
+    joint_deg: dict[Text, Angle] = {}
+    joint_mm: dict[Text, Coordinate] = {}
+    reach_mm: Coordinate | None = None
+    height_mm: Coordinate | None = None
+
+
+class OutlineSection(Section):
+    """A polygon in a link's x–z plane, and what pins need within it."""
+
+    points_mm: Polygon
+    pin_radius_mm: Distance = 0.0
+
+
+class ClearanceSection(Section):
+    """A polygon in a link's x–z plane, and the cylinders that keep clear of it."""
+
+    cylinders: Annotated[list[Name], Field(min_length=1)]
+    link: Text
+    points_mm: Polygon
+    distance_mm: Distance = 0.0
+
+
 class RequirementsSection(Section):
     """What a new design must keep, relative to today's machine."""
 
@@ -267,7 +339,17 @@ class RequirementsSection(Section):
     moment_arm_share: Ratio = 0.8
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
     digging: DiggingSection | None = None
-    pin_box_mm: Annotated[float, Field(ge=0, le=100_000)] | None = None
+    digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
+    buckling_share: Annotated[float, Field(ge=0, le=10)] = 1.0
+    buckling_factor: Annotated[float, Field(gt=0, le=1_000)] | None = None
+    buckling_column: Literal["rod", "stepped"] = "rod"
+    pin_box_mm: Distance | None = None
+    pin_boxes_mm: dict[Name, PinBoxSection] = {}
+    cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    speed: dict[Name, SpeedSection] = {}
+    lift: dict[Name, LiftSection] = {}
+    outline: dict[Text, OutlineSection] = {}
+    clearance: dict[Name, ClearanceSection] = {}
 
 
 ShareBand = Annotated[list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)]

@@ -65,6 +65,7 @@ WORKSHOP = Units(
         "Pa": (bar, "bar", 0),
         "N": (kN, "kN", 1),
         "N m": (kN, "kN m", 1),
+        "kg": (1.0, "kg", 0),
         "rad": (deg, "°", 1),
         "rad/s": (deg, "°/s", 1),
         "": (1.0, "", 2),
@@ -80,6 +81,7 @@ SI = Units(
         "Pa": (1e6, "MPa", 2),  # a prefix, or a table of static pressures is zeros
         "N": (1.0, "N", 0),
         "N m": (1.0, "N m", 0),
+        "kg": (1.0, "kg", 0),
         "rad": (1.0, "rad", 4),
         "rad/s": (1.0, "rad/s", 4),
         "": (1.0, "", 2),

@@ -15,11 +15,13 @@ PACKAGE = ROOT / "armdesign"
 # From the ground up: a module may import those above it in this list only.
 ORDER = [
     *("units", "errors", "arrays"),
-    *("fluid", "valve", "cylinder", "formulas"),
+    *("fluid", "valve", "cylinder", "column", "formulas"),
     *("urdf_faults", "urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "bands", "inspection", "problems"),
-    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
+    *("design.requirements", "design.lifting", "design.outlines"),
+    *("design.candidates", "design.explicit", "design.conditions", "design.check"),
+    *("design.problem", "design.limits", "design.conflict", "design.sizing", "design.codesign", "design.rounding"),
     "design.optimum",
     *(
         "simulation.reach",

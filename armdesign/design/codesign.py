@@ -181,7 +181,7 @@ class Search:
         at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(
             low > -0.05 + 1e-9, step.low_multipliers, 0
         )
-        for v, gain in zip(self.problem.variables, 0.01 * at_end * scale, strict=True):
+        for v, gain in zip(self.problem.variables, 0.01 * high_x * at_end * scale, strict=True):
             if v.pin is not None:
                 name = f"pin_box.{self.problem.machine.cylinders[v.cylinder].name}.{v.pin}"
                 gains[name] = gains.get(name, 0.0) + float(gain)

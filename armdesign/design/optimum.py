@@ -13,17 +13,21 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.design.check import Check
 from armdesign.design.codesign import Search, hertz
+from armdesign.design.conflict import Conflict, sentence
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Check, Requirements
+from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import rounded
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
+from armdesign.units import WORKSHOP
 from armdesign.workspace import Workspace
 
 STARTS = 3
 BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
+MISSED = 1e-5  # by which a search may miss a requirement
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
@@ -87,6 +91,11 @@ class Design:
         """Requirements that bind and cost frequency, the dearest first."""
         held = [c for c in self.checks if c.slack < BINDING and self.worth.get(c.name, 0.0) > 1e-6]
         return sorted(held, key=lambda c: -self.worth[c.name])
+
+    @property
+    def sentences(self) -> list[str]:
+        """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
+        return [c.sentence(self.worth[c.name], WORKSHOP) for c in self.binding]
 
 
 def optimize(
@@ -156,9 +165,7 @@ def _defaults(
     machine: Machine, workspace: Workspace | None, requirements: Requirements | None
 ) -> tuple[Workspace, Requirements]:
     requirements = requirements or Requirements.of(machine)
-    unknown = [name for name in requirements.digging if name not in {c.name for c in machine.cylinders}]
-    if unknown:
-        raise ArmDesignError("requirements.digging", f'no cylinder "{unknown[0]}"', "name cylinders of the machine")
+    requirements.refuse_unknown(machine)
     return workspace or Workspace.grid(machine, end_margin=requirements.end_margin), requirements
 
 
@@ -172,6 +179,7 @@ def _multistart(problem: Problem, starts: int, seed: int) -> tuple[Search, tuple
         if k > 0:
             pins = np.array([v.pin is not None for v in problem.variables])
             x[pins] = random.uniform(-0.7, 0.7, pins.sum())
+            x = np.clip(x, *problem.bounds)
         search = Search(problem=problem, x=x, programme=programme)
         searches.append(search.run(trust=0.2, tolerance=2e-3, looks=3))
         programme = search.programme
@@ -186,8 +194,14 @@ def _multistart(problem: Problem, starts: int, seed: int) -> tuple[Search, tuple
 
 def _design(search: Search, starts: tuple[float, ...]) -> Design:
     problem = search.problem
-    if search.violation > 1e-5:
-        raise InfeasibleError(problem.machine.name, f"no design meets {_conflict(search)}", "loosen one of them")
+    if search.violation > MISSED:
+        if error := _conflict_of(search):
+            raise error
+        search.run(trust=0.02, tolerance=1e-5)  # a design that meets them all was found: on from there
+        if search.violation > MISSED:
+            raise InfeasibleError(
+                problem.machine.name, "no design was found that meets all requirements", "loosen them"
+            )
     bound = search.upper_bound()
     worth = search.worth()
     machine, checks = rounded(search)
@@ -204,9 +218,12 @@ def _design(search: Search, starts: tuple[float, ...]) -> Design:
     )
 
 
-def _conflict(search: Search) -> str:
-    worst: dict[str, float] = {}
-    for name, value in zip(search.limits.names, search.limits.values, strict=True):
-        if value < -1e-5:
-            worst[name] = max(worst.get(name, 0.0), -float(value))
-    return " together with ".join(f"{name} (missed by {100 * value:.2g} %)" for name, value in worst.items())
+def _conflict_of(search: Search) -> InfeasibleError | None:
+    """The error that says which requirements conflict; None where a design meets all: ``search`` then stands there."""
+    conflict = Conflict(search.problem, search.x, search.holding)
+    names = conflict.smallest()
+    if not names:
+        search.x = conflict.x
+        return None
+    given, settles = conflict.concessions(names)
+    return InfeasibleError(search.problem.machine.name, sentence(given, settles), "loosen them", given)

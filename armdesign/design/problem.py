@@ -96,8 +96,10 @@ class Problem:
 
     @cached_property
     def box(self) -> float:
-        """How far a pin coordinate may move [m]."""
-        return self.requirements.box(self.machine, self.workspace)
+        """How far any pin coordinate may move [m]."""
+        common = self.requirements.box(self.machine, self.workspace)
+        names = [cylinder.name for cylinder in self.machine.cylinders]
+        return max(self.requirements.box_of(name, pin, common) for name in names for pin in ("base", "rod_end"))
 
     @cached_property
     def variables(self) -> list[Variable]:
@@ -124,8 +126,15 @@ class Problem:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper end of every entry of x."""
-        return np.array([v.lower for v in self.variables]), np.array([v.upper for v in self.variables])
+        """Lower and upper end of every entry of x; a pin with a smaller box of its own keeps to that."""
+        common, ends = self.requirements.box(self.machine, self.workspace), []
+        for v in self.variables:
+            share = 1.0
+            if v.pin is not None:
+                share = self.requirements.box_of(self.machine.cylinders[v.cylinder].name, v.pin, common) / self.box
+            ends.append((v.lower * share, v.upper * share))
+        low, high = np.array(ends).T
+        return low, high
 
     def areas(self, x: Array) -> Array:
         """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
@@ -153,13 +162,13 @@ class Problem:
         """Every pair of a pose and a load case that exists there."""
         parts = []
         for k, payload in enumerate(self.machine.payloads):
-            case = self._with_bars_moved.with_payload(payload.name)
+            case = self.with_bars_moved.with_payload(payload.name)
             pose = np.flatnonzero(case.holds(self.workspace.rigid))
             parts.append((pose, np.full(len(pose), k), *case.loaded(self.workspace.rigid[pose])))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     @property
-    def _with_bars_moved(self) -> Machine:
+    def with_bars_moved(self) -> Machine:
         """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
         if self.bars_at is None or not self.machine.has_bars:
             return self.machine

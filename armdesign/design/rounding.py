@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Check, check, static_loads
 from armdesign.errors import InfeasibleError
 from armdesign.machine import Machine, load
 from armdesign.modes import lowest_frequency
@@ -105,12 +105,13 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
         x[: areas.size] = (areas / problem.areas_today[: len(areas)]).ravel()
         found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
     found.sort(key=lambda entry: -entry[0])
-    light, limits = _light_workspace(search), replace(problem.requirements, pin_box=problem.box)
+    light = _light_workspace(search)
+    limits = replace(problem.requirements, pin_box=problem.requirements.box(today, problem.workspace))
     loads = static_loads(frame, light) if len(frame.functions) == len(frame.joints) else None  # else they hang on areas
     passed = 0
     for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)
-        if min(c.slack for c in check(trial, today, light, limits, loads)) >= -TOLERANCE:
+        if meets(trial, today, light, limits, loads, TOLERANCE):
             yield changes | _size_changes(problem, choice, x)
             passed += 1
         if passed == 5:
@@ -135,11 +136,12 @@ def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     moved = {(v.cylinder, v.pin) for v in problem.variables if v.pin is not None}
     linkages = problem.linkages(x)
-    today = problem.machine
+    today, requirements = problem.machine, problem.requirements
+    common = requirements.box(today, problem.workspace)
     for i, pin in sorted(moved, key=str):
         place = getattr(linkages[i], pin)
         before = getattr(today.linkages[i], pin)
-        limit = problem.box / mm
+        limit = requirements.box_of(today.cylinders[i].name, pin, common) / mm
         at = [_within(a / mm, b / mm, limit) for a, b in zip(place.at, before.at, strict=True)]
         changes[f"cylinder.{today.cylinders[i].name}.{pin}.at_mm"] = at
         linkages[i] = linkages[i].with_pin(pin, (at[0] * mm, at[1] * mm, at[2] * mm))

@@ -15,9 +15,9 @@ from reference_planar import Reference
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.cylinder import holding_force
+from armdesign.design.check import Check, check
 from armdesign.design.limits import buckling_factor, limits
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Check, check
 
 PRESSURE = 350e5  # [Pa] supply of excavator_20t
 GUARANTEED = ("range.", "transmission.", "pin_box.")  # by how x is made: strokes cover, bars stay, bounds
