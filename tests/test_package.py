@@ -19,7 +19,16 @@ ORDER = [
     *("urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
-    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
+    *(
+        "design.requirements",
+        "design.variables",
+        "design.problem",
+        "design.limits",
+        "design.sizing",
+        "design.codesign",
+        "design.settling",
+        "design.rounding",
+    ),
     "design.optimum",
     *(
         "simulation.reach",

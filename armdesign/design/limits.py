@@ -14,6 +14,7 @@ from armdesign.arrays import Array
 from armdesign.cylinder import STEEL_MODULUS, euler_safety
 from armdesign.design.problem import STEP, Problem
 from armdesign.errors import InfeasibleError
+from armdesign.linkage import OF_FOUR_BAR
 from armdesign.poses import static_forces
 
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -56,6 +57,7 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     _oil(problem, areas, stroke, stack)
     _sizes(problem, areas, closed, stroke, stack)
     _moment_arms(problem, x, areas, stack)
+    _transmission(problem, x, stack)
     _holding(problem, x, areas, holding_rows(problem, x) if holding is None else holding, stack)
     return stack.limits()
 
@@ -77,11 +79,10 @@ def _sizes(problem: Problem, areas: Array, closed: Array, stroke: Array, stack: 
     """Thrust, dead length and buckling of each cylinder."""
     tight = problem.tightening
     share = problem.requirements.thrust_share * (1 - tight)
-    moving = {v.cylinder for v in problem.variables if v.pin is not None}
     for i, cylinder in enumerate(problem.machine.cylinders):
         today = problem.areas_today[i, 0]
         stack.add(f"thrust.{cylinder.name}", share - areas[:, i, 0] / today, 0.01 * share)
-        room = ROUNDING_LENGTH if tight and i in moving else 0.0
+        room = ROUNDING_LENGTH if tight and i in problem.moving else 0.0
         dead = closed[:, i] - stroke[:, i] - cylinder.dead_length - room
         relaxation = 0.01 * abs(cylinder.dead_length) / cylinder.stroke
         stack.add(f"dead_length.{cylinder.name}", dead / cylinder.stroke, relaxation)
@@ -117,6 +118,25 @@ def _moment_arms(problem: Problem, x: Array, areas: Array, stack: _Stack) -> Non
             torque = areas[:, i, 0] * sign * arm[:, best] / (problem.areas_today[i, 0] * today.max())
             least = r.digging_share * (1 + tight)
             stack.add(f"digging.{cylinder.name}", torque - least, 0.01 * least)
+
+
+def _transmission(problem: Problem, x: Array, stack: _Stack) -> None:
+    """Angle at the knee of the four-bars that move, by its cosine over the joint range."""
+    for i in problem.moving:
+        moves = {index: move for index, move in problem.moves(i).items() if move[0] in OF_FOUR_BAR}
+        poses = problem.ranges[i]
+        if not moves or poses is None:
+            continue
+        today = float(problem.machine.linkages[i].transmission_angle(poses).min())
+        least = min(problem.requirements.transmission, today)
+        cosine, slopes = problem.linkages(x)[i].transmission(poses, list(moves.values()))
+        stepped = np.tile(cosine.astype(complex), (len(x), 1))
+        for index, slope in zip(moves, slopes, strict=True):
+            stepped[index] += 1j * STEP * slope * problem.box
+        room = math.cos(least * (1 + problem.tightening)) - stepped * np.sign(cosine)
+        # by angle near the limit: cos(least) − cos(angle) ≈ sin(least) (angle − least)
+        name = f"transmission.{problem.machine.cylinders[i].name}"
+        stack.add(name, room / (math.sin(least) * least or 1.0), 0.01)
 
 
 def _holding(problem: Problem, x: Array, areas: Array, rows: Array, stack: _Stack) -> None:
@@ -167,10 +187,10 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
     Constraints are given at the box's lower end. Buckling, A1 − A2 ≥ L √(c A1), is reverse-convex: the root is replaced
     by its chord over the box, which lies below it. None where stiffness is not a sum of convex functions of one area
-    each (air, compliance, more cylinders than joints) or pins vary.
+    each (air, compliance, more cylinders than joints) or something moves.
     """
     plain = problem.machine.fluid.air == 0 and all(c.compliance == 0 for c in problem.machine.cylinders)
-    if not plain or "pins" in problem.vary or len(problem.machine.cylinders) != len(problem.machine.joints):
+    if not plain or problem.moving or len(problem.machine.cylinders) != len(problem.machine.joints):
         return None
     x = problem.start
     exact = limits(problem, x)
@@ -188,12 +208,15 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
 def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[float, Array]:
     """Constant and slopes by x of A1 − A2 − L·chord(√(c A1)) ≥ 0 over the box, relative to today's bore area."""
-    cylinder, (a1, a2) = problem.machine.cylinders[i], problem.areas_today[i]
-    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / a1)
+    cylinder, today = problem.machine.cylinders[i], problem.areas_today[i, 0]
+    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / today)
     slope = (math.sqrt(high) - math.sqrt(low)) / (high - low) if high > low else 0.5 / math.sqrt(low)
-    row = np.zeros(len(problem.start))
-    row[2 * i], row[2 * i + 1] = 1 - factor * slope, -a2 / a1
-    return -factor * (math.sqrt(low) - slope * low), row
+    areas = problem.stepped_areas(problem.start)[:, i]
+    rod = (areas[:, 0] - areas[:, 1]) / today  # linear in x
+    row = rod.imag / STEP
+    constant = float(rod[0].real - row @ problem.start)
+    row[2 * i] -= factor * slope
+    return constant - factor * (math.sqrt(low) - slope * low), row
 
 
 def _box_of(values: Array, jacobian: Array, low: Array, high: Array) -> tuple[Array, Array]:

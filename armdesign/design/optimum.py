@@ -17,6 +17,8 @@ from armdesign.design.codesign import Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, Requirements
 from armdesign.design.rounding import rounded
+from armdesign.design.settling import settled
+from armdesign.design.variables import chosen
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
@@ -24,6 +26,7 @@ from armdesign.workspace import Workspace
 
 STARTS = 3
 BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
+NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
@@ -104,19 +107,19 @@ def optimize(
         machine: today's machine.
         workspace: poses that count; default grid if None.
         requirements: limits; those of the machine's file if None.
-        vary: "areas", "pins" or both.
+        vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of the machine file
+            ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar", "cylinder.stick.base.at_mm.0").
         starts: how many starts the search makes; the first is today's machine, the others are drawn in the pin box.
         seed: of the drawn starts. The same seed gives the same answer.
 
     Raises:
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary.
         InfeasibleError: no design meets the requirements.
     """
-    unknown = [word for word in vary if word not in ("areas", "pins")]
-    if unknown or not vary:
-        raise ArmDesignError("vary", f"{list(vary)} is not allowed", 'give "areas", "pins" or both')
+    chosen(machine, vary)
     workspace, requirements = _defaults(machine, workspace, requirements)
     problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
-    best, reached = _multistart(problem, starts if any(v.pin for v in problem.variables) else 1, seed)
+    best, reached = _multistart(problem, starts if problem.moving else 1, seed)
     return _design(best, reached)
 
 
@@ -163,21 +166,28 @@ def _defaults(
 
 
 def _multistart(problem: Problem, starts: int, seed: int) -> tuple[Search, tuple[float, ...]]:
-    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz]."""
+    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz].
+
+    Every start is followed roughly; those that come near the best are finished.
+    """
     random = np.random.default_rng(seed)
-    searches = []
-    programme = None
+    searches: list[Search] = []
     for k in range(max(starts, 1)):
         x = problem.start.copy()
         if k > 0:
-            pins = np.array([v.pin is not None for v in problem.variables])
-            x[pins] = random.uniform(-0.7, 0.7, pins.sum())
-        search = Search(problem=problem, x=x, programme=programme)
-        searches.append(search.run(trust=0.2, tolerance=2e-3, looks=3))
-        programme = search.programme
+            moving = np.array([v.pin is not None for v in problem.variables])
+            x[moving] = random.uniform(-0.7, 0.7, moving.sum())
+            while not problem.closes(x):
+                x[moving] *= 0.7
+        programme = searches[-1].programme if searches else None
+        searches.append(Search(problem=problem, x=x, programme=programme).run(trust=0.2, tolerance=2e-3, looks=3))
+    near = max(s.merit for s in searches) - NEAR
+    for search in searches:
+        if search.merit >= near:
+            search.run(trust=0.05, tolerance=1e-5)
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
-    best.run(trust=0.05, tolerance=1e-5)
-    for _ in range(BAR_ROUNDS if problem.machine.has_bars and "pins" in problem.vary else 0):
+    best.x = settled(problem, best.x)
+    for _ in range(BAR_ROUNDS if problem.machine.has_bars and problem.moving else 0):
         # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
         best.problem = replace(problem, bars_at=best.x)
         best.run(trust=0.02, tolerance=1e-5)

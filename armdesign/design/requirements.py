@@ -15,7 +15,7 @@ from armdesign.arm import Arm
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder, euler_safety, holding_force
 from armdesign.errors import ArmDesignError
-from armdesign.linkage import Linkage
+from armdesign.linkage import BARS, PINS, Linkage
 from armdesign.machine import Machine
 from armdesign.ranges import over, sweep
 from armdesign.units import deg, mm
@@ -271,11 +271,11 @@ def _swept(linkage: Linkage, arm: Arm, ends: tuple[float, float]) -> tuple[Array
 
 def _box(new: Cylinder, linkage: Linkage, old: Linkage, box: float) -> list[Check]:
     checks = []
-    for pin in ("base", "rod_end"):
-        here, before = getattr(linkage, pin), getattr(old, pin)
-        if here is None:
+    for place in (*PINS, *BARS):
+        here, before = linkage.place(place), old.place(place)
+        if here is None or before is None:
             continue
-        moved = float(np.abs(np.subtract(here.at, before.at)).max())
-        name = f"pin_box.{new.name}.{pin}"
-        checks.append(_at_most(name, moved, box, "m", f"move of the {new.name} cylinder's {pin} pin", box or 1.0))
+        moved = float(np.abs(np.subtract(here, before)).max())
+        words = f"move of the {new.name} cylinder's {place} pin" if place in PINS else f"change of its {place}"
+        checks.append(_at_most(f"pin_box.{new.name}.{place}", moved, box, "m", words, box or 1.0))
     return checks

@@ -20,7 +20,9 @@ from armdesign.arrays import Array
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, check, static_loads
+from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import InfeasibleError
+from armdesign.linkage import BARS
 from armdesign.machine import Machine, load
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
@@ -87,11 +89,10 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     changes = _pin_changes(problem, search.x)
     frame = today.replace(changes) if changes else today  # pins and strokes as they will be, sizes of today
     options, wanted = [], []
-    for cylinder, (a1, a2) in zip(today.cylinders, problem.areas(search.x), strict=True):
-        bore = 2 * math.sqrt(a1 / cylinder.count / math.pi) / mm
-        rod = 2 * math.sqrt((a1 - a2) / cylinder.count / math.pi) / mm
-        wanted += [bore, rod]
-        options += [_neighbours(bore), _neighbours(rod)] if "areas" in problem.vary else [[bore], [rod]]
+    for cylinder, (a1, a2), free in zip(today.cylinders, problem.areas(search.x), problem.resized, strict=True):
+        real = [2 * math.sqrt(area / cylinder.count / math.pi) / mm for area in (a1, a1 - a2)]
+        wanted += real
+        options += [_neighbours(size) if may else [size] for size, may in zip(real, free, strict=True)]
     choices = sorted(
         itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.subtract(c, wanted)).sum())
     )[:COMBINATIONS]
@@ -131,26 +132,23 @@ def _neighbours(value: float) -> list[float]:
 
 
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
-    """Rounded pins of the cylinders whose pins vary, with strokes and closed lengths that cover the joint ranges."""
+    """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
-    moved = {(v.cylinder, v.pin) for v in problem.variables if v.pin is not None}
     linkages = problem.linkages(x)
-    today = problem.machine
-    for i, pin in sorted(moved, key=str):
-        place = getattr(linkages[i], pin)
-        before = getattr(today.linkages[i], pin)
-        limit = problem.box / mm
-        at = [_within(a / mm, b / mm, limit) for a, b in zip(place.at, before.at, strict=True)]
-        changes[f"cylinder.{today.cylinders[i].name}.{pin}.at_mm"] = at
-        linkages[i] = linkages[i].with_pin(pin, (at[0] * mm, at[1] * mm, at[2] * mm))
-    for i in sorted({i for i, _ in moved}):
+    today, limit = problem.machine, problem.box / mm
+    for i in problem.moving:
+        name = f"cylinder.{today.cylinders[i].name}"
+        for place in sorted({place for place, _ in problem.moves(i).values()}):
+            pairs = zip(linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True)
+            at = [_within(value / mm, before / mm, limit) for value, before in pairs]
+            changes[f"{name}.{key_of(place)}"] = at[0] if place in BARS else at
+            linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.ranges[i]
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
         closed = math.floor(length.min() / GRID + 1e-9) * GRID
         stroke = math.ceil((length.max() - closed) / GRID - 1e-9) * GRID
-        name = f"cylinder.{today.cylinders[i].name}"
         changes |= {f"{name}.closed_length_mm": round(closed, 1), f"{name}.stroke_mm": round(stroke, 1)}
     return changes
 
@@ -165,13 +163,13 @@ def _within(value: float, before: float, limit: float) -> float:
 
 def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[str, Any]:
     changes: dict[str, Any] = {}
-    if "areas" not in problem.vary:
-        return changes
-    for i, cylinder in enumerate(problem.machine.cylinders):
+    for i, (cylinder, free) in enumerate(zip(problem.machine.cylinders, problem.resized, strict=True)):
         name = f"cylinder.{cylinder.name}"
-        changes |= {f"{name}.bore_mm": choice[2 * i], f"{name}.rod_mm": choice[2 * i + 1]}
-        if problem.proportional:
-            volumes = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]) * x[2 * i : 2 * i + 2] / litre
+        sizes = zip(SIZES, choice[2 * i : 2 * i + 2], free, strict=True)
+        changes |= {f"{name}.{key}": size for key, size, may in sizes if may}
+        if problem.proportional and any(free):
+            today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
+            volumes = today * problem.areas(x)[i] / problem.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
