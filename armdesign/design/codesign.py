@@ -8,6 +8,7 @@ that have ever been low, the whole workspace is looked at in the end, and the wo
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -61,11 +62,12 @@ class Search:
     squared: float = 0.0
     limits: Limits = field(init=False)
     reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
+    bounds: tuple[Array, Array] = field(init=False)  # of x
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
-        self.reference = self.problem.scale
+        self.reference, self.bounds = self.problem.scale, self.problem.bounds
 
     @property
     def merit(self) -> float:
@@ -79,16 +81,37 @@ class Search:
 
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
         """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
-        self._look_at_all()
+        self.look()
         for _ in range(looks):
             self.reference = max(self.problem.scale, self.squared)  # so that prices keep pace with what is gained
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
-            self._look_at_all()
+            self.look()
             found = self._merit(self.squared, self.limits)
             if found > hoped - 10 * tolerance and self.squared < 2 * self.reference:
                 break
         return self
+
+    def refine(self, trust: float, tolerance: float) -> Search:
+        """As ``run``, but by the rows watched already: for a design that hardly moves."""
+        self.limits = limits(self.problem, self.x, self.holding)
+        self._improve(trust, tolerance)
+        return self
+
+    def foresee(self, designs: Sequence[Array], given: slice) -> list[float]:
+        """Merit that one step promises for each of some designs near ``x`` when their ``given`` entries are to stay."""
+        here = self._trial(self.x, self.limits)
+        low, high = np.maximum(self.bounds[0] - self.x, -0.02), np.minimum(self.bounds[1] - self.x, 0.02)
+        model = self._model(here, self._active(here.squared, []), low, high)
+        found = []
+        for x in designs:
+            low[given] = high[given] = (x - self.x)[given]
+            try:
+                step = self._solve(model, low, high)
+                found.append(step.value - PRICE * step.violation)
+            except InfeasibleError:  # the solver gave up
+                found.append(-math.inf)
+        return found
 
     def upper_bound(self) -> float | None:
         """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.
@@ -124,7 +147,7 @@ class Search:
         self.programme = kept
         return hertz(bound * self.reference) if math.isfinite(bound) else None
 
-    def _look_at_all(self) -> None:
+    def look(self) -> None:
         """Watch the lowest and the most loaded poses of the whole workspace."""
         squared, forces = self.problem.look(self.x)
         lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
@@ -135,7 +158,7 @@ class Search:
 
     def _improve(self, trust: float, tolerance: float) -> None:
         here = self._trial(self.x, self.limits)
-        low_x, high_x = self.problem.bounds
+        low_x, high_x = self.bounds
         pinned: list[int] = []
         for _ in range(STEPS):
             active = self._active(here.squared, pinned)
@@ -218,7 +241,7 @@ class Search:
     def worth(self) -> dict[str, float]:
         """Relative gain in the worst frequency if a requirement were relaxed by 1 %, from its multiplier."""
         here = self._trial(self.x, self.limits)
-        low_x, high_x = self.problem.bounds
+        low_x, high_x = self.bounds
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
         model = self._model(here, self._active(here.squared, []), low, high)
         try:

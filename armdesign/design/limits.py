@@ -6,6 +6,7 @@ The same requirements as in ``requirements.py``, but relative to today's machine
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,9 +46,10 @@ class _Stack:
         self.relaxation += [relaxation] * value.shape[1]
         self.values.append(value)
 
-    def limits(self) -> Limits:
+    def limits(self, reserve: Mapping[str, float]) -> Limits:
         stacked = np.concatenate(self.values, axis=1)
-        return Limits(self.names, stacked[0].real, stacked.imag.T / STEP, np.array(self.relaxation))
+        kept = np.array([reserve.get(name, 0.0) for name in self.names])
+        return Limits(self.names, stacked[0].real - kept, stacked.imag.T / STEP, np.array(self.relaxation))
 
 
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
@@ -59,7 +61,7 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     _moment_arms(problem, x, areas, stack)
     _transmission(problem, x, stack)
     _holding(problem, x, areas, holding_rows(problem, x) if holding is None else holding, stack)
-    return stack.limits()
+    return stack.limits(problem.reserve)
 
 
 def _oil(problem: Problem, areas: Array, stroke: Array, stack: _Stack) -> None:

@@ -187,6 +187,7 @@ def _multistart(problem: Problem, starts: int, seed: int) -> tuple[Search, tuple
             search.run(trust=0.05, tolerance=1e-5)
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
     best.x = settled(problem, best.x)
+    best.look()
     for _ in range(BAR_ROUNDS if problem.machine.has_bars and problem.moving else 0):
         # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
         best.problem = replace(problem, bars_at=best.x)

@@ -10,7 +10,8 @@ sensitivities of the linkage, everything after them (oil, statics, sums) by a co
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -79,6 +80,7 @@ class Problem:
     requirements: Requirements
     vary: tuple[str, ...]
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
+    reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
 
@@ -254,8 +256,15 @@ class Problem:
         return float(max(squared.min(), 0.01 * np.median(np.abs(squared))))
 
     def tightened(self, share: float) -> Problem:
-        """The same problem with limits drawn in by a share; what does not hang on it is not computed again."""
-        other = dataclasses.replace(self, tightening=share)
+        """The same problem with limits drawn in by a share."""
+        return self._like(dataclasses.replace(self, tightening=share))
+
+    def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
+        """The same problem with room kept at named limits."""
+        return self._like(dataclasses.replace(self, reserve=reserve))
+
+    def _like(self, other: Problem) -> Problem:
+        """A problem that differs in its limits alone: what does not hang on them is not computed again."""
         fields = {f.name for f in dataclasses.fields(self)}
         vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
         return other
