@@ -178,13 +178,14 @@ class Search:
             gained = trial.merit - here.merit
             if gained > 0.1 * promised:
                 here, pinned = trial, []
+                self.x = here.x
                 trust = min(trust * (2.0 if gained > 0.6 * promised else 1.0), 0.5)
             else:
                 trust *= 0.35
                 pinned = [*pinned, int(trial.squared.argmin())]
             if trust < 1e-6:
                 break
-        self.x, self.limits, self.squared = here.x, here.limits, float(here.squared.min())
+        self.limits, self.squared = here.limits, float(here.squared.min())
 
     def _trial(self, x: Array, at: Limits | None = None) -> _Trial:
         """A design looked at on the watched rows."""
