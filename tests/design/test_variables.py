@@ -327,7 +327,7 @@ def twin_problem() -> Problem:
 def test_modes_that_coincide_at_the_optimum() -> None:
     """Oil moves from one arm to the other until the two lowest modes are one: a kink where neither gradient is zero.
 
-    Brute force: the one arm's areas are scanned, the other has all the oil that is left, which nothing forbids.
+    Brute force: all areas of either arm on a grid; of the second the best that the oil left by the first allows.
     """
     problem = twin_problem()
     search = Search(problem=problem, x=problem.start).run(trust=0.3, tolerance=1e-8)
@@ -338,18 +338,31 @@ def test_modes_that_coincide_at_the_optimum() -> None:
     assert hertz(search.squared) == pytest.approx(lowest[0], rel=1e-9)
     today = ad.natural_modes(twins().evaluate(problem.workspace.rigid)).frequencies
     assert today[:, 1].min() > 1.05 * today[:, 0].min()  # and they did not coincide before
-    strokes = np.array([c.stroke for c in problem.machine.cylinders])
-    oil = problem.areas_today * strokes[:, None]
-    best = 0.0
-    for cap in np.linspace(0.9, 1.3, 161):
-        for annulus in np.linspace(0.9, 1.3, 161):
-            first = np.array([cap, annulus])
-            x = np.concatenate([first, 1 + (1 - first) * oil[0] / oil[1]])
-            if limits(problem, x, search.holding).values.min() >= -1e-9:
-                best = max(best, problem.frequencies(x).min())
+    best = best_on_grid(problem, search.holding, np.linspace(0.8, 1.3, 31))
     assert best > 1.02 * problem.frequencies(problem.start).min()
     assert search.squared > best * (1 - 1e-6)
-    assert search.squared == pytest.approx(best, rel=5e-3)  # the scan's step is 0.25 % of an area
+    assert search.squared == pytest.approx(best, rel=0.035)  # the grid's step is 1.7 % of an area
+
+
+def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> float:
+    """Largest lowest ω² of two arms that share only the oil, bore and annulus areas of both on a grid."""
+    names, every = [c.name for c in problem.machine.cylinders], np.arange(len(problem))
+    own = np.zeros((2, len(grid), len(grid)))  # lowest ω² of one arm, 0 where one of its own limits forbids it
+    for i, name in enumerate(names):
+        for k, cap in enumerate(grid):
+            for j, annulus in enumerate(grid):
+                x = problem.start.copy()
+                x[2 * i : 2 * i + 2] = cap, annulus
+                found = limits(problem, x, holding)
+                mine = np.array([label.endswith(f".{name}") for label in found.names])
+                if found.values[mine].min() >= -1e-9:
+                    own[i, k, j] = problem.scaled(x, every)[:, i, i].min()
+    reachable = np.maximum.accumulate(np.maximum.accumulate(own[1], axis=0), axis=1)
+    oil = problem.areas_today * np.array([[c.stroke] for c in problem.machine.cylinders])
+    left = 1 + (1 - grid)[:, None] * oil[0] / oil[1]  # share of today's that the second arm may have, of either side
+    most = np.searchsorted(grid, left + 1e-12, side="right") - 1
+    pairs = [(k, j) for k in range(len(grid)) for j in range(len(grid)) if min(most[k, 0], most[j, 1]) >= 0]
+    return max(min(own[0, k, j], reachable[most[k, 0], most[j, 1]]) for k, j in pairs)
 
 
 def test_the_kink_is_the_optimum_along_every_direction() -> None:
@@ -369,3 +382,13 @@ def test_the_kink_is_the_optimum_along_every_direction() -> None:
 
 def test_keys_of_places() -> None:
     assert [key_of(p) for p in ("base", "lug", "rocker")] == ["base.at_mm", "four_bar.lug.at_mm", "four_bar.rocker_mm"]
+
+
+def test_workers_do_not_change_the_answer() -> None:
+    """Same seed, same answer to the last digit, in one process or in two."""
+    machine = double()
+    space = Workspace.grid(machine, points=4)
+    alone, shared = (ad.optimize(machine, space, starts=3, seed=4, workers=n) for n in (1, 2))
+    assert alone.machine.text == shared.machine.text
+    assert alone.starts == shared.starts
+    assert len(alone.starts) == 3
