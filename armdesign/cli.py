@@ -45,6 +45,14 @@ OutOption = Annotated[Path, typer.Option("--out", help="Folder for everything th
 PointsOption = Annotated[
     str, typer.Option("--points", help="Grid values per joint: one number, or one each: 21,21,61.")
 ]
+VaryOption = Annotated[
+    str,
+    typer.Option(
+        "--vary",
+        help="What may change, commas between: areas, pins, linkages (pins and four-bars), or key paths of the file: "
+        "cylinder.boom.bore_mm,cylinder.bucket.four_bar.",
+    ),
+]
 
 OutsideOption = Annotated[bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")]
 
@@ -101,7 +109,7 @@ def optimize(
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
-    vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
+    vary: VaryOption = "areas,pins",
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -271,7 +279,7 @@ def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str]
     from armdesign.design.optimum import optimize, size_cylinders
 
     words = tuple(word.strip() for word in vary.split(",") if word.strip())
-    say("looking for better sizes and pins" if "pins" in words else "looking for better sizes")
+    say("looking for better sizes" if words == ("areas",) else "looking for a better design")
     made = size_cylinders(model, workspace) if words == ("areas",) else optimize(model, workspace, vary=words)
     say("mapping the new machine")
     _ = made.before, made.after

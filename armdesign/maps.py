@@ -363,7 +363,7 @@ def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | No
 
     def room(x: Array) -> Array:
         rigid = machine.arm.kinematics((low + x * span)[None])
-        stroke = machine.margins(rigid)[0] - workspace.end_margin
+        stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
         tip = -machine.pitch_excess(rigid, payload) if payload.pitch else np.empty(0)
         return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
 
@@ -393,7 +393,8 @@ def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
         near = [p for p in np.concatenate(moved) if np.abs(p - q).max() < 2e-3 and _in_box(p, workspace)]
         q = near[0] if near else q
     within = _in_box(q, workspace) and bool(machine.holds(q)[0])
-    return q if within and machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
+    # ends of stroke are those of the machine whose workspace it is
+    return q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
 
 
 def _in_box(q: Array, workspace: Workspace) -> bool:

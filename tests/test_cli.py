@@ -316,3 +316,28 @@ def test_interrupted_by_the_keyboard(tmp_path: Path) -> None:
 def test_what_is_installed_as_a_script() -> None:
     project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
     assert project["project"]["scripts"] == {"armdesign": "armdesign.cli:main"}
+
+
+def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pin alone, by the path that it has in the file: nothing else moves, but the stroke follows."""
+    words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
+    assert main([*words, "cylinder.boom.base"], monkeypatch) == 0
+    old, new = (
+        tomllib.loads(Path(path).read_text(encoding="utf-8"))["cylinder"]
+        for path in (ad.load("excavator_20t").source, tmp_path / "excavator_20t_optimized.toml")
+    )
+    assert {key for key in old["boom"] if new["boom"][key] != old["boom"][key]} == {
+        "base", "stroke_mm", "closed_length_mm"
+    }  # fmt: skip
+    assert [new[name] for name in ("stick", "bucket")] == [old[name] for name in ("stick", "bucket")]
+
+
+def test_an_unknown_vary_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
+    assert main([*words, "areas,cylinder.boom.bore"], monkeypatch) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "armdesign: vary cylinder.boom.bore: nothing of this name can vary; "
+        'did you mean "cylinder.boom.bore_mm"?'
+    ]  # fmt: skip

@@ -21,7 +21,8 @@ ORDER = [
     *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),
-    *("design.problem", "design.limits", "design.conflict", "design.sizing", "design.codesign", "design.rounding"),
+    *("design.variables", "design.problem", "design.limits", "design.conflict", "design.sizing"),
+    *("design.codesign", "design.settling", "design.rounding"),
     "design.optimum",
     *(
         "simulation.reach",

@@ -23,7 +23,7 @@ from scipy.linalg import eigh, null_space
 import armdesign as ad
 from armdesign.cylinder import static_pressures
 from armdesign.fluid import bulk_modulus
-from armdesign.linkage import Linkage
+from armdesign.linkage import BARS, OF_FOUR_BAR, PINS
 from armdesign.units import GRAVITY
 
 # ------------------------------------------------------------------------------------------------------------ geometry
@@ -41,29 +41,40 @@ def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
         assert np.all(np.delete(here.moment_arm, linkage.joints, axis=1) == 0)
 
 
-@pytest.mark.parametrize("pin", ["base", "rod_end"])
-def test_pin_sensitivities_are_derivatives_by_the_pin(machine: ad.Machine, pin: str) -> None:
-    """`Linkage.sensitivity` against a linkage whose pin was moved (finite differences)."""
-    poses = machine.arm.kinematics(inner_poses(machine, 3))
+@pytest.mark.parametrize("place", [*PINS, *BARS])
+def test_sensitivities_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: str) -> None:
+    """ℓ, r, H and the cosine at the knee against a linkage with one coordinate complex: its step is exact (1e-12)."""
+    poses, step = machine.arm.kinematics(inner_poses(machine, 3)), 1e-30
     for linkage in machine.linkages:
-        if getattr(linkage, pin) is None:
-            with pytest.raises(ValueError, match="no pin"):
-                linkage.sensitivity(poses, pin, 0)
+        at = linkage.place(place)
+        if at is None:
+            with pytest.raises(ValueError, match=place):
+                linkage.sensitivity(poses, place, 0)
+            with pytest.raises(ValueError, match=place):
+                linkage.with_place(place, (0.0, 0.0, 0.0))
             continue
-        for axis in range(3):
-            exact = linkage.sensitivity(poses, pin, axis)
-            for name in ("length", "moment_arm", "moment_arm_derivative"):
-                moved = difference(
-                    lambda x, k=linkage, a=axis, n=name: _moved(k, pin, a, x, poses, n), np.zeros((1, 1))
-                )
-                assert_same(getattr(exact, name), moved[..., 0], 1e-8)
+        for axis in range(len(at)):
+            stepped = linkage.with_place(place, np.array(at) + 1j * step * np.eye(len(at))[axis])
+            length = stepped._span(poses).dot(stepped._span(poses)).sqrt()
+            own, exact = np.array(linkage.joints), linkage.sensitivity(poses, place, axis)
+            assert_same(exact.length, length.value.imag / step, 1e-12)
+            assert_same(exact.moment_arm[:, own], length.first.imag / step, 1e-12)
+            assert_same(exact.moment_arm_derivative[:, own][:, :, own], length.second.imag / step, 1e-12)
+            assert np.all(np.delete(exact.moment_arm, own, axis=1) == 0)
+            if linkage.four_bar is not None and place in OF_FOUR_BAR:
+                slope = linkage.transmission(poses, [(place, axis)])[1][0]
+                assert_same(slope, stepped.transmission(poses)[0].imag / step, 1e-12)
 
 
-def _moved(linkage: Linkage, pin: str, axis: int, shift: np.ndarray, poses: object, name: str) -> np.ndarray:
-    place = getattr(linkage, pin)
-    at = np.array(place.at)
-    at[axis] += shift[0, 0]
-    return getattr(replace(linkage, **{pin: replace(place, at=tuple(at))}).actuation(poses), name)
+def test_a_moved_pin_is_where_it_was_put() -> None:
+    """`with_place` changes one place and nothing else, and gives back what it was given."""
+    linkage = named("excavator_20t").linkages[2]
+    for place in (*OF_FOUR_BAR, "base"):
+        at = linkage.place(place)
+        assert at is not None
+        moved = linkage.with_place(place, tuple(value + 0.01 for value in at))
+        assert_allclose(moved.place(place), np.array(at) + 0.01, rtol=1e-15)
+        assert moved.with_place(place, at) == linkage
 
 
 def test_the_knee_is_on_its_side_and_at_both_bars() -> None:

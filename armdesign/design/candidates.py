@@ -21,8 +21,6 @@ from armdesign.linkage import Linkage
 from armdesign.machine import Machine
 from armdesign.ranges import over, sweep
 
-PINS = ("base", "rod_end")
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Condition:
@@ -121,8 +119,11 @@ class Candidate(Protocol):
     def sweeps(self) -> list[tuple[Array, Array] | None]:
         """Length and moment arm of each cylinder over the range of its joint (b, k); None across several joints."""
 
-    def pin(self, i: int, pin: str) -> Array | None:
-        """Place of a cylinder's pin in its link (b, 3) [m]; None where there is none."""
+    def place(self, i: int, name: str) -> Array | None:
+        """A pin of a cylinder's linkage in its link (b, 3) or length of a bar (b, 1) [m]; None where there is none."""
+
+    def transmission(self, i: int) -> Array:
+        """Cosine of the angle between rocker and coupler over the range of the joint (b, k)."""
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """∂ℓ/∂q at some poses (b, n, nc, nq)."""
@@ -197,10 +198,15 @@ class Built:
             found.append(_swept(linkage, today.arm, ends, self.frame.samples) if one else None)
         return found
 
-    def pin(self, i: int, pin: str) -> Array | None:
+    def place(self, i: int, name: str) -> Array | None:
         """See ``Candidate``."""
-        place = getattr(self.machine.linkages[i], pin)
-        return None if place is None else np.array([place.at])
+        place = self.machine.linkages[i].place(name)
+        return None if place is None else np.array([place])
+
+    def transmission(self, i: int) -> Array:
+        """See ``Candidate``."""
+        linkage, today = self.machine.linkages[i], self.frame.today
+        return _transmission(linkage, today.arm, tuple(today.ranges[linkage.joints[0]].tolist()), self.frame.samples)
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """See ``Candidate``."""
@@ -218,6 +224,12 @@ def _swept(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: int) ->
     joint = linkage.joints[0]
     actuation = linkage.actuation(sweep(arm, joint, over(np.array(ends), samples)))
     return actuation.length[None], actuation.moment_arm[None, :, joint]
+
+
+@lru_cache(maxsize=64)
+def _transmission(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: int) -> Array:
+    poses = sweep(arm, linkage.joints[0], over(np.array(ends), samples))
+    return linkage.transmission(poses)[0][None]
 
 
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:

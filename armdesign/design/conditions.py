@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import lru_cache
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.column import euler_load, second_moment, stepped_load
 from armdesign.cylinder import STEEL_MODULUS, barrel_outer, holding_force, kind
-from armdesign.design.candidates import PINS, Built, Candidate, Condition, Frame, bounded, diameters
+from armdesign.design.candidates import Built, Candidate, Condition, Frame, bounded, diameters
 from armdesign.design.explicit import explicit
-from armdesign.linkage import Linkage
-from armdesign.ranges import over, sweep
+from armdesign.linkage import BARS, PINS
 
 ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
 
@@ -27,6 +25,7 @@ def conditions(new: Candidate, frame: Frame) -> Iterator[Condition]:
     yield from _oil(new, frame)
     yield from _strength(new, frame)
     yield from _moment_arms(new, frame)
+    yield from _transmissions(new, frame)
     yield from explicit(new, frame)
 
 
@@ -126,6 +125,24 @@ def _moment_arms(new: Candidate, frame: Frame) -> Iterator[Condition]:
             yield bounded(f"digging.{name}", words, "N m", torque, limit, at_least=True, scale=own)
 
 
+def _transmissions(new: Candidate, frame: Frame) -> Iterator[Condition]:
+    """Angle between rocker and coupler of every four-bar, by its cosine.
+
+    Near the limit cos(least) − cos(angle) ≈ sin(least) (angle − least).
+    """
+    for i, (cylinder, linkage) in enumerate(zip(frame.today.cylinders, frame.today.linkages, strict=True)):
+        if linkage.four_bar is None or len(linkage.joints) != 1:
+            continue
+        cosine, today = new.transmission(i), np.abs(frame.old.transmission(i)).max()
+        least = min(frame.requirements.transmission, math.acos(min(float(today), 1.0)))
+        yield bounded(
+            f"transmission.{cylinder.name}", f"rocker–coupler angle, {cylinder.name}", "rad",
+            np.arccos(np.minimum(np.abs(cosine.real), 1.0)), least, at_least=True,
+            room=(math.cos(least) - cosine * np.sign(cosine.real)) / (math.sin(least) * least or 1.0),
+            easing=np.ones(1),
+        )  # fmt: skip
+
+
 def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[Condition]:
     """Static forces (b, k, nc) [N, + pushes] within a share of what the supply holds."""
     share, supply = frame.requirements.holding_share, new.machine.supply
@@ -141,7 +158,7 @@ def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[C
 
 
 def guaranteed(new: Built, frame: Frame, box: float) -> Iterator[Condition]:
-    """What the optimiser keeps by how it makes designs, and a machine may miss: strokes, four-bars, pin boxes."""
+    """What the optimiser keeps by how it makes designs, and a machine may miss: strokes and pin boxes."""
     for i, cylinder in enumerate(frame.today.cylinders):
         name, swept, linkage = cylinder.name, new.sweeps[i], new.machine.linkages[i]
         if swept is not None:
@@ -154,26 +171,10 @@ def guaranteed(new: Built, frame: Frame, box: float) -> Iterator[Condition]:
                 yield bounded(
                     f"range.{end}.{name}", words, "m", value, limit, at_least=at_least, slack_scale=cylinder.stroke
                 )
-            if linkage.four_bar is not None:
-                angle, today = (_transmission(c.machine.linkages[i], frame) for c in (new, frame.old))
-                least = min(frame.requirements.transmission, today)
-                words = f"rocker–coupler angle, {name}"
-                yield bounded(f"transmission.{name}", words, "rad", np.array([angle]), least, at_least=True)
-        for pin in PINS:
-            here, before = new.pin(i, pin), frame.old.pin(i, pin)
+        for place in (*PINS, *BARS):
+            here, before = new.place(i, place), frame.old.place(i, place)
             if here is not None and before is not None:
-                own = frame.requirements.box_of(name, pin, box)
+                own = frame.requirements.box_of(name, place, box)
                 moved = np.abs(here - before).max(axis=1)
-                words = f"move of the {name} cylinder's {pin} pin"
-                yield bounded(f"pin_box.{name}.{pin}", words, "m", moved, own, slack_scale=own or 1.0)
-
-
-def _transmission(linkage: Linkage, frame: Frame) -> float:
-    """Smallest angle between rocker and coupler over the joint's range [rad]."""
-    return _transmission_over(linkage, tuple(frame.today.ranges[linkage.joints[0]].tolist()), frame.samples)
-
-
-@lru_cache(maxsize=64)
-def _transmission_over(linkage: Linkage, ends: tuple[float, ...], samples: int) -> float:
-    poses = sweep(linkage.arm, linkage.joints[0], over(np.array(ends), samples))
-    return float(linkage.transmission_angle(poses).min())
+                words = f"move of the {name} cylinder's {place} pin" if place in PINS else f"change of its {place}"
+                yield bounded(f"pin_box.{name}.{place}", words, "m", moved, own, slack_scale=own or 1.0)

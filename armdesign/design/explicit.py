@@ -14,11 +14,12 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import barrel_outer, estimated_mass
-from armdesign.design.candidates import PINS, Candidate, Condition, Frame, bounded, diameters
+from armdesign.design.candidates import Candidate, Condition, Frame, bounded, diameters
 from armdesign.design.lifting import LiftPose, liftable, unloaded
 from armdesign.design.outlines import clearance, depth
 from armdesign.design.requirements import Clearance, Speed
 from armdesign.errors import ArmDesignError
+from armdesign.linkage import PINS
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 from armdesign.ranges import over
@@ -168,14 +169,14 @@ def _outlines(new: Candidate, frame: Frame) -> Iterator[Condition]:
         polygon = np.array(outline.points)
         size = float(np.ptp(polygon, axis=0).max()) or 1.0
         for i, linkage in enumerate(frame.today.linkages):
-            for pin in PINS:
-                place = new.pin(i, pin)
-                if place is None or getattr(linkage, pin).link != outline.link:
+            for name in PINS:
+                pin, place = linkage.pin(name), new.place(i, name)
+                if pin is None or place is None or pin.link != outline.link:
                     continue
-                name = f"{frame.today.cylinders[i].name}.{pin}"
-                words = f"{pin} pin of the {frame.today.cylinders[i].name} cylinder within the {outline.link}'s outline"
+                whose = frame.today.cylinders[i].name
+                words = f"{name} pin of the {whose} cylinder within the {outline.link}'s outline"
                 yield bounded(
-                    f"outline.{name}", words, "m", depth(place[:, [0, 2]], polygon), outline.pin_radius,
+                    f"outline.{whose}.{name}", words, "m", depth(place[:, [0, 2]], polygon), outline.pin_radius,
                     at_least=True, slack_scale=size, rounding=ROUNDING / size,
                 )  # fmt: skip
 

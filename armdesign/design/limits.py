@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +15,11 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import euler_safety
-from armdesign.design.candidates import PINS, Condition, frame_of
+from armdesign.design.candidates import Condition, frame_of
 from armdesign.design.conditions import conditions, rod_area_factor, static_loads_held
 from armdesign.design.problem import RANGE_POSES, STEP, Problem
 from armdesign.errors import InfeasibleError
-from armdesign.linkage import Linkage, Pin
+from armdesign.linkage import BARS, OF_FOUR_BAR, PINS, Linkage
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 
@@ -92,16 +92,27 @@ class Stepped:
             found.append((length, arm))
         return found
 
-    def pin(self, i: int, pin: str) -> Array | None:
+    def place(self, i: int, name: str) -> Array | None:
         """See ``Candidate``."""
-        place = getattr(self.linkages[i], pin)
+        place = self.linkages[i].place(name)
         if place is None:
             return None
-        at = np.tile(np.array(place.at, dtype=complex), (len(self.x), 1))
-        for index, v in enumerate(self.problem.variables):
-            if (v.cylinder, v.pin) == (i, pin):
-                at[index, v.axis] += 1j * STEP * self.problem.box
+        at = np.tile(np.array(place, dtype=complex), (len(self.x), 1))
+        for index, move in self.problem.moves(i).items():
+            if move[0] == name:
+                at[index, move[1]] += 1j * STEP * self.problem.box
         return at
+
+    def transmission(self, i: int) -> Array:
+        """See ``Candidate``."""
+        poses, moves = self.problem.ranges[i], self.problem.moves(i)
+        assert poses is not None
+        of_four_bar = {index: move for index, move in moves.items() if move[0] in OF_FOUR_BAR}
+        cosine, slopes = self.linkages[i].transmission(poses, list(of_four_bar.values()))
+        stepped = np.tile(cosine.astype(complex), (len(self.x), 1))
+        for index, slope in zip(of_four_bar, slopes, strict=True):
+            stepped[index] += 1j * STEP * slope * self.problem.box
+        return stepped
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """See ``Candidate``."""
@@ -110,21 +121,18 @@ class Stepped:
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """See ``Candidate``."""
         ends = np.tile(np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex), (1, len(self.x), 1, 1))
-        places = {pin: self.pin(i, pin) for pin in PINS}
-        for index, v in enumerate(self.problem.variables):
-            if v.cylinder == i and v.pin is not None:
-                ends[:, index] = np.stack(_moved(self.linkages[i], places, index).pins(rigid)[:2])
+        for index in self.problem.moves(i):
+            ends[:, index] = np.stack(self._variant(i, index).pins(rigid)[:2])
         return ends[0], ends[1]
 
-
-def _moved(linkage: Linkage, places: dict[str, Array | None], index: int) -> Linkage:
-    """A linkage with its pins at one variant's complex places."""
-    pins: dict[str, Pin] = {}
-    for name, place in places.items():
-        if place is not None:
-            x, y, z = place[index].tolist()
-            pins[name] = replace(getattr(linkage, name), at=(x, y, z))
-    return replace(linkage, **pins)  # type: ignore[arg-type]
+    def _variant(self, i: int, index: int) -> Linkage:
+        """A linkage with the places of one variant, complex-stepped."""
+        linkage = self.linkages[i]
+        for name in (*PINS, *BARS):
+            place = self.place(i, name)
+            if place is not None:
+                linkage = linkage.with_place(name, place[index].tolist())
+        return linkage
 
 
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
@@ -137,7 +145,8 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
         moves = np.any(room.imag != 0, axis=0)  # what no variable moves, no rounding changes either
         room = room - np.where(moves, np.concatenate(drawn_in, axis=1), 0.0)
     names = [c.name for c in found for _ in range(c.room.shape[1])]
-    return Limits(names, room[0].real, room.imag.T / STEP, 0.01 * easing[0].real)
+    kept = np.array([problem.reserve.get(name, 0.0) for name in names])
+    return Limits(names, room[0].real - kept, room.imag.T / STEP, 0.01 * easing[0].real)
 
 
 def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> Iterator[Condition]:
@@ -185,10 +194,10 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
     Constraints are given at the box's lower end. Buckling, A1 − A2 ≥ L √(c A1), is reverse-convex: the root is replaced
     by its chord over the box, which lies below it. None where stiffness is not a sum of convex functions of one area
-    each (air, compliance, more cylinders than joints) or pins vary.
+    each (air, compliance, more cylinders than joints) or something moves.
     """
     plain = problem.machine.fluid.air == 0 and all(f.compliance == 0 for f in problem.machine.functions)
-    if not plain or "pins" in problem.vary or len(problem.machine.functions) != len(problem.machine.joints):
+    if not plain or problem.moving or len(problem.machine.functions) != len(problem.machine.joints):
         return None
     x = problem.start
     exact = limits(problem, x)
@@ -206,12 +215,15 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
 def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[float, Array]:
     """Constant and slopes by x of A1 − A2 − L·chord(√(c A1)) ≥ 0 over the box, relative to today's bore area."""
-    cylinder, (a1, a2) = problem.machine.cylinders[i], problem.areas_today[i]
-    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / a1)
+    cylinder, today = problem.machine.cylinders[i], problem.areas_today[i, 0]
+    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / today)
     slope = (math.sqrt(high) - math.sqrt(low)) / (high - low) if high > low else 0.5 / math.sqrt(low)
-    row = np.zeros(len(problem.start))
-    row[2 * i], row[2 * i + 1] = 1 - factor * slope, -a2 / a1
-    return -factor * (math.sqrt(low) - slope * low), row
+    areas = problem.stepped_areas(problem.start)[:, i]
+    rod = (areas[:, 0] - areas[:, 1]) / today  # linear in x
+    row = rod.imag / STEP
+    constant = float(rod[0].real - row @ problem.start)
+    row[2 * i] -= factor * slope
+    return constant - factor * (math.sqrt(low) - slope * low), row
 
 
 def _box_of(values: Array, jacobian: Array, low: Array, high: Array) -> tuple[Array, Array]:

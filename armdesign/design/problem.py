@@ -1,25 +1,28 @@
 """The design problem in arrays: stiffness and strokes with exact derivatives at a vector of design variables.
 
 The vector x holds for every cylinder its bore and annulus area (relative to today's) and the moves of its pins
-(relative to the pin box), 1 and 0 for today's machine. Rigid bodies do not depend on x; the cylinders' own masses,
-where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: pins by the analytic
+and four-bars (relative to the pin box), 1 and 0 for today's machine. Where a bore varies and its rod does not, the
+annulus follows the bore. Rigid bodies do not depend on x; the cylinders' own masses,
+where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: places by the analytic
 sensitivities of the linkage, everything after them (oil, statics, sums) by a complex step.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import zip_longest
 
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.cylinder import stiffness
 from armdesign.design.requirements import Requirements
-from armdesign.linkage import Actuation, Linkage
+from armdesign.design.variables import Variable, variables
+from armdesign.linkage import Actuation, Linkage, Move
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 from armdesign.ranges import over, sweep
@@ -27,17 +30,6 @@ from armdesign.workspace import Workspace
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
-
-
-@dataclass(frozen=True, kw_only=True)
-class Variable:
-    """One entry of x: an area of a cylinder (``pin`` None; axis 0 bore, 1 annulus) or a coordinate of a pin."""
-
-    cylinder: int
-    pin: str | None
-    axis: int
-    lower: float
-    upper: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +71,9 @@ class Rows:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """Cylinders and pins of ``machine`` over ``workspace`` under ``requirements``; ``vary`` some of "areas" and "pins".
+    """Cylinders and linkages of ``machine`` over ``workspace`` under ``requirements``.
 
-    Rows are pairs of a pose and a load case that exists there.
+    ``vary`` are the words and key paths of ``variables.py``. Rows are pairs of a pose and a load case of that pose.
     """
 
     machine: Machine
@@ -89,6 +81,7 @@ class Problem:
     requirements: Requirements
     vary: tuple[str, ...]
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
+    reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
 
@@ -103,21 +96,19 @@ class Problem:
 
     @cached_property
     def variables(self) -> list[Variable]:
-        """Entries of x: all areas (fixed unless they vary, and always of motors), then the pins that move."""
-        made = []
-        cylinders, most = len(self.machine.cylinders), max(2.0, self.requirements.thrust_share)
-        for i in range(len(self.machine.functions)):
-            for axis in (0, 1):
-                low, high = (0.1, most) if "areas" in self.vary and i < cylinders else (1.0, 1.0)
-                made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
-        if "pins" in self.vary and self.box > 0:
-            for i, linkage in enumerate(self.machine.linkages):
-                if len(linkage.joints) != 1:
-                    continue  # its range hangs on other cylinders too: strokes would not follow from its pins alone
-                for pin in ("base", "rod_end"):
-                    if getattr(linkage, pin) is not None:
-                        made += [Variable(cylinder=i, pin=pin, axis=a, lower=-1.0, upper=1.0) for a in (0, 2)]
-        return made
+        """Entries of x: all areas (fixed unless they vary), then the coordinates of pins and bars that move."""
+        return variables(self.machine, self.vary, self.box, self.requirements.thrust_share)
+
+    @cached_property
+    def moving(self) -> list[int]:
+        """Cylinders of whose linkage something moves."""
+        return sorted({v.cylinder for v in self.variables if v.pin is not None})
+
+    @cached_property
+    def resized(self) -> tuple[tuple[bool, bool], ...]:
+        """For each function, whether its bore and whether its rod varies."""
+        free = [v.upper > v.lower for v in self.variables[: 2 * len(self.machine.functions)]]
+        return tuple(zip(free[::2], free[1::2], strict=True))
 
     @cached_property
     def start(self) -> Array:
@@ -138,17 +129,33 @@ class Problem:
 
     def areas(self, x: Array) -> Array:
         """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
-        return np.asarray(x[: 2 * len(self.machine.functions)].reshape(-1, 2) * self.areas_today)
+        areas = x[: 2 * len(self.machine.functions)].reshape(-1, 2) * self.areas_today
+        return np.asarray(np.where(self._rod_stays, (areas[:, 0] - self._rod_areas)[:, None], areas))
+
+    @cached_property
+    def _rod_stays(self) -> Flags:
+        """Which areas are the bore's less today's rod (nc, 2): annuli of cylinders whose bore alone varies."""
+        return np.array([[False, bore and not rod] for bore, rod in self.resized])
+
+    @cached_property
+    def _rod_areas(self) -> Array:
+        """Today's rods (nc,) [m²]."""
+        return np.asarray(self.areas_today[:, 0] - self.areas_today[:, 1])
 
     def linkages(self, x: Array) -> list[Linkage]:
-        """Every cylinder's pins at x."""
+        """Every cylinder's pins and bars at x."""
         made = list(self.machine.linkages)
         for value, v in zip(x, self.variables, strict=True):
             if v.pin is not None:
-                at = np.array(getattr(made[v.cylinder], v.pin).at)
-                at[v.axis] += value * self.box
-                made[v.cylinder] = made[v.cylinder].with_pin(v.pin, (float(at[0]), float(at[1]), float(at[2])))
+                at = list(made[v.cylinder].place(v.pin) or ())
+                at[v.axis] += float(value) * self.box
+                made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
         return made
+
+    def closes(self, x: Array) -> bool:
+        """Whether every four-bar closes over its joint's range."""
+        pairs = zip(self.linkages(x), self.ranges, strict=True)
+        return all(poses is None or bool(linkage.closes(poses).all()) for linkage, poses in pairs)
 
     @cached_property
     def areas_today(self) -> Array:
@@ -211,10 +218,13 @@ class Problem:
         return Geometry(length, arm, curve, *changes)
 
     def sensitivities(self, i: int, linkage: Linkage, poses: RigidPoses) -> list[tuple[int, Actuation]]:
-        """Entries of x that move pins of cylinder ``i``, each with its actuation's derivative by that pin."""
-        entries = [(index, v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin]
-        moved = linkage.sensitivities(poses, [(pin, axis) for _, pin, axis in entries])
-        return [(index, part) for (index, _, _), part in zip(entries, moved, strict=True)]
+        """Entries of x that move places of cylinder ``i``, each with its actuation's derivative by that coordinate."""
+        entries = self.moves(i)
+        return list(zip(entries, linkage.sensitivities(poses, list(entries.values())), strict=True))
+
+    def moves(self, i: int) -> dict[int, Move]:
+        """Entries of x that move places of cylinder ``i``, each with its place and coordinate."""
+        return {index: (v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin}
 
     def frequencies(self, x: Array, rows: Array | None = None) -> Array:
         """Lowest coupled ω² of rows [rad²/s²] at x (all rows if None)."""
@@ -242,7 +252,7 @@ class Problem:
     @cached_property
     def _fixed(self) -> Geometry | None:
         """Today's geometry at all poses where no pin varies."""
-        if any(v.pin is not None for v in self.variables):
+        if self.moving:
             return None
         return self.geometry(self.start, self.workspace.rigid)
 
@@ -256,8 +266,15 @@ class Problem:
         return float(max(squared.min(), 0.01 * np.median(np.abs(squared))))
 
     def tightened(self, share: float) -> Problem:
-        """The same problem with limits drawn in by a share; what does not hang on it is not computed again."""
-        other = dataclasses.replace(self, tightening=share)
+        """The same problem with limits drawn in by a share."""
+        return self._like(dataclasses.replace(self, tightening=share))
+
+    def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
+        """The same problem with room kept at named limits."""
+        return self._like(dataclasses.replace(self, reserve=reserve))
+
+    def _like(self, other: Problem) -> Problem:
+        """A problem that differs in its limits alone: what does not hang on them is not computed again."""
         fields = {f.name for f in dataclasses.fields(self)}
         vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
         return other
@@ -286,12 +303,13 @@ class Problem:
             moved = low.copy()
             moved[v] = high[v]
             ends.append(moved)
-        base = self._scaled(low, rows)
+        base = self.scaled(low, rows)
         width = np.where(high > low, high - low, 1.0)
-        slopes = np.stack([(self._scaled(end, rows) - base) / w for end, w in zip(ends, width, strict=True)])
+        slopes = np.stack([(self.scaled(end, rows) - base) / w for end, w in zip(ends, width, strict=True)])
         return base, slopes
 
-    def _scaled(self, x: Array, rows: Array) -> Array:
+    def scaled(self, x: Array, rows: Array) -> Array:
+        """L⁻¹K L⁻ᵀ of rows (n, nq, nq)."""
         g = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]])
         strokes = self._strokes(x, self._range_lengths(x)[0])
         lower = self._inverse_cholesky[rows]
@@ -342,11 +360,10 @@ class Problem:
 
     def _range_lengths(self, x: Array) -> tuple[list[Array | None], list[Linkage]]:
         linkages = self.linkages(x)
-        moving = {v.cylinder for v in self.variables if v.pin is not None}
         found: list[Array | None] = []
         with np.errstate(invalid="ignore"):
             for i, (linkage, poses) in enumerate(zip(linkages, self.ranges, strict=True)):
-                found.append(linkage.length(poses) if poses is not None and i in moving else None)
+                found.append(linkage.length(poses) if poses is not None and i in self.moving else None)
         return found, linkages
 
     def _strokes(self, x: Array, lengths: list[Array | None]) -> tuple[Array, Array]:
@@ -378,8 +395,10 @@ class Problem:
         """Areas with a complex step along each entry of x (nx, nc, 2)."""
         areas = np.tile(self.areas(x).astype(complex), (len(x), 1, 1))
         for index, v in enumerate(self.variables):
-            if v.pin is None:
+            if v.pin is None and not self._rod_stays[v.cylinder, v.axis]:
                 areas[index, v.cylinder, v.axis] += 1j * STEP * self.areas_today[v.cylinder, v.axis]
+                if v.axis == 0 and self._rod_stays[v.cylinder, 1]:
+                    areas[index, v.cylinder, 1] += 1j * STEP * self.areas_today[v.cylinder, 0]
         return areas
 
     @cached_property
