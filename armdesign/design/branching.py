@@ -16,13 +16,14 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.design.intervals import Interval
 from armdesign.design.own_limits import OwnLimits
-from armdesign.design.shapes import Enclosure, Shape
+from armdesign.design.shapes import Enclosure, Natural, Shape
 
 BATCH = 1500  # boxes branched at a time
 TRIALS = 200  # middles of boxes tried as designs
+TINY = 1e-12  # [m³] of oil
 FIRST = (8, 8, 2)  # boxes to begin with, along b and scale
 
 
@@ -57,51 +58,59 @@ class Share:
         kept, scale, vertices = self.limits.allowed(low, high)
         low, high = low[kept], high[kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
-        middle = (low[:, :2] + high[:, :2]) / 2
-        centre = self._natural(self.shape.enclose(middle, middle), vertices)
-        spread = self._slopes(e, vertices) * (high - low)[:, None, :2] / 2
-        bound = np.minimum(self._natural(e, vertices), centre + spread.sum(axis=2))
+        centre = self._value(e.centre, vertices)
+        slopes, known = self._slopes(e, vertices)
+        spread = slopes * e.reach[:, None]
+        mean_value = np.where(known, centre + spread.sum(axis=2), np.inf)
+        bound = np.minimum(self._natural(e, vertices), mean_value)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
         oil = centre[rows, best] + vertices[rows, best] @ self.price
-        by_scale = 0.5 * (scale.high / scale.low - 1) * np.abs(oil)
+        by_scale = np.where(known[rows, best], 0.5 * (scale.high / scale.low - 1) * np.abs(oil), 0.0)
         return Boxes(
             low=np.column_stack([low[:, :2], scale.low]),
             high=np.column_stack([high[:, :2], scale.high]),
             bound=bound[rows, best],
             volume=vertices[rows, best],
-            added=np.column_stack([spread[rows, best], by_scale]),
+            added=np.column_stack([np.where(known[rows, best, None], spread[rows, best], e.reach), by_scale]),
             source=kept,
         )
 
     def _natural(self, e: Enclosure, volume: Array) -> Array:
         """Upper bound (m, 5) at swept volumes (m, 5, 2), everything at its end."""
-        oil = _spring(volume[..., :1], e.place.low[:, None], self.dead[0])
-        oil += _spring(volume[..., 1:], 1 - e.place.high[:, None], self.dead[1])
-        fast = self.weight * e.rate.square().high
-        bend = -np.minimum(self.bend * e.bend.low, self.bend * e.bend.high).sum(axis=1)
-        return np.asarray(np.einsum("mvn,mn->mv", oil, fast) + bend[:, None] - volume @ self.price)
+        empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
+        return self._sum(empty, full, e.rate.square().high, np.where(self.bend > 0, e.bend.low, e.bend.high), volume)
 
-    def _slopes(self, e: Enclosure, volume: Array) -> Array:
-        """Largest absolute derivatives by b (m, 5, 2) over the boxes, at swept volumes (m, 5, 2)."""
+    def _value(self, centre: Natural, volume: Array) -> Array:
+        """The share (m, 5) at the centres of boxes."""
+        place = centre.place.low
+        return self._sum(place, place, centre.rate.low**2, centre.bend.low, volume)
+
+    def _sum(self, first: Array, last: Array, square: Array, bend: Array, volume: Array) -> Array:
+        """Σ w k r² − G τ − μ·v with the piston at ``first`` for the cap and at ``last`` for the annulus side."""
+        filled = first[:, None] * volume[..., :1] + self.dead[0], (1 - last)[:, None] * volume[..., 1:] + self.dead[1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            oil = volume[..., :1] ** 2 / filled[0] + volume[..., 1:] ** 2 / filled[1]
+            oil = np.einsum("mvn,mn->mv", oil, self.weight * square)
+        return np.asarray(oil - (bend @ self.bend)[:, None] - volume @ self.price)
+
+    def _slopes(self, e: Enclosure, volume: Array) -> tuple[Array, Flags]:
+        """Largest absolute derivatives by b (m, 5, 2) over the boxes, at swept volumes (m, 5, 2); where they hold."""
         place, rate = e.place[:, None], e.rate[:, None]
-        springs, changes = [], []
+        springs, changes, known = [], [], e.wide.whole[:, None]
         for v, share, dead in ((volume[..., :1], place, self.dead[0]), (volume[..., 1:], 1 - place, self.dead[1])):
-            emptiness = (share * v + dead).reciprocal()
+            filled = share * v + dead
+            known = known & np.all(filled.low[..., 2:] > dead / 2, axis=2)  # also for a piston beyond its ends
+            emptiness = filled.above(dead / 2 + TINY).reciprocal()
             springs.append(emptiness * v**2)
             changes.append((emptiness * v).square() * v)
         by_rate = rate * (springs[0] + springs[1]) * (2 * self.weight)
         by_place = rate.square() * (changes[1] - changes[0]) * self.weight
-        bend = (e.bend_slope * self.bend[:, None]).sum(axis=1)
+        bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)
         found = []
         for k in (0, 1):
-            oil = by_rate * e.rate_slope[:, None, :, k] + by_place * e.place_slope[:, None, :, k]
+            oil = by_rate * e.wide.rate_slope[:, None, :, k] + by_place * e.wide.place_slope[:, None, :, k]
             found.append((oil.sum(axis=2) - bend[:, None, k]).size)
-        return np.stack(found, axis=2)
-
-
-def _spring(volume: Array, share: Array, dead: float) -> Array:
-    """v²/(v x + D): k r² over β ρ² of one chamber with the part x of its swept volume filled."""
-    return np.asarray(volume**2 / (volume * np.maximum(share, 0.0) + dead))
+        return np.stack(found, axis=2), known
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,8 +148,8 @@ def maximum(share: Share, tolerance: float, most_boxes: int) -> Maximum:
 
 def first_boxes(shape: Shape) -> tuple[Array, Array]:
     """The region of a shape cut evenly: corners (m, 3) of boxes of b and scale."""
-    ends = [np.append(shape.low, shape.scale[0]), np.append(shape.high, shape.scale[1])]
-    edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in zip(*ends, FIRST, strict=True)]
+    cuts = zip(*shape.region, FIRST, strict=True)
+    edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
     grids = [np.meshgrid(*[e[part] for e in edges], indexing="ij") for part in (slice(None, -1), slice(1, None))]
     low, high = (np.stack([g.ravel() for g in grid], axis=1) for grid in grids)
     return low, high

@@ -36,10 +36,23 @@ class Interval:
         return interval(other) - self
 
     def __mul__(self, other: Any) -> Interval:
-        other = interval(other)
+        if not isinstance(other, Interval):
+            ends = self.low * other, self.high * other
+            return Interval(np.minimum(*ends), np.maximum(*ends))
+        if np.min(other.low, initial=0.0) >= 0:
+            return other._times(self)
+        if np.min(self.low, initial=0.0) >= 0:
+            return self._times(other)
         a, b = self.low * other.low, self.low * other.high
         c, d = self.high * other.low, self.high * other.high
         return Interval(np.minimum(np.minimum(a, b), np.minimum(c, d)), np.maximum(np.maximum(a, b), np.maximum(c, d)))
+
+    def _times(self, other: Interval) -> Interval:
+        """The product where this one is nowhere negative: what is most of the work."""
+        return Interval(
+            np.minimum(self.low * other.low, self.high * other.low),
+            np.maximum(self.low * other.high, self.high * other.high),
+        )
 
     __radd__ = __add__
     __rmul__ = __mul__

@@ -60,7 +60,7 @@ class OwnLimits:
         scale = self._long_enough(e, scale[kept])
         least = self._least_volumes(e, scale)
         most = np.minimum(self.volume, self.area[1] * (e.stroke.high * scale.high)[:, None])
-        slender = e.open.low * np.sqrt(e.stroke.low * self.buckling)  # at scale 1; grows with its 3/2th power
+        slender = e.wide.open.low * np.sqrt(e.stroke.low * self.buckling)  # at scale 1; grows with its 3/2th power
         scale = self._buildable(e, scale, least, most, slender)
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
         left = np.all(least <= most, axis=1) & (scale.low <= scale.high)
@@ -70,8 +70,8 @@ class OwnLimits:
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
-        low = np.maximum(scale.low, self.arm / e.arm.size[:, : self.ranged].min(axis=1))
-        spare = e.closed.high - e.stroke.low
+        low = np.maximum(scale.low, self.arm / e.wide.arm.size[:, : self.ranged].min(axis=1))
+        spare = e.wide.closed.high - e.stroke.low
         with np.errstate(divide="ignore", invalid="ignore"):
             needed = self.dead_length / spare
         if self.dead_length > 0:

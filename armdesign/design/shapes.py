@@ -17,11 +17,12 @@ Cloud, Introduction to Interval Analysis, 2009, ch. 5 and 6), whose excess falls
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.design.intervals import Interval, interval
 from armdesign.design.pin_boxes import PinBoxes
 from armdesign.design.problem import Problem
@@ -30,26 +31,6 @@ from armdesign.ranges import sweep
 
 LEAST = 1e-9  # of stroke and of |ℓ r|, in units of the scale: both are positive for a cylinder that works
 STRAIGHT = 1e-9  # how far from plane an arm may be
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Enclosure:
-    """What a shape can be over m boxes at n angles, in units of its scale.
-
-    place σ, rate ρ, bend τ and arm r (m, n); their slopes by b (m, n, 2); lengths (m,), ``stroke_slope`` (m, 2).
-    """
-
-    place: Interval
-    rate: Interval
-    bend: Interval
-    arm: Interval
-    place_slope: Interval
-    rate_slope: Interval
-    bend_slope: Interval
-    closed: Interval
-    open: Interval
-    stroke: Interval
-    stroke_slope: Interval
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,67 +51,169 @@ class Shape:
     fixed: tuple[float, float] | None = None
     boxes: PinBoxes | None = None
 
+    @property
+    def region(self) -> tuple[Array, Array]:
+        """Lowest and highest b and scale (3,)."""
+        return np.append(self.low, self.scale[0]), np.append(self.high, self.scale[1])
+
     def at(self, angles: Array) -> Shape:
-        """The same shape at some of its angles, the two ends first."""
-        chosen = np.concatenate([[0, 1], angles]).astype(int)
+        """The same shape at its two ends and, of the angles after them, those of some indices."""
+        chosen = np.concatenate([[0, 1], angles + 2]).astype(int)
         return replace(self, constant=self.constant[chosen], slope=self.slope[chosen])
 
     def enclose(self, low: Array, high: Array) -> Enclosure:
         """Over boxes of b with corners ``low`` and ``high`` (m, 2); exact for boxes of no width."""
-        reach = (high - low) / 2
-        wide, centre = self._natural(Interval(low, high)), self._natural(interval((low + high) / 2))
-        pairs = {"place": "place_slope", "rate": "rate_slope", "bend": "bend_slope", "stroke": "stroke_slope"}
-        cut = {}
-        for name, slope in pairs.items():
-            spread = np.einsum("...k,...k->...", getattr(wide, slope).size, reach[:, None] if name != "stroke" else reach)
-            middle: Interval = getattr(centre, name)
-            cut[name] = getattr(wide, name).within(Interval(middle.low - spread, middle.high + spread))
-        return replace(wide, **cut)
+        middle = (low + high) / 2
+        return Enclosure(Natural(self, Interval(low, high)), Natural(self, interval(middle)), (high - low) / 2)
 
-    def _natural(self, b: Interval) -> Enclosure:
-        lever = b[:, None, :] + self.slope[:, 0]
-        flat = self.constant[:, 0] - (self.slope[:, 0] ** 2).sum(axis=1) / 2
-        u = (lever.square().sum(axis=2) * 0.5 + flat).above(LEAST)
-        first = ((b[:, None, :] * self.slope[:, 1]).sum(axis=2) + self.constant[:, 1]) * self.sign
-        first = first.above(LEAST)  # times sign: the arm vanishes nowhere in the range
-        second = (b[:, None, :] * self.slope[:, 2]).sum(axis=2) + self.constant[:, 2]
-        length = (u * 2).sqrt()
-        inverse = length.reciprocal()
-        along = (lever * inverse[..., None]).within(Interval(np.array(-1.0), np.array(1.0)))
-        arm = first * self.sign * inverse
-        arm_slope = (self.slope[:, 1] - along * arm[..., None]) * inverse[..., None]
-        closed, opened, stroke, stroke_slope = self._ends(length, along)
-        per_stroke = stroke.reciprocal()[:, None]
-        start = along[:, :1] if self.fixed is None else 0.0
-        place = ((length - closed[:, None]) * per_stroke).above(0.0)
-        place = Interval(np.minimum(place.low, 1.0), np.minimum(place.high, 1.0))
-        rate = arm * per_stroke
-        by_first, by_u = first.reciprocal() * self.sign, u.reciprocal()
-        ratio = second * by_first
-        return Enclosure(
-            place=place,
-            rate=rate,
-            bend=ratio - first * self.sign * by_u * 0.5,
-            arm=arm,
-            place_slope=(along - start - place[..., None] * stroke_slope[:, None]) * per_stroke[..., None],
-            rate_slope=(arm_slope - rate[..., None] * stroke_slope[:, None]) * per_stroke[..., None],
-            bend_slope=(self.slope[:, 2] - ratio[..., None] * self.slope[:, 1]) * by_first[..., None]
-            - (self.slope[:, 1] - lever * (first * self.sign * by_u)[..., None]) * by_u[..., None] * 0.5,
-            closed=closed,
-            open=opened,
-            stroke=stroke,
-            stroke_slope=stroke_slope,
-        )
 
-    def _ends(self, length: Interval, along: Interval) -> tuple[Interval, Interval, Interval, Interval]:
-        """Closed and open length, stroke, and the stroke's slope by b."""
-        if self.fixed is not None:
-            one = np.ones(len(length.low))
-            closed, stroke = self.fixed
-            none = interval(np.zeros((len(one), 2)))
-            return interval(closed * one), interval((closed + stroke) * one), interval(stroke * one), none
-        closed, opened = length[:, 0], length[:, 1]
-        return closed, opened, (opened - closed).above(LEAST), along[:, 1] - along[:, 0]
+@dataclass(frozen=True, eq=False)
+class Natural:
+    """What a shape can be over boxes ``b`` (m, 2) at n angles, in units of its scale, by interval arithmetic alone.
+
+    place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths and stroke (m,), its slope (m, 2).
+    What no working cylinder can be (an arm of the other sign, a negative stroke) is cut off; slopes then hold only
+    between working cylinders, which is not enough for a mean value form: see ``whole``.
+    """
+
+    shape: Shape
+    b: Interval
+
+    @cached_property
+    def _lever(self) -> Interval:
+        return self.b[:, None, :] + self.shape.slope[:, 0]
+
+    @cached_property
+    def _uncut(self) -> tuple[Interval, Interval]:
+        """u, and u' with the sign that makes it positive."""
+        flat = self.shape.constant[:, 0] - (self.shape.slope[:, 0] ** 2).sum(axis=1) / 2
+        first = (self.b[:, None, :] * self.shape.slope[:, 1]).sum(axis=2) + self.shape.constant[:, 1]
+        return self._lever.square().sum(axis=2) * 0.5 + flat, first * self.shape.sign
+
+    @cached_property
+    def whole(self) -> Flags:
+        """Whether nothing had to be cut off (m,)."""
+        u, first = self._uncut
+        ends = self.open - self.closed
+        return np.asarray(np.all((u.low >= LEAST) & (first.low >= LEAST), axis=1) & (ends.low >= LEAST))
+
+    @cached_property
+    def _half_square(self) -> Interval:
+        return self._uncut[0].above(LEAST)
+
+    @cached_property
+    def _first(self) -> Interval:
+        """|u'|: the arm vanishes nowhere in the range."""
+        return self._uncut[1].above(LEAST)
+
+    @cached_property
+    def _ratio(self) -> Interval:
+        """u''/u'."""
+        second = (self.b[:, None, :] * self.shape.slope[:, 2]).sum(axis=2) + self.shape.constant[:, 2]
+        return second * self._first.reciprocal() * self.shape.sign
+
+    @cached_property
+    def _length(self) -> Interval:
+        return (self._half_square * 2).sqrt()
+
+    @cached_property
+    def _along(self) -> Interval:
+        """∂ℓ/∂b, a unit vector."""
+        unit = self._lever * self._length.reciprocal()[..., None]
+        return Interval(np.maximum(unit.low, -1.0), np.minimum(unit.high, 1.0))
+
+    @cached_property
+    def arm(self) -> Interval:
+        return self._first * self.shape.sign * self._length.reciprocal()
+
+    @cached_property
+    def closed(self) -> Interval:
+        return self._end(0) if self.shape.fixed is None else interval(np.full(len(self.b.low), self.shape.fixed[0]))
+
+    @cached_property
+    def open(self) -> Interval:
+        return self._end(1) if self.shape.fixed is None else self.closed + self.shape.fixed[1]
+
+    def _end(self, end: int) -> Interval:
+        return self._length[:, end]
+
+    @cached_property
+    def stroke(self) -> Interval:
+        return (self.open - self.closed).above(LEAST)
+
+    @cached_property
+    def stroke_slope(self) -> Interval:
+        return self._along[:, 1] - self._along[:, 0] if self.shape.fixed is None else self._along[:, 0] * 0.0
+
+    @cached_property
+    def place(self) -> Interval:
+        return (self._length - self.closed[:, None]) * self.stroke.reciprocal()[:, None]
+
+    @cached_property
+    def place_slope(self) -> Interval:
+        start = self._along[:, :1] if self.shape.fixed is None else 0.0
+        change = self._along - start - self.place[..., None] * self.stroke_slope[:, None]
+        return change * self.stroke.reciprocal()[:, None, None]
+
+    @cached_property
+    def rate(self) -> Interval:
+        return self.arm * self.stroke.reciprocal()[:, None]
+
+    @cached_property
+    def rate_slope(self) -> Interval:
+        change = (self.shape.slope[:, 1] - self._along * self.arm[..., None]) * self._length.reciprocal()[..., None]
+        change = change - self.rate[..., None] * self.stroke_slope[:, None]
+        return change * self.stroke.reciprocal()[:, None, None]
+
+    @cached_property
+    def bend(self) -> Interval:
+        return self._ratio - self._first * self.shape.sign * self._half_square.reciprocal() * 0.5
+
+    @cached_property
+    def bend_slope(self) -> Interval:
+        first, by_u = self.shape.slope[:, 1], self._half_square.reciprocal()[..., None]
+        by_first = (self._first.reciprocal() * self.shape.sign)[..., None]
+        sweep_of_u = self._lever * (self._first * self.shape.sign)[..., None] * by_u
+        return (self.shape.slope[:, 2] - self._ratio[..., None] * first) * by_first - (first - sweep_of_u) * by_u * 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """What a shape can be over boxes: ``wide`` cut with the mean value form about ``centre``, ``reach`` (m, 2) away.
+
+    Only where the box is whole: else the way from the centre may lead through what was cut off.
+    """
+
+    wide: Natural
+    centre: Natural
+    reach: Array
+
+    @cached_property
+    def place(self) -> Interval:
+        return self._cut("place")
+
+    @cached_property
+    def rate(self) -> Interval:
+        return self._cut("rate")
+
+    @cached_property
+    def bend(self) -> Interval:
+        return self._cut("bend")
+
+    @cached_property
+    def stroke(self) -> Interval:
+        spread = (self.wide.stroke_slope.size * self.reach).sum(axis=1)
+        return self.wide.stroke.within(_around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf)))
+
+    def _cut(self, name: str) -> Interval:
+        slope: Interval = getattr(self.wide, f"{name}_slope")
+        spread = np.where(self.wide.whole[:, None], (slope.size * self.reach[:, None]).sum(axis=2), np.inf)
+        cut: Interval = getattr(self.wide, name).within(_around(getattr(self.centre, name), spread))
+        return cut
+
+
+def _around(centre: Interval, spread: Array) -> Interval:
+    return Interval(centre.low - spread, centre.high + spread)
 
 
 def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
