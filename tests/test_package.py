@@ -20,7 +20,8 @@ ORDER = [
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
     *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
-    "design.optimum",
+    *("design.intervals", "design.pin_boxes", "design.shapes", "design.own_limits", "design.branching"),
+    *("design.duality", "design.bound", "design.optimum"),
     *(
         "simulation.reach",
         "simulation.plant",

@@ -1,9 +1,9 @@
 """An upper bound on the worst frequency that no pins and areas can exceed.
 
-The lowest ω² of a design is at most a sum of shares, one per cylinder, for any prices of rows and oil (``duality``); the
-most that a share can be under the cylinder's own requirements is enclosed from above by branch and bound on intervals
-(``branching``), which no local optimum can fool. Every round of better prices gives a bound; the lowest counts. What
-remains of the gap is duality's: between designs and their mixtures.
+The lowest ω² of a design is at most a sum of shares, one per cylinder, for any prices of rows and oil (``duality``).
+The most that a share can be under the cylinder's own requirements is enclosed from above by branch and bound on
+intervals (``branching``), which no local optimum can fool. Every round of better prices gives a bound; the lowest
+counts. What remains of the gap is duality's: between designs and their mixtures.
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good at, and a
 stiffer arm.
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.codesign import hertz
+from armdesign.design.codesign import Search, hertz
 from armdesign.design.duality import Dual, drives
 from armdesign.design.own_limits import SLACK
 from armdesign.design.problem import Problem
@@ -35,20 +35,17 @@ class Bound:
 
     Attributes:
         frequency: on the poses and load cases of the problem [Hz].
-        mixtures: worst frequency of the best mixture of known designs [Hz]: the bound cannot be tightened below by better
-            prices or finer branching, only by cutting up the pin boxes.
         held: cylinders that it takes as rigid, because nothing is known about all of their designs.
         assumptions: what it takes for granted, in words.
     """
 
     frequency: float
-    mixtures: float
     held: tuple[str, ...]
     assumptions: tuple[str, ...]
 
 
 def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
-    """The bound on all designs of a problem; None where none is known.
+    """The bound on all designs of a problem; None where none is known. Where no pin varies it is the search's own.
 
     Args:
         problem: the design problem.
@@ -59,26 +56,28 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     no cylinder has a joint to itself.
     """
     moving = any(v.pin is not None for v in problem.variables)
+    known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
+    if known is not None:
+        return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     some = () if problem.proportional or (problem.machine.has_bars and moving) else drives(problem)
     if not some:
         return None
     dual = Dual.begun(problem, some, x, rows)
-    best, mixed = _rounds(dual)
+    best = _lowest(dual)
     if not math.isfinite(best):
         return None
     driven = {d.cylinder for d in some}
     held = tuple(c.name for i, c in enumerate(problem.machine.cylinders) if i not in driven)
     return Bound(
         frequency=hertz(best * dual.reference) * (1 + ROUNDING),
-        mixtures=hertz(mixed * dual.reference),
         held=held,
         assumptions=_assumptions(problem, held),
     )
 
 
-def _rounds(dual: Dual) -> tuple[float, float]:
-    """The lowest bound on ω² and the value of the last mixture, over the reference."""
-    best, mixed = math.inf, -math.inf
+def _lowest(dual: Dual) -> float:
+    """The lowest bound on ω² of a few rounds, over the reference."""
+    best = math.inf
     for _ in range(ROUNDS):
         try:
             prices = dual.settled()
@@ -86,21 +85,23 @@ def _rounds(dual: Dual) -> tuple[float, float]:
             break
         tolerance = float(np.clip(0.2 * (best - prices.mixed), FINE, COARSE))
         maxima = dual.branched(prices, tolerance)
-        best, mixed = min(best, prices.constant + sum(m.upper for m in maxima)), prices.mixed
-        if best - mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
+        best = min(best, prices.constant + sum(m.upper for m in maxima))
+        if best - prices.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
             break
         dual.learn(prices, maxima)
-    return best, mixed
+    return best
 
 
 def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
     words = [
         "today's workspace and load cases",
-        f"pins in their boxes and requirements as the optimiser takes them, each wider by {SLACK:g}",
-        "dead volumes as they are",
+        "pins in their boxes, and requirements as the optimiser takes them",
+        "dead volumes in proportion to the areas" if problem.proportional else "dead volumes as they are",
         "moment arms that keep their sign between the poses looked at",
     ]
     if problem.machine.fluid.air > 0:
         words.append("oil without air, which is stiffer")
+    if any(v.pin is not None for v in problem.variables):
+        words.append(f"each requirement wider by {SLACK:g}")
     words += [f"the {name} cylinder rigid" for name in held]
     return tuple(words)

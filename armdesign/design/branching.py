@@ -17,7 +17,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.intervals import Interval
 from armdesign.design.own_limits import OwnLimits
 from armdesign.design.shapes import Enclosure, Natural, Shape
 

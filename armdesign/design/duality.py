@@ -1,12 +1,12 @@
 """Prices that split the design problem into one small problem per cylinder, and what those say.
 
-For any Z_j ⪰ 0 with Σ tr Z_j = 1 and prices μ ≥ 0 of the shared oil the lowest ω² over all rows (poses and load cases) is
-at most, for every design x that the requirements allow,
+For any Z_j ⪰ 0 with Σ tr Z_j = 1 and prices μ ≥ 0 of the shared oil the lowest ω² over all rows (poses and load cases)
+is at most, for every design x that the requirements allow,
 
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
 
-Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a diagonal whose entry there,
-k r² − g H/r, hangs on that cylinder alone. So the maximum over x falls apart.
+Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a diagonal whose entry
+there, k r² − g H/r, hangs on that cylinder alone. So the maximum over x falls apart.
 
 Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each cylinder; designs that are
 worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res. 8, 1960).
@@ -30,8 +30,8 @@ from armdesign.design.sizing import Step, programme
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 SAMPLES = 4000  # designs of each cylinder drawn at first, of which
-KEPT = 400  # allowed ones at most are kept,
-NEAR, SPREAD = 80, 0.03  # and around good ones, within a share of the region
+KEPT = 400  # allowed ones at most are kept
+NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the region
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
@@ -40,7 +40,7 @@ BOXES = 20_000  # branched per cylinder
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drive:
-    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, angle of each row, limits."""
+    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, that of each row."""
 
     cylinder: int
     joint: int
@@ -134,7 +134,7 @@ class Dual:
         pool = _around(some, columns.design, random)
         for k, drive in enumerate(some):
             low, high = drive.shape.region
-            pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3)))[: 5 * KEPT])
+            pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3))))
         reference = max(float(squared.min()), problem.scale)
         return cls(problem, some, watched, reference, watched[np.argsort(squared)[:ROWS]], columns, pool)
 
@@ -192,7 +192,7 @@ class Dual:
 
     def _frames(self, rows: Array) -> tuple[Array, Array]:
         """L⁻¹ over the drives' joints (n, nd, nd), the other joints held, and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
-        joints = [d.joint for d in self.drives]
+        joints = np.array([d.joint for d in self.drives])
         pick = np.ix_(rows, joints, joints)
         inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(self.problem.rows.mass[pick])))
         return inverse, inverse @ self.problem.rows.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference
@@ -279,7 +279,10 @@ def _joined(some: Columns, more: Columns) -> Columns:
 def _allowed(drive: Drive, k: int, designs: Array) -> Columns:
     """Columns of the designs (m, 3) that are allowed, each with five choices of swept volumes."""
     kept, _, volume = drive.limits.allowed(designs, designs)
-    return Columns(drive=np.full(5 * len(kept), k), design=np.repeat(designs[kept], 5, axis=0), volume=volume.reshape(-1, 2))
+    kept, volume = kept[:KEPT], volume[:KEPT]
+    return Columns(
+        drive=np.full(5 * len(kept), k), design=np.repeat(designs[kept], 5, axis=0), volume=volume.reshape(-1, 2)
+    )
 
 
 def _around(some: tuple[Drive, ...], designs: Array, random: np.random.Generator) -> Columns:

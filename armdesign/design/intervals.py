@@ -95,8 +95,3 @@ class Interval:
 def interval(value: Any) -> Interval:
     """An interval as it is; a number or array as one of no width."""
     return value if isinstance(value, Interval) else Interval(np.asarray(value), np.asarray(value))
-
-
-def around(centre: Array, reach: Array) -> Interval:
-    """centre ± reach."""
-    return Interval(centre - reach, centre + reach)

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arrays import Array
+from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, Requirements
@@ -38,10 +40,11 @@ class Design:
         checks: every requirement judged on the new machine.
         worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses [Hz].
-        bound: worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None where none is
-            known.
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
+        problem: the problem that was solved.
+        x: the optimum before rounding.
+        watched: rows of the problem that the search kept an eye on.
     """
 
     machine: Machine
@@ -50,9 +53,11 @@ class Design:
     checks: tuple[Check, ...]
     worth: dict[str, float]
     unrounded: float
-    bound: float | None
     starts: tuple[float, ...]
     workspace: Workspace
+    problem: Problem
+    x: Array
+    watched: Array
 
     @cached_property
     def before(self) -> FrequencyMap:
@@ -76,6 +81,21 @@ class Design:
         from armdesign import plots
 
         return plots.before_after(self, plane)
+
+    @cached_property
+    def certificate(self) -> Bound | None:
+        """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find."""
+        return upper_bound(self.problem, self.x, self.watched)
+
+    @property
+    def bound(self) -> float | None:
+        """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None: none is known."""
+        return self.certificate.frequency if self.certificate else None
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the bound exceeds the optimum before rounding; None where no bound is known."""
+        return None if self.bound is None else self.bound / self.unrounded - 1
 
     @property
     def slacks(self) -> dict[str, float]:
@@ -188,7 +208,6 @@ def _design(search: Search, starts: tuple[float, ...]) -> Design:
     problem = search.problem
     if search.violation > 1e-5:
         raise InfeasibleError(problem.machine.name, f"no design meets {_conflict(search)}", "loosen one of them")
-    bound = search.upper_bound()
     worth = search.worth()
     machine, checks = rounded(search)
     return Design(
@@ -198,9 +217,11 @@ def _design(search: Search, starts: tuple[float, ...]) -> Design:
         checks=checks,
         worth=worth,
         unrounded=hertz(search.squared),
-        bound=bound,
         starts=starts,
         workspace=problem.workspace,
+        problem=problem,
+        x=search.x,
+        watched=search.rows,
     )
 
 

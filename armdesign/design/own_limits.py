@@ -100,7 +100,7 @@ class OwnLimits:
 
 
 def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
-    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most with v2 ≤ v1 − slender √v1, a convex curve; and where any are."""
+    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most with v2 ≤ v1 − slender √v1, a convex curve; where any are."""
 
     def cap_for(annulus: Array) -> Array:
         return np.asarray((slender + np.sqrt(slender**2 + 4 * annulus)) ** 2 / 4)
@@ -132,7 +132,9 @@ def own_limits(problem: Problem, i: int) -> OwnLimits | None:
         return None
     low, high = (end[2 * i : 2 * i + 2] for end in problem.bounds)
     high = np.minimum(high, [r.thrust_share, np.inf])
-    hold = np.pad(np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2), ((0, 0), (2 + len(ranged), 0)))
+    hold = np.pad(
+        np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2), ((0, 0), (2 + len(ranged), 0))
+    )
     return OwnLimits(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
@@ -149,7 +151,7 @@ def own_limits(problem: Problem, i: int) -> OwnLimits | None:
 
 
 def _holding(problem: Problem, i: int) -> tuple[Array, Array]:
-    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques there (n, 2) [N m]."""
+    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m]."""
     joint = problem.machine.linkages[i].joints[0]
     own, torque = problem.workspace.q[problem.rows.pose, joint], problem.rows.gravity[:, joint]
     angles, index = np.unique(own, return_inverse=True)

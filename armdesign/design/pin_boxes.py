@@ -16,8 +16,8 @@ TOUCH = 1e-9  # [m] by which pins may leave their boxes here: rounding
 class PinBoxes:
     """Corners (2, 2: lowest and highest, x and z) [m] of the boxes of both pins, each seen from the joint in its link.
 
-    The triangle is drawn with the rod pin at (scale, 0) and the base pin at scale·b: its direction is the base pin's less
-    the rod pin's.
+    The triangle is drawn with the rod pin at (scale, 0) and the base pin at scale·b: its direction is the base pin's
+    less the rod pin's.
     """
 
     base: Array
@@ -94,7 +94,9 @@ def _directions_meet(low: Array, high: Array, centre: float, first: Array, last:
     corners = np.stack([np.stack([x, z], axis=1) for x in (low[:, 0], high[:, 0]) for z in (low[:, 1], high[:, 1])])
     angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)
     least, most = angle.min(axis=0), angle.max(axis=0)
-    everywhere = np.all((low <= 0) & (high >= 0), axis=1) | (most - least > np.pi)  # at the joint, or on both sides of ±π
+    everywhere = np.all((low <= 0) & (high >= 0), axis=1) | (
+        most - least > np.pi
+    )  # at the joint, or on both sides of ±π
     everywhere |= (first < -np.pi) | (last > np.pi)
     return np.asarray((first <= last) & (everywhere | ((least <= last) & (most >= first))))
 

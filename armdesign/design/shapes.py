@@ -10,8 +10,8 @@ base's place b in those units and the scale. So in all cases, times scale²,
 Stiffness needs less still: with swept volumes v = A S in place of areas, only the piston's place σ = s/S, its rate
 ρ = r/S and the bend τ = H/r = u''/u' − u'/(2u), none of which knows the scale.
 
-Enclosures are the natural interval extension cut with the mean value form f(c) ± Σ max|∂f/∂b_k| δ_k (Moore, Kearfott and
-Cloud, Introduction to Interval Analysis, 2009, ch. 5 and 6), whose excess falls with the square of the box.
+Enclosures are the natural interval extension cut with the mean value form f(c) ± Σ max|∂f/∂b_k| δ_k (Moore, Kearfott
+and Cloud, Introduction to Interval Analysis, 2009, ch. 5 and 6), whose excess falls with the square of the box.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Shape:
 class Natural:
     """What a shape can be over boxes ``b`` (m, 2) at n angles, in units of its scale, by interval arithmetic alone.
 
-    place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths and stroke (m,), its slope (m, 2).
+    place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths, stroke (m,), its slope (m, 2).
     What no working cylinder can be (an arm of the other sign, a negative stroke) is cut off; slopes then hold only
     between working cylinders, which is not enough for a mean value form: see ``whole``.
     """
@@ -124,14 +124,17 @@ class Natural:
 
     @cached_property
     def arm(self) -> Interval:
+        """Moment arm r (m, n)."""
         return self._first * self.shape.sign * self._length.reciprocal()
 
     @cached_property
     def closed(self) -> Interval:
+        """Least length (m,)."""
         return self._end(0) if self.shape.fixed is None else interval(np.full(len(self.b.low), self.shape.fixed[0]))
 
     @cached_property
     def open(self) -> Interval:
+        """Greatest length (m,)."""
         return self._end(1) if self.shape.fixed is None else self.closed + self.shape.fixed[1]
 
     def _end(self, end: int) -> Interval:
@@ -139,38 +142,46 @@ class Natural:
 
     @cached_property
     def stroke(self) -> Interval:
+        """Stroke S (m,)."""
         return (self.open - self.closed).above(LEAST)
 
     @cached_property
     def stroke_slope(self) -> Interval:
+        """∂S/∂b (m, 2)."""
         return self._along[:, 1] - self._along[:, 0] if self.shape.fixed is None else self._along[:, 0] * 0.0
 
     @cached_property
     def place(self) -> Interval:
+        """Piston's place σ = s/S (m, n)."""
         return (self._length - self.closed[:, None]) * self.stroke.reciprocal()[:, None]
 
     @cached_property
     def place_slope(self) -> Interval:
+        """∂σ/∂b (m, n, 2)."""
         start = self._along[:, :1] if self.shape.fixed is None else 0.0
         change = self._along - start - self.place[..., None] * self.stroke_slope[:, None]
         return change * self.stroke.reciprocal()[:, None, None]
 
     @cached_property
     def rate(self) -> Interval:
+        """Its rate ρ = r/S (m, n)."""
         return self.arm * self.stroke.reciprocal()[:, None]
 
     @cached_property
     def rate_slope(self) -> Interval:
+        """∂ρ/∂b (m, n, 2)."""
         change = (self.shape.slope[:, 1] - self._along * self.arm[..., None]) * self._length.reciprocal()[..., None]
         change = change - self.rate[..., None] * self.stroke_slope[:, None]
         return change * self.stroke.reciprocal()[:, None, None]
 
     @cached_property
     def bend(self) -> Interval:
+        """Bend τ = H/r (m, n)."""
         return self._ratio - self._first * self.shape.sign * self._half_square.reciprocal() * 0.5
 
     @cached_property
     def bend_slope(self) -> Interval:
+        """∂τ/∂b (m, n, 2)."""
         first, by_u = self.shape.slope[:, 1], self._half_square.reciprocal()[..., None]
         by_first = (self._first.reciprocal() * self.shape.sign)[..., None]
         sweep_of_u = self._lever * (self._first * self.shape.sign)[..., None] * by_u
@@ -190,18 +201,22 @@ class Enclosure:
 
     @cached_property
     def place(self) -> Interval:
+        """Piston's place σ = s/S (m, n)."""
         return self._cut("place")
 
     @cached_property
     def rate(self) -> Interval:
+        """Its rate ρ = r/S (m, n)."""
         return self._cut("rate")
 
     @cached_property
     def bend(self) -> Interval:
+        """Bend τ = H/r (m, n)."""
         return self._cut("bend")
 
     @cached_property
     def stroke(self) -> Interval:
+        """Stroke S (m,)."""
         spread = (self.wide.stroke_slope.size * self.reach).sum(axis=1)
         return self.wide.stroke.within(_around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf)))
 
@@ -252,7 +267,7 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
 
 
 def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
-    """The shape by moves b [m] of the base pin in its link, within ``reach`` (2, 2), the rod end as it is."""
+    """The shape by moves b [m] of the base pin in its link, within ``reach`` (2, 2); the rod end stays."""
     joint = linkage.joints[0]
     now = linkage.actuation(poses)
     length, arm, curve = now.length, now.moment_arm[:, joint], now.moment_arm_derivative[:, joint, joint]
@@ -267,7 +282,7 @@ def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) 
 
 
 def _shifted(linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float) -> Shape | None:
-    """The shape of a four-bar, or of a cylinder along a slide: a move of its rod pin is one of its base pin backwards."""
+    """The shape of a four-bar or along a slide: a move of the rod pin is one of the base pin backwards."""
     reach = moves.get("base", np.zeros((2, 2)))
     if "rod_end" in moves:
         turn = _turn(linkage, poses)
@@ -296,9 +311,7 @@ def _turned(linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: 
     parts = [np.einsum("ni,nik->nk", p, frame) for p in (unit.value, unit.first[:, 0], unit.second[:, 0, 0])]
     constant = np.tile([0.5, 0.0, 0.0], (len(poses), 1))
     slope = -np.stack(parts, axis=1)
-    return Shape(
-        constant=constant, slope=slope, sign=sign, low=low, high=high, scale=scale, boxes=boxes
-    )
+    return Shape(constant=constant, slope=slope, sign=sign, low=low, high=high, scale=scale, boxes=boxes)
 
 
 def _from_joint(linkage: Linkage, poses: RigidPoses) -> dict[str, Array]:
