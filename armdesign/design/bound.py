@@ -24,8 +24,8 @@ from armdesign.design.problem import Problem
 from armdesign.errors import InfeasibleError
 
 ROUNDS = 6  # of branching
-CLOSE = 5e-3  # of ω², between bound and mixtures, where rounds end
-COARSE, FINE = 0.02, 3e-3  # tolerance of branching, of ω²
+CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
+COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 ROUNDING = 1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
 
 

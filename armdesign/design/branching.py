@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.design.intervals import Interval
 from armdesign.design.own_limits import OwnLimits
 from armdesign.design.shapes import Enclosure, Natural, Shape
 
@@ -63,16 +64,22 @@ class Share:
         mean_value = np.where(known, centre + spread.sum(axis=2), np.inf)
         bound = np.minimum(self._natural(e, vertices), mean_value)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
-        oil = centre[rows, best] + vertices[rows, best] @ self.price
-        by_scale = np.where(known[rows, best], 0.5 * (scale.high / scale.low - 1) * np.abs(oil), 0.0)
         return Boxes(
             low=np.column_stack([low[:, :2], scale.low]),
             high=np.column_stack([high[:, :2], scale.high]),
             bound=bound[rows, best],
             volume=vertices[rows, best],
-            added=np.column_stack([np.where(known[rows, best, None], spread[rows, best], e.reach), by_scale]),
+            added=self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best]),
             source=kept,
         )
+
+    def _added(self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags) -> Array:
+        """What each axis of a box adds to its bound (m, 3), roughly; b and scale also by what the limits leave to v."""
+        worth = np.abs(self._value(e.centre, volume[:, None])[:, 0] + volume @ self.price)
+        by_stroke = worth[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
+        by_scale = 0.25 * worth * (scale.high / scale.low - 1)
+        added = np.column_stack([spread + by_stroke, by_scale])
+        return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(worth))]))
 
     def _natural(self, e: Enclosure, volume: Array) -> Array:
         """Upper bound (m, 5) at swept volumes (m, 5, 2), everything at its end."""

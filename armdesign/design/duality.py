@@ -35,7 +35,7 @@ NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the regi
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
-BOXES = 20_000  # branched per cylinder
+BOXES = 100_000  # branched per cylinder
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -149,10 +149,8 @@ def test_triangles_are_refused_only_where_no_turn_fits_both_pins(name: str) -> N
     assert 0 < fits.sum() < len(points)
     for at, fit in zip(points, fits, strict=True):
         out = np.zeros(len(turns))
-        for pin, (low, high) in (
-            (at[2] * turns, shape.boxes.rod_end),
-            (at[2] * complex(*at[:2]) * turns, shape.boxes.base),
-        ):
+        base = at[2] * complex(*at[:2]) * turns
+        for pin, (low, high) in ((at[2] * turns, shape.boxes.rod_end), (base, shape.boxes.base)):
             for part, a, b in ((pin.real, low[0], high[0]), (pin.imag, low[1], high[1])):
                 out = np.maximum(out, np.maximum(a - part, part - b))
         assert out.min() < 2e-3 if fit else out.min() > 0  # [m]: a step of the turns
