@@ -127,7 +127,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     if design.certificate is not None:
         kind = "sizes and pins" if any(v.pin for v in design.problem.variables) else "sizes with these pins"
         rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
-        note += f"; no {kind} exceed {design.bound:.3f} Hz ({100 * (design.gap or 0.0):.1f} % above it){rigid}"
+        note += f"; no {kind} exceed {design.bound:.3f} Hz (gap {100 * (design.gap or 0.0):.1f} %){rigid}"
     if len(design.starts) > 1:
         note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
     return Sheet(

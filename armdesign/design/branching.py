@@ -58,11 +58,7 @@ class Share:
         kept, scale, vertices = self.limits.allowed(low, high)
         low, high = low[kept], high[kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
-        centre = self._value(e.centre, vertices)
-        slopes, known = self._slopes(e, vertices)
-        spread = slopes * e.reach[:, None]
-        mean_value = np.where(known, centre + spread.sum(axis=2), np.inf)
-        bound = np.minimum(self._natural(e, vertices), mean_value)
+        bound, spread, known = self.enclosed(e, vertices)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
         return Boxes(
             low=np.column_stack([low[:, :2], scale.low]),
@@ -72,6 +68,13 @@ class Share:
             added=self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best]),
             source=kept,
         )
+
+    def enclosed(self, e: Enclosure, volume: Array) -> tuple[Array, Array, Flags]:
+        """Upper bounds (m, 5) at swept volumes (m, 5, 2); what b adds to the mean value form; whether it holds."""
+        slopes, known = self._slopes(e, volume)
+        spread = slopes * e.reach[:, None]
+        mean_value = np.where(known, self._value(e.centre, volume) + spread.sum(axis=2), np.inf)
+        return np.minimum(self._natural(e, volume), mean_value), spread, known
 
     def _added(self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags) -> Array:
         """What each axis of a box adds to its bound (m, 3), roughly; b and scale also by what the limits leave to v."""

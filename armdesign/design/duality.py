@@ -224,7 +224,7 @@ class Dual:
         value = np.einsum("cn,nc->c", entries, prices.weight[:, self.pool.drive]) - self.pool.volume @ prices.oil
         order = np.argsort(-value)
         best = [order[self.pool.drive[order] == k][:2] for k in range(len(self.drives))]
-        return prices.constant + float(sum(value[b[0]] for b in best)), self.pool[np.concatenate(best)]
+        return prices.constant + float(sum(value[b[0]] for b in best if len(b) > 0)), self.pool[np.concatenate(best)]
 
     def _take_rows(self, prices: Prices) -> float:
         """Let the rows enter at which the mixture is lowest, for those of least weight; and how low that is."""
