@@ -196,3 +196,27 @@ def test_shares_hold_stiffness(name: str, seed: int, width: list[float], place: 
     assert np.all(bound[0] >= np.array(values) - ROUNDING * scale)
     none, _, _ = share.enclosed(shape.enclose(at[None, :2], at[None, :2]), volume)
     np.testing.assert_allclose(none[0], values, atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("name", CYLINDERS)
+def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
+    """In a box of no width they are |∂/∂b|, by central differences of the value; 1e-6: their truncation."""
+    problem, i, angles, shape = cylinder(name)
+    limits, random, n = own_limits(problem, i), np.random.default_rng(5), len(angles) + 2
+    assert limits is not None
+    weight, bend = (
+        np.concatenate([[0, 0], random.uniform(size=n - 2)]),
+        np.concatenate([[0, 0], random.normal(size=n - 2)]),
+    )
+    dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
+    share = Share(shape=shape, limits=limits, weight=weight, bend=1e-3 * bend, price=np.zeros(2), dead=dead)
+    volume = (problem.areas_today[i] * problem.machine.cylinders[i].stroke * random.uniform(0.5, 1.5, (5, 2)))[None]
+    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)  # off the telescope's axis
+
+    def value(b: np.ndarray) -> np.ndarray:
+        return share.enclosed(shape.enclose(b[None], b[None]), volume)[0][0]
+
+    steps = 1e-5 * (shape.high - shape.low)
+    slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
+    found = share._slopes(shape.enclose(at[None], at[None]), volume)[0][0]
+    np.testing.assert_allclose(found, np.abs(slopes).T, atol=1e-6 * np.abs(found).max())
