@@ -143,8 +143,10 @@ def _gain(design: Design, units: Units) -> Sheet:
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
-    if design.bound is not None:
-        note += f"; no sizes with these pins exceed {design.bound:.3f} Hz"
+    if design.certificate is not None:
+        kind = "sizes and pins" if any(v.pin for v in design.problem.variables) else "sizes with these pins"
+        rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
+        note += f"; no {kind} exceed {design.bound:.3f} Hz (gap {100 * (design.gap or 0.0):.1f} %){rigid}"
     if len(design.starts) > 1:
         note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
     return Sheet(

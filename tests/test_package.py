@@ -23,7 +23,8 @@ ORDER = [
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),
     *("design.variables", "design.problem", "design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.settling", "design.rounding"),
-    "design.optimum",
+    *("design.intervals", "design.pin_boxes", "design.shapes", "design.own_limits", "design.branching"),
+    *("design.duality", "design.bound", "design.optimum"),
     *(
         "simulation.reach",
         "simulation.plant",

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.check import Check
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.conflict import Conflict, sentence
@@ -46,10 +47,11 @@ class Design:
         checks: every requirement judged on the new machine.
         worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses [Hz].
-        bound: worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None where none is
-            known.
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
+        problem: the problem that was solved.
+        x: the optimum before rounding.
+        watched: rows of the problem that the search kept an eye on.
     """
 
     machine: Machine
@@ -58,9 +60,11 @@ class Design:
     checks: tuple[Check, ...]
     worth: dict[str, float]
     unrounded: float
-    bound: float | None
     starts: tuple[float, ...]
     workspace: Workspace
+    problem: Problem
+    x: Array
+    watched: Array
 
     @cached_property
     def before(self) -> FrequencyMap:
@@ -84,6 +88,21 @@ class Design:
         from armdesign import plots
 
         return plots.before_after(self, plane)
+
+    @cached_property
+    def certificate(self) -> Bound | None:
+        """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find."""
+        return upper_bound(self.problem, self.x, self.watched)
+
+    @property
+    def bound(self) -> float | None:
+        """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None: none is known."""
+        return self.certificate.frequency if self.certificate else None
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the bound exceeds the optimum before rounding; None where no bound is known."""
+        return None if self.bound is None else self.bound / self.unrounded - 1
 
     @property
     def slacks(self) -> dict[str, float]:
@@ -197,7 +216,7 @@ def _multistart(problem: Problem, starts: int, seed: int, workers: int) -> tuple
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
     best.x = settled(problem, best.x)
     best.look()
-    for _ in range(BAR_ROUNDS if problem.machine.has_bars and problem.moving else 0):
+    for _ in range(BAR_ROUNDS if problem.moves_masses else 0):
         # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
         best.problem = replace(problem, bars_at=best.x)
         best.run(trust=0.02, tolerance=1e-5)
@@ -237,7 +256,6 @@ def _design(search: Search, starts: tuple[float, ...]) -> Design:
             raise InfeasibleError(
                 problem.machine.name, "no design was found that meets all requirements", "loosen them"
             )
-    bound = search.upper_bound()
     worth = search.worth()
     machine, checks = rounded(search)
     return Design(
@@ -247,9 +265,11 @@ def _design(search: Search, starts: tuple[float, ...]) -> Design:
         checks=checks,
         worth=worth,
         unrounded=hertz(search.squared),
-        bound=bound,
         starts=starts,
         workspace=problem.workspace,
+        problem=problem,
+        x=search.x,
+        watched=search.rows,
     )
 
 

@@ -22,7 +22,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.cylinder import stiffness
 from armdesign.design.requirements import Requirements
 from armdesign.design.variables import Variable, variables
-from armdesign.linkage import Actuation, Linkage, Move
+from armdesign.linkage import OF_FOUR_BAR, Actuation, Linkage, Move
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 from armdesign.ranges import over, sweep
@@ -105,6 +105,15 @@ class Problem:
         return sorted({v.cylinder for v in self.variables if v.pin is not None})
 
     @cached_property
+    def moves_masses(self) -> bool:
+        """Whether a bar that weighs (barrel, rod, rocker, coupler) follows what moves: inertia then hangs on x."""
+        for i in self.moving:
+            heavy, places = set(self.machine.cylinders[i].moving_masses), {name for name, _ in self.moves(i).values()}
+            if heavy & {"barrel", "rod"} or (heavy and places & set(OF_FOUR_BAR)):
+                return True
+        return False
+
+    @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
         """For each function, whether its bore and whether its rod varies."""
         free = [v.upper > v.lower for v in self.variables[: 2 * len(self.machine.functions)]]
@@ -177,7 +186,7 @@ class Problem:
     @property
     def with_bars_moved(self) -> Machine:
         """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
-        if self.bars_at is None or not self.machine.has_bars:
+        if self.bars_at is None or not self.moves_masses:
             return self.machine
         closed, _ = self._strokes(self.bars_at, self._range_lengths(self.bars_at)[0])
         pairs = zip(self.machine.cylinders, closed[: len(self.machine.cylinders)], strict=True)

@@ -23,7 +23,7 @@ def settled(problem: Problem, x: Array) -> Array:
     something else feels the turning: masses of bars, outlines, clearances, boxes of single pins.
     """
     x, r = x.copy(), problem.requirements
-    felt = problem.machine.has_bars or r.outlines or r.clearances or r.pin_boxes
+    felt = problem.moves_masses or r.outlines or r.clearances or r.pin_boxes
     for i in problem.moving if not felt else ():
         entries, centres, mirrored = _turnable(problem, i)
         if len(entries) == 0:

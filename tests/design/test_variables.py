@@ -15,10 +15,10 @@ from test_problem import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
+from armdesign.design.check import check
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.limits import limits
 from armdesign.design.problem import Problem
-from armdesign.design.check import check
 from armdesign.design.settling import settled
 from armdesign.design.variables import chosen, key_of
 from armdesign.linkage import BARS, OF_FOUR_BAR, PINS
