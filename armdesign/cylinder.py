@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.fluid import bulk_modulus
-from armdesign.valve import Friction, Valve
+from armdesign.valve import Friction, LoadHolding, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
 NO_FRICTION = Friction()
@@ -30,11 +30,18 @@ class Fluid:
 
 @dataclass(frozen=True, kw_only=True)
 class Supply:
-    """Pump pressure and return pressure [Pa], flow [m³/s]."""
+    """Pump pressure and return pressure [Pa], flow [m³/s].
+
+    The pump holds its pressure whatever the functions take, or, ``flow_limited``, gives no more than its flow: it cuts
+    off linearly within the last share ``cut_off`` of its pressure and fills a line of ``line_volume`` [m³].
+    """
 
     pressure: float
     return_pressure: float
     flow: float
+    flow_limited: bool = False
+    cut_off: float = 0.05
+    line_volume: float = 5e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +68,7 @@ class Cylinder:
     rocker_mass: float = 0.0  # [kg] of the four-bar
     coupler_mass: float = 0.0
     valve: Valve | None = None
+    load_holding: LoadHolding | None = None
     friction: Friction = NO_FRICTION
 
     @property

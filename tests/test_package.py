@@ -23,9 +23,13 @@ ORDER = [
     "design.optimum",
     *(
         "simulation.reach",
+        "simulation.hydraulics",
+        "simulation.rest",
         "simulation.plant",
         "simulation.excitation",
         "simulation.identification",
+        "simulation.integrator",
+        "simulation.loop",
         "simulation.motion",
     ),
     *("linearization", "simulation.experiment", "simulation.validation"),
