@@ -95,8 +95,8 @@ def opening(valve: Valve, spool: Any) -> Any:
 def spool_position(valve: Valve, share: Any) -> Any:
     """Inverse of ``opening``: the spool position that opens a share −1…1; it leaps over an overlap.
 
-    Within an underlap o both edges of a port are open, and the net opening grows twice as fast: with a = |share| (1 − o)
-    the spool stands at max(a + o, a/2). In plain operators, fast for a single number too.
+    Within an underlap o both edges of a port are open, so the net opening grows twice as fast: a = |share| (1 − o),
+    and the spool stands at max(a + o, a/2). In plain operators, fast for a single number too.
     """
     way = abs(share) * (1 - valve.overlap)
     size = 0.75 * way + valve.overlap / 2 + abs(way / 2 + valve.overlap) / 2

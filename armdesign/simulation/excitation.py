@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class EvenOpening:
         """Spool position −1…1 for a mean opening."""
         return float(spool_position(self.valve, share * (self.extend if share > 0 else self.retract)))
 
-    def share(self, spool: float) -> float:
-        """Mean opening −1…1 at a spool position: inverse of ``spool``."""
-        wide = float(opening(self.valve, spool))
-        return wide / (self.extend if wide > 0 else self.retract)
+    def share(self, spool: Any) -> Any:
+        """Mean opening −1…1 at spool positions: inverse of ``spool``."""
+        wide = opening(self.valve, spool)
+        return wide / np.where(wide > 0, self.extend, self.retract)

@@ -111,7 +111,7 @@ class Experiment:
     def commands(self, amplitude: float) -> dict[str, Callable[[float], float]]:
         """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
         sweep, trims = self.sweep(amplitude), self.plant.split(self.rest)[4].tolist()
-        centre = self.even.share(trims[self.index])
+        centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
             cylinder.name: partial(_held, trim)
             for cylinder, trim in zip(self.machine.cylinders, trims, strict=True)
@@ -121,7 +121,7 @@ class Experiment:
 
     def asked_speed(self, spool: Array) -> Array:
         """Piston speed [m/s] that the spool's positions (n,) ask for, at the pressures of rest."""
-        return self.even.speed * np.array([self.even.share(x) for x in spool.tolist()])
+        return np.asarray(self.even.speed * self.even.share(spool))
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -36,10 +37,10 @@ T = TypeVar("T", Valve, Friction, Fluid, Supply)
 
 @dataclass(frozen=True, eq=False)
 class Flows:
-    """Flows [m³/s] of n cases: through the valve's edges and reliefs (n, 2, nc), across and past the pistons (n, 2, nc)."""
+    """Flows [m³/s] of n cases: of the oil, each (n, 2, nc)."""
 
     from_supply: Array
-    to_return: Array
+    to_return: Array  # through the valve and the port reliefs
     leakage: Array  # into each chamber: across the piston and to the tank
 
     @property
@@ -87,9 +88,7 @@ class Hydraulics:
         self.friction = stacked([[c.friction for c in row] for row in rows])
         self.fluid = stacked([[machine.fluid] for machine in machines])
         self.supply = stacked([[machine.supply] for machine in machines])
-        self.count, self.closed, self.stroke = (
-            table(lambda c, n=n: getattr(c, n)) for n in ("count", "closed_length", "stroke")
-        )
+        self.count, self.closed, self.stroke = (table(attrgetter(n)) for n in ("count", "closed_length", "stroke"))
         self.compliance = table(lambda c: c.compliance)
         areas = [table(lambda c: c.bore_area), table(lambda c: c.annulus_area)]
         self.areas = np.stack([areas[0], -areas[1]], axis=1)  # signed: F = Σ A p, V̇ = A ṡ
@@ -109,7 +108,7 @@ class Hydraulics:
 
     def _edges(self, table: Callable[[Callable[[Any], float]], Array]) -> None:
         names = ("supply_to_cap", "supply_to_annulus", "cap_to_return", "annulus_to_return")
-        gains = [table(lambda c, n=name: c.valve.gain * getattr(c.valve.edges, n)) for name in names]
+        gains = [table(attrgetter("valve.gain")) * table(attrgetter(f"valve.edges.{name}")) for name in names]
         self._into, self._out = np.stack(gains[:2], axis=1), np.stack(gains[2:], axis=1)
         self._relief_gain = table(lambda c: c.valve.gain)[:, None]
         self._overlap = self.valve.overlap[:, None]

@@ -120,7 +120,8 @@ def integrate(
             if 2 * alive.sum() <= len(alive):
                 left = np.flatnonzero(alive)
                 system, cases = system.picked(left.tolist()), cases[left]
-                time, state, slope, step, alive, most = (x[left] for x in (time, state, slope, step, alive, most))
+                time, state, slope, step = time[left], state[left], slope[left], step[left]
+                alive, most = alive[left], most[left]
     worst = int(np.argmin(time / durations[cases]))
     raise GaveUpError(int(cases[worst]), float(time[worst]), state[worst], f"more than {most_steps} steps")
 

@@ -131,7 +131,7 @@ def simulate(
 def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation]:
     """Many runs as stacked systems, far faster than one by one and with the same results.
 
-    Cases of one shape (joints, their order, cylinders between the same joints) make one system, each with its own steps.
+    Cases of one shape (the same joints, and cylinders between them) make one system, each with steps of its own.
 
     Args:
         cases: the runs; poses, payloads, commands, durations and machines may differ.

@@ -57,8 +57,8 @@ class Evaluation:
 class Plant:
     """Machines of one shape under their payloads as one system of first-order equations; axis 0 is the case.
 
-    State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed; joints in the order of
-    q, the rest in that of the cylinders.
+    State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed; joints in the order
+    of q, the rest in that of the cylinders.
 
     Args:
         machines: one per case; one alone serves any number of cases.
@@ -147,7 +147,7 @@ class Plant:
 
     def evaluate(self, state: Array, command: Array) -> Evaluation:
         """ẏ, and what it was made from."""
-        q, velocity, _, _, line, spool, spool_speed = (state[:, part] for part in self._parts)
+        q, velocity, _, _, _, spool, spool_speed = (state[:, part] for part in self._parts)
         pressures, supply = self.pressures(state), self.supply_pressure(state)
         lengths, moment_arms = self._reach(self.dynamics.frames(q))
         speeds = (moment_arms @ velocity[:, :, None])[:, :, 0]

@@ -139,7 +139,7 @@ def _planes(linkages: Sequence[Linkage]) -> Array:
 
 
 def _signs(linkages: Sequence[Linkage], end: int) -> Array:
-    """Sign (nc, nq) with which each joint moves a pin, base 0 or far 1, as seen from the cylinder's observer; 0: not."""
+    """Sign (nc, nq) with which each joint moves a pin (end 0: base, 1: far), as seen from the observer; 0: not."""
     signs = np.zeros((len(linkages), len(linkages[0].arm.joints)))
     for row, linkage in zip(signs, linkages, strict=True):
         observer = linkage.four_bar.pivot.link if linkage.four_bar else linkage.base.link
