@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 mm = 1e-3
 litre = 1e-3
+ms = 1e-3
 bar = 1e5
 MPa = 1e6
 kN = 1e3

@@ -30,6 +30,7 @@ ORDER = [
         "simulation.identification",
         "simulation.integrator",
         "simulation.loop",
+        "simulation.events",
         "simulation.motion",
     ),
     *("linearization", "simulation.experiment", "simulation.validation"),

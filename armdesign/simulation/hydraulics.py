@@ -100,7 +100,8 @@ class Hydraulics:
         self.relief = np.array(
             [[_relief(machine, c) for c in row] for machine, row in zip(machines, rows, strict=True)]
         )
-        self._stop = self.relief / RELIEF_SHARE * areas[0] / (STOP_SHARE * self.stroke)
+        thrust = np.maximum(self.supply.pressure, self.relief / RELIEF_SHARE) * areas[0]
+        self._stop = thrust / (STOP_SHARE * self.stroke)
         self._edges(table)
         self._holding = [c for row in rows for c in row if c.load_holding is not None] != []
         if self._holding:

@@ -13,6 +13,7 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
+from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
@@ -43,6 +44,7 @@ class Simulation:
         stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J].
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
+        events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
     """
 
     time: Array
@@ -62,6 +64,7 @@ class Simulation:
     supply: Array
     joints: tuple[str, ...]
     cylinders: tuple[str, ...]
+    events: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
@@ -192,7 +195,9 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     q, velocity, _, _, spool, _ = plant.split(body)
     pressures = plant.pressures(body)
     energy = plant.dynamics.energy(0, q, velocity)
-    springs = plant.hydraulics.springs(found.extensions, pressures)
+    springs, supply = plant.hydraulics.springs(found.extensions, pressures), plant.supply_pressure(body)[:, 0]
+    told = [*events(machine, plant.hydraulics, time, found.extensions, pressures, spool, found.flows)]
+    told += pump_events(machine, time, supply, found.flows)
     supplied, oil, dissipated = loop.energies(states)
     tool = machine.arm.point(machine.arm.kinematics(q), machine.tool.link, np.array(machine.tool.at))
     return Simulation(
@@ -210,7 +215,8 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
         supplied=supplied,
         stored=energy - energy[0] + springs - springs[0] + oil,
         dissipated=dissipated,
-        supply=plant.supply_pressure(body)[:, 0].copy(),
+        supply=supply.copy(),
+        events=tuple(words for _, words in sorted(told)),
         joints=machine.joints,
         cylinders=tuple(cylinder.name for cylinder in machine.cylinders),
     )
