@@ -45,11 +45,12 @@ def events(
 
 
 def pump_events(machine: Machine, time: Array, supply: Array, flows: Flows) -> Iterator[tuple[float, str]]:
-    """The same of a pump at n instants: asked for more than its flow, its pressure (n,) [Pa] falls, if it is no ideal."""
+    """The same of a pump that is asked for more than its flow; its pressures are (n,) [Pa]."""
     pump, taken = machine.supply, flows.from_supply.sum(axis=(1, 2))
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
-        words = f"the pump's {pump.flow / l_per_min:.0f} l/min were not enough, supply fell to {supply.min() / bar:.0f} bar"
+        least, flow = supply.min() / bar, pump.flow / l_per_min
+        words = f"the pump's {flow:.0f} l/min were not enough (supply down to {least:.0f} bar)"
         yield from _told(time, low, words)
         return
     words = f"the functions took {taken.max() / l_per_min:.0f} l/min, the pump gives {pump.flow / l_per_min:.0f}"

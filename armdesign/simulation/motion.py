@@ -20,6 +20,7 @@ from armdesign.simulation.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
+FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,8 @@ class Simulation:
         """
         gap = np.abs(self.supplied - self.stored - self.dissipated).max()
         terms = [np.abs(term).max() for term in (self.supplied, self.stored, self.dissipated)]
-        return float(gap / max(*terms, np.ptp(self.energy), np.finfo(float).tiny))
+        least = 1e-9 * np.abs(self.energy).max() + 1e-9  # at rest nothing is exchanged
+        return float(gap / max(*terms, np.ptp(self.energy), least))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -178,13 +180,24 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation]:
 
 
 def _failure(plant: Plant, stop: GaveUpError) -> SimulationError:
-    machine, q = plant.machine, plant.split(stop.state[: plant.size])[0]
+    machine, body = plant.machine, stop.state[: plant.size]
+    q = plant.split(body)[0]
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     return SimulationError(
         f"{machine.name}: simulation",
         f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
-        "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm",
+        _likely_cause(machine, q),
     )
+
+
+def _likely_cause(machine: Machine, q: Array) -> str:
+    """What to look at when an integration has stopped at a pose."""
+    for cylinder, margin in zip(machine.cylinders, machine.margins(q)[0], strict=True):
+        if margin == -np.inf:
+            return f"the four-bar of {cylinder.name} does not close there: command it less far"
+        if margin < -FAR_BEYOND:
+            return f"{cylinder.name} is {-100 * margin:.0f} % of its stroke beyond a stop: command it less far"
+    return "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm"
 
 
 def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
