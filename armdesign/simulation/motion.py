@@ -208,7 +208,10 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     q, velocity, _, _, spool, _ = plant.split(body)
     pressures = plant.pressures(body)
     energy = plant.dynamics.energy(0, q, velocity)
-    springs, supply = plant.hydraulics.springs(found.extensions, pressures), plant.supply_pressure(body)[:, 0]
+    springs, supply = (
+        plant.hydraulics.springs(found.extensions, pressures),
+        np.resize(plant.supply_pressure(body), len(body)),
+    )
     told = [*events(machine, plant.hydraulics, time, found.extensions, pressures, spool, found.flows)]
     told += pump_events(machine, time, supply, found.flows)
     supplied, oil, dissipated = loop.energies(states)
@@ -228,7 +231,7 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
         supplied=supplied,
         stored=energy - energy[0] + springs - springs[0] + oil,
         dissipated=dissipated,
-        supply=supply.copy(),
+        supply=supply,
         events=tuple(words for _, words in sorted(told)),
         joints=machine.joints,
         cylinders=tuple(cylinder.name for cylinder in machine.cylinders),

@@ -104,10 +104,8 @@ class Plant:
         return np.asarray(state[:, self._chambers].reshape(-1, 2, self.nc) * bar)
 
     def supply_pressure(self, state: Array) -> Array:
-        """Supply pressures (n, 1) [Pa] of states (n, size)."""
-        if self.has_line:
-            return np.asarray(state[:, self._parts[4]] * bar)
-        return np.broadcast_to(self.hydraulics.supply.pressure, (len(state), 1))
+        """Supply pressures (n, 1) [Pa] of states (n, size); (1, 1) where one ideal pump serves all."""
+        return np.asarray(state[:, self._parts[4]] * bar if self.has_line else self.hydraulics.supply.pressure)
 
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
         """State (size,) of static equilibrium of one machine at a pose (nq,).

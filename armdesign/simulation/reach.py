@@ -55,7 +55,7 @@ class Reach:
         vectors = (frames.take(self._frames, axis=1) @ self._vectors)[:, :, :3, 0]
         end = vectors[:, nc : 2 * nc]
         if bars:
-            pivot, right, up = np.split(vectors[:, 2 * nc : -joints], 3, axis=1)
+            pivot, right, up = vectors[:, 2 * nc : -joints].reshape(len(frames), 3, -1, 3).transpose(1, 0, 2, 3)
             plane = right + 1j * up
             lug = _dot(end[:, bars] - pivot, plane)
             knee = self._knee(lug)

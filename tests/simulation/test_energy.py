@@ -48,7 +48,7 @@ def test_closed_and_undamped_nothing_comes_or_goes(excavator: Machine) -> None:
 
 
 def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
-    """By the trapezoidal rule from the recorded flows and pressures: the boom sinks, its cap drains, its annulus fills."""
+    """By the trapezoidal rule from the records: the boom sinks, its cap drains, its annulus fills."""
     run = simulate(excavator, WORST, {"boom": pulse(-0.05, 1.0)}, duration=1.0, rate=2000)
     supply, back = excavator.supply.pressure, excavator.supply.return_pressure
     into, out = run.flows[:, 0, 1], -run.flows[:, 0, 0]

@@ -67,7 +67,7 @@ def test_valve_larger_than_the_pump(excavator: Machine, pump: str) -> None:
 
 
 def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
-    """Lifting steadily at full spool, the whole flow goes into the cap: ṡ = Q/A1; the supply falls below its pressure."""
+    """Lifting steadily at full spool, the whole flow goes into the cap: ṡ = Q/A1; the supply falls."""
     damped = {"cylinder.boom.friction.viscous_N_s_per_m": 1e5, "supply.pump": "flow_limited"}
     damped |= {"supply.flow_l_per_min": 150.0}
     run = simulate(excavator.replace(damped), LEVEL, {"boom": always(1.0)}, duration=2.0, tolerance=1e-7)
@@ -79,7 +79,7 @@ def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
 
 
 def test_flow_limited_pump_keeps_the_modes(excavator: Machine) -> None:
-    """Shut valves do not feel the pump: natural frequencies are those of the ideal one; its pressure is one more state."""
+    """Shut valves do not feel the pump: natural frequencies stay; its pressure is one more state."""
     limited = excavator.replace({"supply.pump": "flow_limited"})
     model = linearize(limited, WORST)
     assert model.A.shape == (19, 19)
@@ -122,7 +122,7 @@ def holding(machine: Machine, **changes: object) -> Machine:
 
 
 def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
-    """The spool opens either way with a dead pump: without pilot pressure the load stays, and sinks without the valve."""
+    """The spool opens either way, the pump is dead: the load stays, and sinks without the valve."""
     changes = {f"cylinder.{c}.valve.relief_bar": 385.0 for c in CYLINDERS} | {"supply.return_pressure_bar": 0.0}
     machine = excavator.replace(changes)
     dead = dataclasses.replace(machine.supply, pressure=0.0)
@@ -134,8 +134,8 @@ def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
             )  # fmt: skip
             ways.append(run.extensions[-1, 0] - run.extensions[0, 0])
             told(run)
-        assert ways[0] < -0.05
-        assert abs(ways[1]) < 0.02
+        assert ways[0] < -0.03
+        assert abs(ways[1]) < 1e-6
 
 
 def test_load_holding_valve_lowers_on_pilot_pressure(excavator: Machine) -> None:
@@ -172,6 +172,6 @@ def test_no_result_is_cut_short(cases: int) -> None:
 
 
 def test_likely_causes(excavator: Machine) -> None:
-    assert "the four-bar of bucket does not close there" in motion._likely_cause(excavator, np.array([0.3, -1.2, 1.5]))
+    assert "the four-bar of bucket does not close there" in motion._likely_cause(excavator, np.array([0.3, -1.2, 2.5]))
     assert "of its stroke beyond a stop" in motion._likely_cause(excavator, np.array([2.0, -1.2, -1.0]))
     assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL))
