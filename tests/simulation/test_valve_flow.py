@@ -13,6 +13,7 @@ from armdesign.simulation.hydraulics import Hydraulics
 from armdesign.units import bar, l_per_min
 from armdesign.valve import (
     LAMINAR_DROP,
+    Edges,
     Friction,
     Valve,
     friction_force,
@@ -76,6 +77,32 @@ def test_ports() -> None:
     """Extending: 350 − 100 = 250 bar into the cap, 50 − 10 = 40 bar out of the annulus; retracting: 90 out, 300 in."""
     expected = [60 * 5, -60 * 2, -60 * 3, 60 * math.sqrt(30)]
     assert ports(lifting(), 1.0) + ports(lifting(), -1.0) == pytest.approx(expected, rel=TURBULENT)
+
+
+def test_edges_have_gains_of_their_own() -> None:
+    """As above, times 2 out of the cap and 0.5 into the annulus."""
+    machine = lifting(edges=Edges(cap_to_return=2.0, supply_to_annulus=0.5))
+    expected = [60 * 5, -60 * 2, -2 * 60 * 3, 0.5 * 60 * math.sqrt(30)]
+    assert ports(machine, 1.0) + ports(machine, -1.0) == pytest.approx(expected, rel=TURBULENT)
+
+
+def test_underlap_opens_both_edges_in_the_middle() -> None:
+    """Underlap 0.25: at the middle each edge is open by 0.25/1.25 = 0.2, at 0.25 one by 0.4 and the other shut."""
+    machine = lifting(overlap=-0.25)
+    assert ports(machine, 0.0) == pytest.approx([0.2 * 60 * (5 - 3), 0.2 * 60 * (math.sqrt(30) - 2)], rel=2e-3)
+    assert ports(machine, 0.25) == pytest.approx([0.4 * 60 * 5, -0.4 * 60 * 2], rel=TURBULENT)
+
+
+@pytest.mark.parametrize("share", [-1.0, -0.3, -0.1, 0.0, 0.05, 0.7])
+def test_spool_position_with_underlap(share: float) -> None:
+    valve = replace(VALVE, overlap=-0.25)
+    assert opening(valve, spool_position(valve, share)) == pytest.approx(share, abs=1e-15)
+
+
+def test_tank_leakage() -> None:
+    """Shut: (100 − 10) and (50 − 10) bar × 0.02 l/min/bar leave the chambers, (100 − 50) × 0.01 cross the piston."""
+    machine = lifting(tank_leakage=0.02 * l_per_min / bar, leakage=0.01 * l_per_min / bar)
+    assert ports(machine, 0.0) == pytest.approx([-1.8 - 0.5, -0.8 + 0.5])
 
 
 def test_friction_curve() -> None:
