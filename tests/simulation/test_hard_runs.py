@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+import machines
 import numpy as np
 import pytest
 
@@ -172,6 +173,9 @@ def test_no_result_is_cut_short(cases: int) -> None:
 
 
 def test_likely_causes(excavator: Machine) -> None:
-    assert "the four-bar of bucket does not close there" in motion._likely_cause(excavator, np.array([0.3, -1.2, 2.5]))
+    short = machines.named("four_bar_left")
+    turns = [np.array([0.0, 0.0, angle]) for angle in np.linspace(-3.0, 3.0, 60)]
+    broken = next(q for q in turns if np.isneginf(short.margins(q)).any())
+    assert "the four-bar of tilt does not close there" in motion._likely_cause(short, broken)
     assert "of its stroke beyond a stop" in motion._likely_cause(excavator, np.array([2.0, -1.2, -1.0]))
     assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL))
