@@ -16,7 +16,7 @@ import numpy as np
 from armdesign.errors import ArmDesignError
 from armdesign.fluid import bulk_modulus
 from armdesign.units import MPa
-from armdesign.valve import Friction, Valve
+from armdesign.valve import Friction, LoadHolding, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
 STEEL_DENSITY = 7850.0  # [kg/m³]
@@ -35,11 +35,18 @@ class Fluid:
 
 @dataclass(frozen=True, kw_only=True)
 class Supply:
-    """Pump pressure and return pressure [Pa], flow [m³/s]."""
+    """Pump pressure and return pressure [Pa], flow [m³/s].
+
+    The pump holds its pressure whatever the functions take, or, ``flow_limited``, gives no more than its flow: it cuts
+    off linearly within the last share ``cut_off`` of its pressure and fills a line of ``line_volume`` [m³].
+    """
 
     pressure: float
     return_pressure: float
     flow: float
+    flow_limited: bool = False
+    cut_off: float = 0.05
+    line_volume: float = 5e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +69,7 @@ class Actuator(ABC):
     hose_modulus: float = 700e6
     compliance: float = 0.0  # [m/N], of a motor [rad/(N m)], in series with the oil, all together
     valve: Valve | None = None
+    load_holding: LoadHolding | None = None
     friction: Friction = NO_FRICTION
 
     @property

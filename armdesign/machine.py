@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign import foreign, machine_file, parts
-from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
+from armdesign.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.cylinder import Actuator, Cylinder, Fluid, Motor, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError, choose
@@ -335,10 +335,11 @@ class Machine:
         added = of_points(points)
         return mass + added[0], gravity + added[1], slope + added[2]
 
-    def dynamics(self) -> Dynamics:
-        """Forward dynamics of links, payload at work and bars; each has scratch data of its own."""
+    @property
+    def loaded_arm(self) -> LoadedArm:
+        """Links, payload at work and bars: what moves in a simulation."""
         load = self.payload
-        return Dynamics(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
+        return LoadedArm(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
 
     @property
     def has_bars(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -12,14 +13,15 @@ from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.schema import (
     CylinderSection,
     FluidSection,
+    LoadHoldingSection,
     MachineSection,
     MotorSection,
     PinSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm
-from armdesign.valve import Friction, Valve
+from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
+from armdesign.valve import Edges, Friction, LoadHolding, Valve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +60,9 @@ def supply(section: SupplySection) -> Supply:
         pressure=section.pressure_bar * bar,
         return_pressure=section.return_pressure_bar * bar,
         flow=section.flow_l_per_min * l_per_min,
+        flow_limited=section.pump == "flow_limited",
+        cut_off=section.cut_off_percent / 100,
+        line_volume=section.line_volume_l * litre,
     )
 
 
@@ -94,6 +99,21 @@ def _valve(section: ValveSection) -> Valve:
         damping_ratio=section.damping_ratio,
         overlap=section.overlap_percent / 100,
         leakage=section.leakage_l_per_min_per_bar * l_per_min / bar,
+        tank_leakage=section.tank_leakage_l_per_min_per_bar * l_per_min / bar,
+        fastest=math.inf if section.stroke_time_ms is None else 1 / (section.stroke_time_ms * ms),
+        relief=None if section.relief_bar is None else section.relief_bar * bar,
+        edges=Edges(**section.edges.model_dump()),
+    )
+
+
+def _load_holding(section: LoadHoldingSection) -> LoadHolding:
+    return LoadHolding(
+        side=section.side,
+        setting=section.setting_bar * bar,
+        pilot_ratio=section.pilot_ratio,
+        opening_range=section.opening_range_bar * bar,
+        rated_flow=section.rated_flow_l_per_min * l_per_min,
+        rated_drop=section.rated_drop_bar * bar,
     )
 
 
@@ -119,6 +139,7 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
         rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
         coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
         valve=_valve(section.valve) if section.valve else None,
+        load_holding=_load_holding(section.load_holding) if section.load_holding else None,
         friction=Friction(
             coulomb=friction.coulomb_N,
             static=friction.static_N or friction.coulomb_N,

@@ -41,6 +41,7 @@ UNITS = {  # by the end of the key, longer ends first
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "ms": "ms",
     "percent": "%",
     "MPa": "MPa",
     "bar": "bar",
@@ -93,8 +94,20 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "compliance_rad_per_N_m": "of gear and mounting in series, at the joint",
     "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "per metering edge",
-    "overlap_percent": "of full spool stroke",
+    "overlap_percent": "of full spool stroke; negative: underlap",
     "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
+    "tank_leakage_l_per_min_per_bar": "from each chamber to the tank, all parallel cylinders together",
+    "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
+    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
+    "edges": "gains of the four metering edges, relative to the rated flow",
+    "load_holding": "counterbalance or pilot-operated check valve on one chamber",
+    "side": "the chamber that it holds",
+    "setting_bar": "chamber pressure that opens it without pilot pressure",
+    "pilot_ratio": "weight of the other chamber's pressure in opening it",
+    "opening_range_bar": "from where it opens to where it is fully open",
+    "pump": "ideal: holds its pressure; flow_limited: gives no more than its flow",
+    "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
+    "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "requirements": "what a new design must keep, relative to today's machine",
@@ -169,6 +182,9 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
+    pump: Literal["ideal", "flow_limited"] = "ideal"
+    cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
+    line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
 
 class DeadVolumeSection(Section):
@@ -198,6 +214,26 @@ class FourBarSection(Section):
     coupler_kg: Mass = 0.0
 
 
+class EdgesSection(Section):
+    """Gains of the four metering edges relative to the rated flow."""
+
+    supply_to_cap: Ratio = 1.0
+    supply_to_annulus: Ratio = 1.0
+    cap_to_return: Ratio = 1.0
+    annulus_to_return: Ratio = 1.0
+
+
+class LoadHoldingSection(Section):
+    """A counterbalance or pilot-operated check valve between the 4/3 valve and one chamber."""
+
+    side: Literal["cap", "annulus"]
+    setting_bar: Pressure
+    pilot_ratio: Annotated[float, Field(ge=0, le=100)]
+    opening_range_bar: Pressure = 30.0
+    rated_flow_l_per_min: Flow
+    rated_drop_bar: Pressure
+
+
 class ValveSection(Section):
     """The 4/3 valve of a function, for all its parallel cylinders together."""
 
@@ -205,8 +241,12 @@ class ValveSection(Section):
     rated_drop_bar: Pressure
     natural_frequency_hz: Annotated[float, Field(gt=0, le=10_000)]
     damping_ratio: Annotated[float, Field(gt=0, le=10)]
-    overlap_percent: Annotated[float, Field(ge=0, lt=100)] = 0.0
+    overlap_percent: Annotated[float, Field(gt=-100, lt=100)] = 0.0
     leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    tank_leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    stroke_time_ms: Annotated[float, Field(gt=0, le=100_000)] | None = None
+    relief_bar: Pressure | None = None
+    edges: EdgesSection = EdgesSection()
 
 
 class FrictionSection(Section):
@@ -236,6 +276,7 @@ class CylinderSection(Section):
     compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0
     hose: HoseSection = HoseSection()
     valve: ValveSection | None = None
+    load_holding: LoadHoldingSection | None = None
     friction: FrictionSection = FrictionSection()
 
 

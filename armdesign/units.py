@@ -13,6 +13,7 @@ from dataclasses import dataclass
 mm = 1e-3
 litre = 1e-3
 cm3 = 1e-6
+ms = 1e-3
 bar = 1e5
 MPa = 1e6
 kN = 1e3
