@@ -28,7 +28,7 @@ ORDER = [
         "simulation.identification",
         "simulation.motion",
     ),
-    *("linearization", "simulation.experiment", "simulation.validation"),
+    *("linearization", "simulation.experiment", "simulation.validation", "paper"),
     *("plots", "report", "comparison", "cli"),
 ]
 # Results draw themselves: two lines that open the door to drawing when they are asked to.
@@ -38,6 +38,7 @@ UPWARDS = {
     ("simulation.validation", "plots"),
     ("simulation.motion", "plots"),
     ("linearization", "plots"),
+    ("paper", "plots"),
 }
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"arm"},
