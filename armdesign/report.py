@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from armdesign.design.optimum import Design
+    from armdesign.design.pareto import Pareto
     from armdesign.inspection import Inspection
     from armdesign.linkage import Pin
     from armdesign.machine import Machine
@@ -261,6 +262,33 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         note=f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest static pressure of the "
         "loaded chamber",
         bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
+    )
+
+
+def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
+    """What the worst frequency costs: a row for each limit, all else over today's."""
+    box = found.against == "pin_box"
+    digs = "digging_share" in found.frame
+    rows = [("today", f"{found.designs[0].before.worst.frequency:.3f} Hz", *4 * ("",), *digs * ("",))]
+    for row in found.frame.to_dict("records"):
+        shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
+        rows.append(
+            (
+                units.text(row["limit"], "m") if box else f"{row['limit']:g}",
+                f"{row['frequency_hz']:.3f} Hz",
+                f"{100 * row['gain']:+.1f} %",
+                *(f"{share:.3f}" for share in shares),
+                f"{row['squared_times_speed']:.2f}",
+            )
+        )
+    each = "; oil of one cylinder's side at most 1.1 × the limit" if found.against == "oil" else ""
+    return Sheet(
+        title=f"{found.today.section.title or found.today.name}: worst natural frequency against {found.against}",
+        columns=("limit", "frequency", "gain", "oil", "thrust", *(["digging"] if digs else []), "f² × speed"),
+        rows=tuple(rows),
+        note="; ".join(
+            [f"oil, largest thrust, least digging torque and f² × speed over today's{each}", *found.sentences]
+        ),
     )
 
 

@@ -24,7 +24,7 @@ ORDER = [
     *("design.variables", "design.problem", "design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.settling", "design.rounding"),
     *("design.intervals", "design.pin_boxes", "design.shapes", "design.own_limits", "design.branching"),
-    *("design.duality", "design.bound", "design.optimum"),
+    *("design.duality", "design.bound", "design.optimum", "design.pareto"),
     *(
         "simulation.reach",
         "simulation.hydraulics",
@@ -44,6 +44,7 @@ ORDER = [
 UPWARDS = {
     ("maps", "plots"),
     ("design.optimum", "plots"),
+    ("design.pareto", "plots"),
     ("simulation.validation", "plots"),
     ("simulation.motion", "plots"),
     ("linearization", "plots"),

@@ -130,6 +130,7 @@ def optimize(
     starts: int = STARTS,
     seed: int = 0,
     workers: int = 1,
+    start: Design | None = None,
 ) -> Design:
     """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
 
@@ -143,15 +144,19 @@ def optimize(
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
+        start: a design of the same machine under other limits, where the first start is then made.
 
     Raises:
-        ArmDesignError: a word or path of ``vary`` that names nothing that can vary.
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine.
         InfeasibleError: no design meets the requirements.
     """
     chosen(machine, vary)
     workspace, requirements = _defaults(machine, workspace, requirements)
     problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
-    best, reached = _multistart(problem, starts if problem.moving else 1, seed, workers)
+    if start is not None and _names(start.today) != _names(machine):
+        raise ArmDesignError("start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it")
+    given = None if start is None else problem.like(start.x, start.problem)
+    best, reached = _multistart(problem, starts if problem.moving else 1, seed, workers, given)
     return _design(best, reached)
 
 
@@ -195,15 +200,24 @@ def _defaults(
     return workspace or Workspace.grid(machine, end_margin=requirements.end_margin), requirements
 
 
-def _multistart(problem: Problem, starts: int, seed: int, workers: int) -> tuple[Search, tuple[float, ...]]:
-    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz].
+def _names(machine: Machine) -> tuple[str, ...]:
+    """Joints and functions."""
+    return (*machine.joints, *(function.name for function in machine.functions))
+
+
+def _multistart(
+    problem: Problem, starts: int, seed: int, workers: int, given: Array | None = None
+) -> tuple[Search, tuple[float, ...]]:
+    """The best of several starts, finished; and what each start reached [Hz].
+
+    They are the one given, if any, today's machine and random pins.
 
     Every start is followed roughly; those that come near the best are finished.
     """
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.variables])
-    searches: list[Search] = []
-    for k in range(max(starts, 1)):
+    searches = [] if given is None else [Search(problem=problem, x=given)]
+    for k in range(max(starts, 1) - len(searches)):
         x = problem.start.copy()
         x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
         x = np.clip(x, *problem.bounds)

@@ -161,6 +161,13 @@ class Problem:
                 made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
         return made
 
+    def like(self, x: Array, other: Problem) -> Array:
+        """The design ``x`` of another problem of this machine as one of this problem, as far as it varies here."""
+        pins = zip(x, other.variables, strict=True)
+        moved = {(v.cylinder, v.pin, v.axis): float(value) * other.box for value, v in pins if v.pin is not None}
+        here = [moved.get((v.cylinder, v.pin, v.axis), 0.0) / self.box for v in self.variables if v.pin is not None]
+        return np.clip(np.concatenate([(other.areas(x) / self.areas_today).ravel(), here]), *self.bounds)
+
     def closes(self, x: Array) -> bool:
         """Whether every four-bar closes over its joint's range."""
         pairs = zip(self.linkages(x), self.ranges, strict=True)
