@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdesign.bands import Bands
 from armdesign.cylinder import Cylinder, kind, static_pressures
 from armdesign.units import WORKSHOP, Units
 
@@ -133,7 +134,8 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, sizes and pins, what binds, forces and oil, percentiles, of one design."""
     spread = spread_sheet({"today": design.before, "new": design.after})
-    return [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
+    sheets = [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
+    return [*sheets, *([] if design.bands == Bands() else [_bands(design)])]
 
 
 def _gain(design: Design, units: Units) -> Sheet:
@@ -158,6 +160,27 @@ def _gain(design: Design, units: Units) -> Sheet:
         rows=tuple(rows),
         note=note,
         bold=(2,),
+    )
+
+
+def _bands(design: Design) -> Sheet:
+    rows = [
+        (label, *(f"{frequency:.3f} Hz" for frequency in (band.low.frequency, band.nominal, band.high.frequency)))
+        for label, band in (("today", design.band_before), ("new", design.band_after))
+    ]
+    shares = {"oil": "bulk_modulus", "dead volume": "dead_volume", "payload": "payload", "links": "link_mass"}
+    words = [
+        f"{word} {low:g} to {high:g} ×" for word, name in shares.items() for low, high in [getattr(design.bands, name)]
+    ]
+    if design.bands.air:
+        words.append("entrained air {:g} to {:g} %".format(*(100 * air for air in design.bands.air)))
+    made_for = "" if design.problem.bands == Bands() else "; the new machine was made for the least"
+    return Sheet(
+        title="Worst frequency within the bands of what is not known exactly",
+        columns=("", "least", "as in the file", "greatest"),
+        rows=tuple(rows),
+        note=f"{', '.join(words)}; on the workspace's poses{made_for}",
+        bold=(1,),
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands, FrequencyBand, frequency_band
 from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.check import Check
 from armdesign.design.codesign import Search, hertz
@@ -46,7 +47,8 @@ class Design:
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
         worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
-        unrounded: worst frequency of the optimum before rounding, on the workspace's poses [Hz].
+        unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
+            was made for [Hz].
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
         problem: the problem that was solved.
@@ -83,6 +85,21 @@ class Design:
         own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
         return frequency_map(self.machine, own)
 
+    @property
+    def bands(self) -> Bands:
+        """What is not known exactly: the bands it was made for; those of the machine's file if it was made for none."""
+        return Bands.of(self.today) if self.problem.bands == Bands() else self.problem.bands
+
+    @cached_property
+    def band_before(self) -> FrequencyBand:
+        """Today's worst frequency within the bands, on the workspace's poses."""
+        return frequency_band(self.today, self.workspace, self.bands)
+
+    @cached_property
+    def band_after(self) -> FrequencyBand:
+        """The new machine's worst frequency within the bands, on the same poses."""
+        return frequency_band(self.machine, self.workspace, self.bands)
+
     def plot(self, plane: str = "joints") -> Any:
         """Maps before and after on one colour scale over two joints or over reach and height; returns the figure."""
         from armdesign import plots
@@ -92,7 +109,7 @@ class Design:
     @cached_property
     def certificate(self) -> Bound | None:
         """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find."""
-        return upper_bound(self.problem, self.x, self.watched)
+        return upper_bound(self.problem.softened, self.x, self.watched)
 
     @property
     def bound(self) -> float | None:
@@ -131,6 +148,7 @@ def optimize(
     seed: int = 0,
     workers: int = 1,
     start: Design | None = None,
+    bands: Bands | None = None,
 ) -> Design:
     """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
 
@@ -145,6 +163,8 @@ def optimize(
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
         start: a design of the same machine under other limits, where the first start is then made.
+        bands: what is not known exactly. The frequency that rises is then the worst within them; requirements are
+            judged at the values of the file. None: all is exact, whatever bands the file states.
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine.
@@ -152,7 +172,9 @@ def optimize(
     """
     chosen(machine, vary)
     workspace, requirements = _defaults(machine, workspace, requirements)
-    problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
+    problem = Problem(
+        machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary), bands=bands or Bands()
+    )
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError("start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it")
     given = None if start is None else problem.like(start.x, start.problem)

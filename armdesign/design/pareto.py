@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.design.check import digging_forces
 from armdesign.design.optimum import STARTS, Design, optimize
 from armdesign.design.requirements import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
@@ -57,8 +56,8 @@ class Pareto:
 
         ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``: of the optimum, on
         the workspace's poses; ``gain``. ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
-        ``thrust_share``: largest of any cylinder; ``digging_share``: least of those whose digging counts (no column
-        where none does); ``pin_move_m``: largest move of any pin coordinate or bar. ``squared_times_speed``:
+        ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose digging counts (no
+        column where none does); ``pin_move_m``: largest move of any pin coordinate or bar. ``squared_times_speed``:
         frequency² × 1/``oil_share``, which is what the pump's flow makes of the speed, over today's.
         """
         import pandas as pd
@@ -161,10 +160,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         sum(getattr(c, area) * c.stroke for c, _ in pairs) / sum(getattr(c, area) * c.stroke for _, c in pairs)
         for area in ("bore_area", "annulus_area")
     )
-    digging = {}
-    if design.requirements.digging:
-        forces, old = digging_forces(new), digging_forces(today)
-        digging = {"digging_share": min(forces[name] / old[name] for name in design.requirements.digging)}
+    digging = [c.slack for c in design.checks if c.name.startswith("digging.")]  # of today's torque
     moved = np.abs(design.x[[v.pin is not None for v in design.problem.variables]]).max(initial=0.0)
     return {
         "limit": limit,
@@ -174,7 +170,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "oil_share": oil,
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
-        **digging,
+        **({"digging_share": design.requirements.digging_share + min(digging)} if digging else {}),
         "pin_move_m": float(moved * design.problem.box),
         "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,
     }
