@@ -1,6 +1,6 @@
 """How far do new bores and rods alone, with all pins where they are, raise every machine's lowest frequency?
 
-PLACEHOLDER
+By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is found by 0.9 %.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What does a design cost and gain that is made for the worst of payload, air and oil on the 20 t excavator?
 
-PLACEHOLDER
+Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the optimum for the
+file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser grids, as its optima differ in air).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ OUT = Path("out") / "06_robust"
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
     """Frequency bands of today's machine and of both optima; ``fast`` takes a coarse grid and one start."""
     machine = ad.load(MACHINE)
-    workspace = ad.Workspace.grid(machine, points=7 if fast else None)
+    workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     designs = {
         made_for: ad.optimize(machine, workspace, starts=1 if fast else 3, bands=bands)
         for made_for, bands in (("file", None), ("bands", BANDS))
