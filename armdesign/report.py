@@ -147,6 +147,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     ]
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
+    note += "" if design.problem.bands == Bands() else "; in the worst of the bands"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     if design.certificate is not None:
         kind = "sizes and pins" if any(v.pin for v in design.problem.variables) else "sizes with these pins"

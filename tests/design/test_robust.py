@@ -107,4 +107,7 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
         for f in (found.band_before.low.frequency, found.band_before.nominal, found.band_before.high.frequency)
     )
     assert "oil 0.7 to 1.1 ×" in sheet.note
+    robust = report.design_sheets(ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated)))
+    assert "; in the worst of the bands; optimum before rounding" in robust[0].note
+    assert robust[-1].note.endswith("; the new machine was made for the least")
     assert "bands" not in report.design_sheets(ad.size_cylinders(machine, workspace))[-1].title
