@@ -1,4 +1,4 @@
-"""The hydraulic cylinder: areas, oil spring, static pressures, buckling.
+"""The hydraulic cylinder: areas, oil spring, static pressures, buckling, mass.
 
 All formulas are elementwise on arrays; areas and volumes are those of all parallel cylinders of a function together.
 They accept complex numbers, so that a complex step gives their exact derivative.
@@ -12,10 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.errors import ArmDesignError
 from armdesign.fluid import bulk_modulus
+from armdesign.units import MPa
 from armdesign.valve import Friction, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
+STEEL_DENSITY = 7850.0  # [kg/m³]
+BARREL_STRESS = 355e6 / 1.5  # [Pa] yield strength of E355 tube (EN 10305-1) over a safety of 1.5
 NO_FRICTION = Friction()
 
 
@@ -184,3 +188,40 @@ def euler_safety(bore: Any, rod: Any, open_length: Any, supply_pressure: float) 
     inertia = math.pi * rod**4 / 64
     thrust = supply_pressure * math.pi / 4 * bore**2
     return math.pi**2 * STEEL_MODULUS * inertia / (open_length**2 * thrust)
+
+
+def barrel_ratio(pressure: Any) -> Any:
+    """Outer over inner diameter of a barrel that just carries a pressure [Pa].
+
+    Lamé's thick wall yields inside first, where σ_θ − σ_r = 2 p k²/(k² − 1); equal to σ = ``BARREL_STRESS`` (Tresca)
+    that gives k² = σ/(σ − 2 p). For a thin wall it is Barlow's t = p D/(2 σ).
+
+    Raises:
+        ArmDesignError: no wall carries the pressure, 2 p ≥ σ.
+    """
+    if np.any(np.real(pressure) < 0) or np.any(2 * np.real(pressure) >= BARREL_STRESS):
+        raise ArmDesignError(
+            "supply.pressure",
+            f"no steel barrel carries {np.max(np.real(pressure)) / MPa:.4g} MPa (0 to {BARREL_STRESS / 2 / MPa:.4g} MPa)",
+            "lower it",
+        )
+    return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
+
+
+def estimated_mass(bore: Any, rod: Any, stroke: Any, pressure: Any) -> Any:
+    """Mass of one cylinder [kg]: barrel, bottom, gland, piston and rod of steel, without oil, ports and eyes.
+
+    Piston, gland and bottom are each half a bore long, the usual proportion; the rod passes through piston and gland.
+    The barrel's wall is ``barrel_ratio`` of the pressure. Complex-safe.
+
+    Args:
+        bore: inner diameter D [m].
+        rod: its diameter d [m].
+        stroke: S [m].
+        pressure: that the barrel is made for [Pa]; the supply's.
+    """
+    part = bore / 2
+    outer = (barrel_ratio(pressure) * bore) ** 2
+    barrel, bottom = (outer - bore**2) * (stroke + 2 * part), outer * part
+    rings, bar = (bore**2 - rod**2) * 2 * part, rod**2 * (stroke + 2 * part)
+    return STEEL_DENSITY * math.pi / 4 * (barrel + bottom + rings + bar)

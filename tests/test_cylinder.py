@@ -9,9 +9,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.cylinder import (
+    BARREL_STRESS,
     Cylinder,
     Fluid,
     Supply,
+    barrel_ratio,
+    estimated_mass,
     euler_safety,
     holding_force,
     oil_stiffness,
@@ -19,6 +22,7 @@ from armdesign.cylinder import (
     static_pressures,
     stiffness,
 )
+from armdesign.errors import ArmDesignError
 from armdesign.fluid import bulk_modulus
 from armdesign.units import MPa, bar
 
@@ -140,3 +144,30 @@ def test_holding_force_and_buckling_by_hand() -> None:
     assert_allclose(holding_force(0.01, 0.006, supply, np.array([True, False])), [94e3, 50e3])
     load = math.pi**2 * 210e9 * (math.pi * 0.05**4 / 64) / 2.0**2
     assert_allclose(euler_safety(0.1, 0.05, 2.0, 100 * bar), load / (100 * bar * math.pi * 0.05**2), rtol=1e-12)
+
+
+def test_barrel_wall() -> None:
+    """Limiting case p → 0: Barlow's thin wall t = p D/(2 σ); and Lamé's stresses inside a wall of finite thickness."""
+    thin = 1e-5 * BARREL_STRESS
+    assert_allclose((barrel_ratio(thin) - 1) / 2, thin / (2 * BARREL_STRESS), rtol=1e-4)
+    p, k = 35 * MPa, barrel_ratio(35 * MPa)
+    hoop, radial = p * (k**2 + 1) / (k**2 - 1), -p
+    assert_allclose(hoop - radial, BARREL_STRESS, rtol=1e-12)
+
+
+def test_mass_by_hand() -> None:
+    """By hand, 120/85 mm × 1260 mm at 350 bar: k² = 236.67/166.67 = 1.42, so D_a² = 0.020448 m².
+
+    Barrel 0.006048 · 1.38, bottom 0.020448 · 0.06, rings 0.007175 · 0.12, rod 0.007225 · 1.38 [m³], × 7850 π/4 kg/m³.
+    """
+    volume = 0.006048 * 1.38 + 0.020448 * 0.06 + 0.007175 * 0.12 + 0.007225 * 1.38
+    assert_allclose(estimated_mass(0.12, 0.085, 1.26, 350 * bar), 7850 * math.pi / 4 * volume, rtol=1e-6)
+
+
+def test_mass_derivatives_and_limit() -> None:
+    """Complex step against the derivative by hand: a longer stroke adds tube wall and rod, nothing else."""
+    step = estimated_mass(0.12, 0.085, 1.26 + 1e-30j, 350 * bar).imag / 1e-30
+    wall = 0.12**2 * (barrel_ratio(350 * bar) ** 2 - 1)
+    assert_allclose(step, 7850 * math.pi / 4 * (wall + 0.085**2), rtol=1e-12)
+    with pytest.raises(ArmDesignError, match="no steel barrel carries 118"):
+        estimated_mass(0.12, 0.085, 1.26, 118.4 * MPa)
