@@ -202,8 +202,8 @@ def barrel_ratio(pressure: Any) -> Any:
     if np.any(np.real(pressure) < 0) or np.any(2 * np.real(pressure) >= BARREL_STRESS):
         raise ArmDesignError(
             "supply.pressure",
-            f"no steel barrel carries {np.max(np.real(pressure)) / MPa:.4g} MPa (0 to {BARREL_STRESS / 2 / MPa:.4g} MPa)",
-            "lower it",
+            f"no steel barrel carries {np.max(np.real(pressure)) / MPa:.4g} MPa",
+            f"give 0 to {BARREL_STRESS / 2 / MPa:.4g} MPa",
         )
     return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
 
