@@ -19,8 +19,8 @@ ORDER = [
     *("urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "inspection"),
-    *("design.requirements", "design.problem", "design.limits", "design.sizing", "design.codesign", "design.rounding"),
-    "design.optimum",
+    *("design.requirements", "design.catalogue", "design.choices", "design.problem", "design.limits"),
+    *("design.sizing", "design.codesign", "design.selection", "design.rounding", "design.optimum"),
     *(
         "simulation.reach",
         "simulation.plant",

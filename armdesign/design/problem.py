@@ -17,6 +17,7 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import stiffness
+from armdesign.design.catalogue import relative_areas
 from armdesign.design.requirements import Requirements
 from armdesign.linkage import Actuation, Linkage
 from armdesign.machine import Machine
@@ -90,6 +91,7 @@ class Problem:
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
     proportional: bool = False  # dead volumes grow with the areas
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
+    sizes: tuple[tuple[float, float] | None, ...] = ()  # bore and rod of cylinders for which they are chosen [m]
 
     # ------------------------------------------------------------------------------------------------ variables
 
@@ -102,9 +104,12 @@ class Problem:
     def variables(self) -> list[Variable]:
         """Entries of x: all areas (fixed unless they vary), then the pins that move."""
         made = []
-        for i in range(len(self.machine.cylinders)):
+        for i, cylinder in enumerate(self.machine.cylinders):
+            size = self.sizes[i] if self.sizes else None
             for axis in (0, 1):
                 low, high = (0.1, max(2.0, self.requirements.thrust_share)) if "areas" in self.vary else (1.0, 1.0)
+                if size is not None:
+                    low = high = relative_areas(cylinder, *size)[axis]
                 made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
         if "pins" in self.vary and self.box > 0:
             for i, linkage in enumerate(self.machine.linkages):
@@ -124,6 +129,14 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper end of every entry of x."""
         return np.array([v.lower for v in self.variables]), np.array([v.upper for v in self.variables])
+
+    def placed(self, x: Array) -> Machine:
+        """Today's machine with the pins, closed lengths and strokes of x; bores and rods are today's."""
+        places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=True)
+        cylinders = tuple(
+            dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke)) for c, closed, stroke in places
+        )
+        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(x)))
 
     def areas(self, x: Array) -> Array:
         """Bore and annulus areas of all parallel cylinders together (nc, 2) [m²]."""
@@ -161,10 +174,7 @@ class Problem:
         """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
         if self.bars_at is None or not self.machine.has_bars:
             return self.machine
-        closed, _ = self._strokes(self.bars_at, self._range_lengths(self.bars_at)[0])
-        pairs = zip(self.machine.cylinders, closed, strict=True)
-        cylinders = tuple(dataclasses.replace(c, closed_length=float(length)) for c, length in pairs)
-        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(self.bars_at)))
+        return self.placed(self.bars_at)
 
     @cached_property
     def _inverse_cholesky(self) -> Array:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue import size_in_mm
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Check, check, static_loads
@@ -67,6 +68,8 @@ def _better(machine: Machine, checks: tuple[Check, ...], search: Search) -> tupl
 def _hardly_gained(search: Search) -> bool:
     """Whether today's machine is allowed and the optimum less than 1 % above it, which rounding may eat up."""
     problem = search.problem
+    if problem.sizes:  # today's machine need not be in the catalogue
+        return False
     if search.squared > 1.02 * problem.frequencies(problem.start).min():
         return False
     checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
@@ -92,6 +95,9 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
         rod = 2 * math.sqrt((a1 - a2) / cylinder.count / math.pi) / mm
         wanted += [bore, rod]
         options += [_neighbours(bore), _neighbours(rod)] if "areas" in problem.vary else [[bore], [rod]]
+    if problem.sizes:
+        wanted = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
+        options = [[size] for size in wanted]
     choices = sorted(
         itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.subtract(c, wanted)).sum())
     )[:COMBINATIONS]

@@ -1,0 +1,148 @@
+"""Sizes that each cylinder may have, what they leave of every requirement, and why none may be left.
+
+With pins given and as many cylinders as joints, static forces do not depend on the sizes. Then every requirement is of
+one cylinder (thrust, holding, buckling), or a sum over the cylinders (oil): its slack at a combination of sizes is
+
+    slack = slack of the frame + Σ_i change by the size of cylinder i,
+
+and ``requirements.check``, asked once for every size of every cylinder, knows all combinations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.cylinder import Cylinder
+from armdesign.design.catalogue import Sizes, sized
+from armdesign.design.requirements import Requirements, check, static_loads
+from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.machine import Machine
+from armdesign.workspace import Workspace
+
+TOLERANCE = 1e-9  # of a slack
+TOUCHED = 1e-12  # a slack that moves less hangs on other things
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choices:
+    """Cylinders to choose from, and the requirements that they share.
+
+    Attributes:
+        cylinders: of every function, the cylinders that meet all requirements of their own.
+        slack: of the shared requirements (m,), without the changes, and the tolerance; a combination is allowed at ≥ 0.
+        changes: of every function, what each of its cylinders changes on them (sizes, m).
+    """
+
+    cylinders: tuple[tuple[Cylinder, ...], ...]
+    slack: Array
+    changes: tuple[Array, ...]
+
+
+def choices(
+    frame: Machine,
+    today: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    sizes: Sizes,
+    proportional: bool = False,
+    tolerance: float = TOLERANCE,
+) -> Choices:
+    """Which sizes of a catalogue each cylinder of ``frame`` may have.
+
+    Args:
+        frame: the machine whose pins, strokes and oil count; its own sizes do not.
+        today: the machine that requirements and proportional dead volumes refer to.
+        workspace: today's.
+        requirements: the limits.
+        sizes: bores and rods of the catalogue.
+        proportional: dead volumes grow with the areas.
+        tolerance: by which a requirement may be missed, for pins that are not final.
+
+    Raises:
+        ArmDesignError: more cylinders than joints.
+        InfeasibleError: no combination meets the requirements; names the fewest that exclude each other.
+    """
+    if len(frame.cylinders) > len(frame.joints):
+        raise ArmDesignError(
+            "catalogue",
+            f"{frame.name} has {len(frame.cylinders)} cylinders on {len(frame.joints)} joints: "
+            "their static forces hang on the sizes",
+            "choose sizes without a catalogue",
+        )
+    limits = replace(requirements, pin_box=requirements.box(today, workspace))
+    loads = static_loads(frame, workspace)
+    options, changes = [], []
+    before = check(frame, today, workspace, limits, loads)
+    slack = np.array([c.slack for c in before])
+    for i, old in enumerate(today.cylinders):
+        stroke, closed = frame.cylinders[i].stroke, frame.cylinders[i].closed_length
+        made = [
+            replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed) for bore, rod in sizes
+        ]
+        machines = (replace(frame, cylinders=(*frame.cylinders[:i], c, *frame.cylinders[i + 1 :])) for c in made)
+        tried = [[c.slack for c in check(machine, today, workspace, limits, loads)] for machine in machines]
+        options.append(made)
+        changes.append(np.array(tried) - slack)
+    return _allowed(frame.name, [c.name for c in before], slack + tolerance, options, changes)
+
+
+def _allowed(name: str, names: list[str], slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Choices:
+    """What is left of the options when each meets the requirements of its own cylinder."""
+    touched = np.array([np.any(np.abs(change) > TOUCHED, axis=0) for change in changes])
+    columns = np.flatnonzero(touched.any(axis=0))
+    if not _possible(slack, changes, touched, columns):
+        raise InfeasibleError(name, f"no sizes of the catalogue meet {_conflict(names, slack, changes, touched)}",
+                              "loosen them or offer more sizes")  # fmt: skip
+    own, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
+    kept = [_meeting(slack, change, np.flatnonzero(own & touched[i])) for i, change in enumerate(changes)]
+    return Choices(
+        cylinders=tuple(tuple(made[o] for o in keep) for made, keep in zip(options, kept, strict=True)),
+        slack=slack[shared],
+        changes=tuple(change[np.ix_(keep, shared)] for change, keep in zip(changes, kept, strict=True)),
+    )
+
+
+def _meeting(slack: Array, change: Array, columns: Array) -> Array:
+    """Rows of ``change`` that meet the requirements in ``columns``."""
+    return np.flatnonzero(np.all(slack[columns] + change[:, columns] >= 0, axis=1))
+
+
+def _possible(slack: Array, changes: list[Array], touched: Array, columns: Array) -> bool:
+    """Whether some combination meets the requirements in ``columns``."""
+    own = touched.sum(axis=0) == 1
+    shared = columns[~own[columns]]
+    reached = slack[None, shared]
+    for i, change in enumerate(changes):
+        left = change[_meeting(slack, change, columns[own[columns] & touched[i, columns]])]
+        if len(left) == 0:
+            return False
+        before, more = _undominated(reached), _undominated(left[:, shared])
+        reached = (before[:, None] + more).reshape(len(before) * len(more), len(shared))
+    return bool(np.any(np.all(reached >= 0, axis=1)))
+
+
+def _undominated(points: Array) -> Array:
+    """Points (n, m) than which no other is at least as large in everything."""
+    kept = []
+    while len(points) > 0:
+        best = points[points.sum(axis=1).argmax()]
+        kept.append(best)
+        points = points[np.any(points > best, axis=1)]
+    return np.array(kept)
+
+
+def _conflict(names: list[str], slack: Array, changes: list[Array], touched: Array) -> str:
+    """Requirements that no combination meets together while any one less could be met; what a lone one is missed by."""
+    columns = np.flatnonzero(touched.any(axis=0))
+    best = slack + sum(change.max(axis=0) for change in changes)
+    missed = columns[best[columns] < 0]
+    if len(missed) > 0:
+        return " and ".join(f"{names[c]} (the nearest misses it by {100 * -best[c]:.2g} %)" for c in missed)
+    for column in columns:
+        fewer = columns[columns != column]
+        if not _possible(slack, changes, touched, fewer):
+            columns = fewer
+    return " together with ".join(names[c] for c in columns)
