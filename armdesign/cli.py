@@ -47,6 +47,11 @@ PointsOption = Annotated[
 ]
 
 
+CatalogueOption = Annotated[
+    str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
+]
+
+
 class Habit(StrEnum):
     """Units of printed tables."""
 
@@ -96,6 +101,7 @@ def optimize(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
+    catalogue: CatalogueOption = "",
     units: UnitsOption = Habit.workshop,
 ) -> None:
     """Find new sizes and pins; write the machine.
@@ -106,7 +112,7 @@ def optimize(
 
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out)
-        design = _design(model, workspace, vary, say)
+        design = _design(model, workspace, vary, catalogue, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
     _print(report.design_sheets(design, units.units))
@@ -144,6 +150,7 @@ def design(
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
+    catalogue: CatalogueOption = "",
     units: UnitsOption = Habit.workshop,
 ) -> None:
     """The main job: all three, and report.html.
@@ -154,7 +161,7 @@ def design(
 
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out)
-        answer = _design(model, workspace, "areas,pins", say)
+        answer = _design(model, workspace, "areas,pins", catalogue, say)
         validations = {}
         for label, frequencies in (("today", answer.before), ("new", answer.after)):
             say(f"simulating the worst pose, {label}")
@@ -250,12 +257,17 @@ def new(
     print(f"next: armdesign map {folder / f'{name}.toml'}")
 
 
-def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str], None]) -> Design:
+def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say: Callable[[str], None]) -> Design:
+    from armdesign.design.catalogue import read_sizes
     from armdesign.design.optimum import optimize, size_cylinders
 
     words = tuple(word.strip() for word in vary.split(",") if word.strip())
     say("looking for better sizes and pins" if "pins" in words else "looking for better sizes")
-    made = size_cylinders(model, workspace) if words == ("areas",) else optimize(model, workspace, vary=words)
+    offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
+    if words == ("areas",):
+        made = size_cylinders(model, workspace, catalogue=offered)
+    else:
+        made = optimize(model, workspace, vary=words, catalogue=offered)
     say("mapping the new machine")
     _ = made.before, made.after
     return made

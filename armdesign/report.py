@@ -125,7 +125,9 @@ def _gain(design: Design, units: Units) -> Sheet:
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     if design.bound is not None:
-        note += f"; no sizes with these pins exceed {design.bound:.3f} Hz"
+        kind = "combination of the catalogue" if design.catalogue else "choice of sizes"
+        proved = " (proved: the best)" if design.bound < design.unrounded * (1 + 1e-9) else ""
+        note += f"; no {kind} with these pins exceeds {design.bound:.3f} Hz{proved}"
     if len(design.starts) > 1:
         note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
     return Sheet(

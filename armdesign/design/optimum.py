@@ -50,6 +50,7 @@ class Design:
             known.
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
+        catalogue: whether bores and rods are those of a catalogue.
     """
 
     machine: Machine
@@ -61,6 +62,7 @@ class Design:
     bound: float | None
     starts: tuple[float, ...]
     workspace: Workspace
+    catalogue: bool = False
 
     @cached_property
     def before(self) -> FrequencyMap:
@@ -299,6 +301,7 @@ def _design(search: Search, starts: tuple[float, ...], chosen: Selection | None 
         bound=bound,
         starts=starts,
         workspace=problem.workspace,
+        catalogue=bool(problem.sizes),
     )
 
 
