@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armdesign import formulas as formulas
+    from armdesign.design.least import least as least
     from armdesign.design.optimum import Design as Design
     from armdesign.design.optimum import optimize as optimize
     from armdesign.design.optimum import size_cylinders as size_cylinders
@@ -55,6 +56,7 @@ _HOME = {
     "Design": "design.optimum",
     "optimize": "design.optimum",
     "size_cylinders": "design.optimum",
+    "least": "design.least",
     "Simulation": "simulation.motion",
     "simulate": "simulation.motion",
     "Validation": "simulation.validation",

@@ -21,6 +21,7 @@ ORDER = [
     *("workspace", "maps", "inspection"),
     *("design.requirements", "design.catalogue", "design.choices", "design.problem", "design.limits"),
     *("design.sizing", "design.codesign", "design.selection", "design.rounding", "design.optimum"),
+    "design.least",
     *(
         "simulation.reach",
         "simulation.plant",

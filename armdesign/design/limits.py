@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import STEEL_MODULUS, euler_safety
+from armdesign.cylinder import STEEL_MODULUS, estimated_mass, euler_safety
 from armdesign.design.problem import STEP, Problem
 from armdesign.errors import InfeasibleError
 from armdesign.poses import static_forces
@@ -55,6 +55,8 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     areas, (closed, stroke) = problem.stepped_areas(x), problem.stepped_strokes(x)
     _oil(problem, areas, stroke, stack)
     _sizes(problem, areas, closed, stroke, stack)
+    if problem.requirements.cylinder_mass is not None:
+        _mass(problem, areas, stroke, problem.requirements.cylinder_mass, stack)
     _moment_arms(problem, x, areas, stack)
     _holding(problem, x, areas, holding_rows(problem, x) if holding is None else holding, stack)
     return stack.limits()
@@ -89,6 +91,15 @@ def _sizes(problem: Problem, areas: Array, closed: Array, stroke: Array, stack: 
         needed = open_length * np.sqrt(buckling_factor(problem, i) * (1 + 4 * tight) * areas[:, i, 0])
         rod_area = areas[:, i, 0] - areas[:, i, 1]
         stack.add(f"buckling.{cylinder.name}", (rod_area - needed) / today, 0.005 * float(needed[0].real) / today)
+
+
+def _mass(problem: Problem, areas: Array, stroke: Array, limit: float, stack: _Stack) -> None:
+    """Estimated mass of all cylinders together."""
+    counts = np.array([c.count for c in problem.machine.cylinders]) * math.pi / 4
+    bores, rods = np.sqrt(areas[:, :, 0] / counts), np.sqrt((areas[:, :, 0] - areas[:, :, 1]) / counts)
+    each = estimated_mass(bores, rods, stroke, problem.machine.supply.pressure)
+    mass = (each * counts * 4 / math.pi).sum(axis=1)
+    stack.add("cylinder_mass", 1 - problem.tightening - mass / limit, 0.01)
 
 
 def buckling_factor(problem: Problem, i: int) -> float:

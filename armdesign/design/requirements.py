@@ -13,7 +13,7 @@ import numpy as np
 
 from armdesign.arm import Arm
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, euler_safety, holding_force
+from armdesign.cylinder import Cylinder, estimated_mass, euler_safety, holding_force
 from armdesign.errors import ArmDesignError
 from armdesign.linkage import Linkage
 from armdesign.machine import Machine
@@ -40,6 +40,7 @@ class Requirements:
         digging_share: their digging force, at least.
         pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest distance from the
             first joint to the tool.
+        cylinder_mass: estimated mass of all cylinders together [kg], at most; None: no such limit.
     """
 
     end_margin: float = 0.02
@@ -52,10 +53,11 @@ class Requirements:
     digging: tuple[str, ...] = ()
     digging_share: float = 0.95
     pin_box: float | None = None
+    cylinder_mass: float | None = None
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name == "digging" or (name == "pin_box" and value is None):
+            if name == "digging" or (name in ("pin_box", "cylinder_mass") and value is None):
                 continue
             if not (np.isfinite(value) and value >= 0):
                 raise ArmDesignError(f"requirements.{name}", f"{value!r} is not allowed", "give a number ≥ 0")
@@ -142,7 +144,16 @@ def check(
         checks += _cylinder(new, old, requirements, machine)
         checks += _geometry(new, old, linkage, old_linkage, today, requirements)
         checks += _box(new, linkage, old_linkage, requirements.box(today, workspace))
+    if requirements.cylinder_mass is not None:
+        mass, words = cylinder_mass(machine), "estimated mass of all cylinders"
+        checks.append(_at_most("cylinder_mass", mass, requirements.cylinder_mass, "kg", words))
     return tuple(checks)
+
+
+def cylinder_mass(machine: Machine) -> float:
+    """Estimated mass of all cylinders together [kg]."""
+    pressure = machine.supply.pressure
+    return float(sum(c.count * estimated_mass(c.bore, c.rod, c.stroke, pressure) for c in machine.cylinders))
 
 
 def _oil(machine: Machine, today: Machine, requirements: Requirements) -> list[Check]:
