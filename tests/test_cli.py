@@ -67,6 +67,24 @@ def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Pat
     assert "results/here" in done.stdout
 
 
+def test_optimize_from_a_catalogue_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The machine written has sizes of the list, and the report says that they are proved the best."""
+    (tmp_path / "own.csv").write_text("bore_mm,rod_mm\n120,85\n140,100\n115,85\n", encoding="utf-8")
+    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    assert main([*words, "--catalogue", str(tmp_path / "own.csv")], monkeypatch) == 0
+    machine = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
+    assert {(round(c.bore, 9), round(c.rod, 9)) for c in machine.cylinders} <= {
+        (0.12, 0.085),
+        (0.14, 0.1),
+        (0.115, 0.085),
+    }
+    assert "combination of the catalogue" in " ".join(capsys.readouterr().out.split())
+    assert main([*words, "--catalogue", "din"], monkeypatch) == 2
+    assert 'catalogue: "din" is not known' in capsys.readouterr().err
+
+
 def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "a"
     assert main(["map", "excavator_20t", "--out", str(out), "--points", "3,3,5"], monkeypatch) == 0

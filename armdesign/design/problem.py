@@ -77,6 +77,40 @@ class Rows:
     slope: Array
 
 
+@dataclass(eq=False)
+class Still:
+    """What areas leave alone when no pin moves, of all rows: lengths, static forces, and L⁻¹r and L⁻¹K L⁻ᵀ without oil.
+
+    length, force (n, nc), arm (n, nc, nq), rest (n, nq, nq). It remembers the last look at all rows.
+    """
+
+    length: Array
+    force: Array
+    arm: Array
+    rest: Array
+    seen: tuple[bytes, Array] | None = None
+
+    def look(self, problem: Problem, x: Array, rows: Array | None) -> tuple[Array, Array]:
+        """As ``Problem.look``."""
+        if rows is not None:
+            return self._squared(problem, x, rows), self.force[rows]
+        if self.seen is None or self.seen[0] != x.tobytes():
+            self.seen = (x.tobytes(), self._squared(problem, x, slice(None)))
+        return self.seen[1], self.force
+
+    def _squared(self, problem: Problem, x: Array, rows: Array | slice) -> Array:
+        arm, cylinders = self.arm[rows], problem.machine.cylinders
+        closed, stroke = (np.array([getattr(c, name) for c in cylinders]) for name in ("closed_length", "stroke"))
+        oil = problem.oil(self.length[rows], closed, stroke, problem.areas(x), self.force[rows])
+        return _lowest(self.rest[rows] + np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None]))
+
+
+def _lowest(scaled: Array) -> Array:
+    """Lowest eigenvalues (n,), 0 where a matrix is not finite."""
+    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
+    return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """Cylinders and pins of ``machine`` over ``workspace`` under ``requirements``; ``vary`` some of "areas" and "pins".
@@ -221,29 +255,31 @@ class Problem:
 
     def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
+        if self._still is not None:
+            return self._still.look(self, x, rows)
         rows = np.arange(len(self)) if rows is None else rows
-        if self._fixed is not None:
-            g, back = self._fixed, self.rows.pose[rows]
-        else:
-            poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                g = self.geometry(x, self.workspace.rigid[poses])
+        poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            g = self.geometry(x, self.workspace.rigid[poses])
         strokes = self._strokes(x, self._range_lengths(x)[0])
         arm = g.arm[back]
         forces = static_forces(arm, self.rows.gravity[rows], self.areas(x)[:, 0])
         matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, self.areas(x), rows, forces)
         lower = self._inverse_cholesky[rows]
         scaled = lower @ matrix @ np.swapaxes(lower, 1, 2)
-        bad = ~np.isfinite(scaled).all(axis=(1, 2))
-        scaled[bad] = 0.0
-        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0]), forces
+        return _lowest(scaled), forces
 
     @cached_property
-    def _fixed(self) -> Geometry | None:
-        """Today's geometry at all poses where no pin varies."""
-        if any(v.pin is not None for v in self.variables):
+    def _still(self) -> Still | None:
+        """What areas leave alone, where no pin varies and static forces do not hang on the areas."""
+        if any(v.pin is not None for v in self.variables) or len(self.machine.cylinders) != len(self.machine.joints):
             return None
-        return self.geometry(self.start, self.workspace.rigid)
+        g, pose = self.geometry(self.start, self.workspace.rigid), self.rows.pose
+        arm, lower = g.arm[pose], self._inverse_cholesky
+        forces = static_forces(arm, self.rows.gravity, self.areas_today[:, 0])
+        rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
+        turned = np.swapaxes(lower, 1, 2)
+        return Still(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
     @cached_property
     def scale(self) -> float:
@@ -311,7 +347,11 @@ class Problem:
         """K of rows: hydraulic + gravity + geometric (n, nq, nq); complex-safe."""
         if forces is None:
             forces = static_forces(arm, self.rows.gravity[rows], areas[:, 0])
-        slope = self.rows.slope[rows]
+        weighted = arm * self.oil(length, closed, stroke, areas, forces)[:, :, None]
+        return np.swapaxes(arm, 1, 2) @ weighted + self.rows.slope[rows] - np.einsum("nc,ncij->nij", forces, curve)
+
+    def oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
+        """Oil stiffness of every cylinder (n, nc) [N/m] at its lengths, areas (nc, 2) and static forces."""
         fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
         oil = []
         for i, cylinder in enumerate(self.machine.cylinders):
@@ -325,8 +365,7 @@ class Problem:
                 )
             extension = length[:, i] - closed[i]
             oil.append(stiffness(cylinder, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
-        weighted = arm * np.stack(oil, axis=1)[:, :, None]
-        return np.swapaxes(arm, 1, 2) @ weighted + slope - np.einsum("nc,ncij->nij", forces, curve)
+        return np.stack(oil, axis=1)
 
     # -------------------------------------------------------------------------------------------------- strokes
 

@@ -91,8 +91,11 @@ def test_one_actuator_by_hand() -> None:
 
 
 def test_two_actuators_share_the_oil() -> None:
-    """By hand: of two bores, 100 (today's) and 105, oil for 2.06 of today's cap volumes is enough for one of the
-    larger (1 + 1.1025 = 2.1025 > 2.06 only if strokes were equal: the shares are those of the swept volumes)."""
+    """By hand: of 100/63 (today's) and 105/67 each stroke can be filled by either, the oil decides which.
+
+    The larger bore sweeps 1.1025 of the smaller one's volume. The oil allowed is today's and what the larger bore takes
+    more on one cylinder: so it fits there, and on the other only where its stroke is no longer.
+    """
     machine, space = double(), workspace_of("double")
     volume = np.array([c.bore_area * c.stroke for c in machine.cylinders])
     sizes = [(100 * mm, 63 * mm), (105 * mm, 67 * mm)]
