@@ -174,7 +174,8 @@ class Search:
             return {}
         scale = 0.5 * self.reference / float(squared.min())  # f ~ sqrt(λ)
         # a limit that no variable moves has no price, whatever the solver's multiplier says
-        multipliers = np.where(np.any(self.limits.jacobian != 0, axis=1), step.multipliers, 0.0)
+        moved = np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)
+        multipliers = np.where(moved, step.multipliers, 0.0)
         gains: dict[str, float] = {}
         for name, gain in zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True):
             gains[name] = gains.get(name, 0.0) + float(gain)

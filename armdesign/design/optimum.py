@@ -288,7 +288,7 @@ def _design(search: Search, starts: tuple[float, ...], chosen: Selection | None 
     problem = search.problem
     if search.violation > ALLOWED:
         raise InfeasibleError(problem.machine.name, f"no design meets {_conflict(search)}", "loosen one of them")
-    bound = chosen.bound if chosen else search.upper_bound()
+    bound = max(chosen.bound, hertz(search.squared)) if chosen else search.upper_bound()
     worth = {} if chosen else search.worth()
     machine, checks = rounded(search)
     return Design(
