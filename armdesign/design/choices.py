@@ -5,12 +5,14 @@ one cylinder (thrust, holding, buckling), or a sum over the cylinders (oil): its
 
     slack = slack of the frame + Σ_i change by the size of cylinder i,
 
-and ``requirements.check``, asked once for every size of every cylinder, knows all combinations.
+and ``requirements.check``, asked once for every size of every cylinder, knows all combinations. A requirement for which
+this fails on random combinations is left to ``Choices.allowed``, which asks for one combination at a time.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
 TOLERANCE = 1e-9  # of a slack
+PROBES = 40  # random combinations on which requirements must be sums
 TOUCHED = 1e-12  # a slack that moves less hangs on other things
 
 
@@ -34,11 +37,43 @@ class Choices:
         cylinders: of every function, the cylinders that meet all requirements of their own.
         slack: of the shared requirements (m,), without the changes, and the tolerance; a combination is allowed at ≥ 0.
         changes: of every function, what each of its cylinders changes on them (sizes, m).
+        judge: of all requirements, one combination at a time.
     """
 
     cylinders: tuple[tuple[Cylinder, ...], ...]
     slack: Array
     changes: tuple[Array, ...]
+    judge: Judge
+
+    def allowed(self, combination: Array) -> bool:
+        """Whether a combination meets every requirement that sizes touch."""
+        made = [options[o] for options, o in zip(self.cylinders, combination, strict=True)]
+        return bool(np.all(self.judge.slacks(made)[self.judge.counted] >= 0))
+
+
+@dataclass(eq=False, kw_only=True)
+class Judge:
+    """Every requirement's slack, with a tolerance added, for cylinders on the frame; ``counted`` those they touch."""
+
+    frame: Machine
+    today: Machine
+    workspace: Workspace
+    requirements: Requirements
+    tolerance: float
+    names: list[str] = field(init=False)
+    counted: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.requirements = replace(self.requirements, pin_box=self.requirements.box(self.today, self.workspace))
+        self._loads = static_loads(self.frame, self.workspace)
+        self.slacks(self.frame.cylinders)
+
+    def slacks(self, cylinders: Sequence[Cylinder]) -> Array:
+        """Slack of every requirement (m,)."""
+        machine = replace(self.frame, cylinders=tuple(cylinders))
+        checks = check(machine, self.today, self.workspace, self.requirements, self._loads)
+        self.names = [c.name for c in checks]
+        return np.array([c.slack for c in checks]) + self.tolerance
 
 
 def choices(
@@ -72,37 +107,47 @@ def choices(
             "their static forces hang on the sizes",
             "choose sizes without a catalogue",
         )
-    limits = replace(requirements, pin_box=requirements.box(today, workspace))
-    loads = static_loads(frame, workspace)
-    options, changes = [], []
-    before = check(frame, today, workspace, limits, loads)
-    slack = np.array([c.slack for c in before])
+    judge = Judge(frame=frame, today=today, workspace=workspace, requirements=requirements, tolerance=tolerance)
+    own, options, changes = list(frame.cylinders), [], []
+    slack = judge.slacks(own)
     for i, old in enumerate(today.cylinders):
         stroke, closed = frame.cylinders[i].stroke, frame.cylinders[i].closed_length
         made = [
             replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed) for bore, rod in sizes
         ]
-        machines = (replace(frame, cylinders=(*frame.cylinders[:i], c, *frame.cylinders[i + 1 :])) for c in made)
-        tried = [[c.slack for c in check(machine, today, workspace, limits, loads)] for machine in machines]
         options.append(made)
-        changes.append(np.array(tried) - slack)
-    return _allowed(frame.name, [c.name for c in before], slack + tolerance, options, changes)
+        changes.append(np.array([judge.slacks([*own[:i], c, *own[i + 1 :]]) for c in made]) - slack)
+    return _allowed(judge, slack, options, changes)
 
 
-def _allowed(name: str, names: list[str], slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Choices:
+def _allowed(judge: Judge, slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Choices:
     """What is left of the options when each meets the requirements of its own cylinder."""
-    touched = np.array([np.any(np.abs(change) > TOUCHED, axis=0) for change in changes])
-    columns = np.flatnonzero(touched.any(axis=0))
-    if not _possible(slack, changes, touched, columns):
-        raise InfeasibleError(name, f"no sizes of the catalogue meet {_conflict(names, slack, changes, touched)}",
-                              "loosen them or offer more sizes")  # fmt: skip
+    whole = _not_sums(judge, slack, options, changes)
+    moved = np.array([np.any(np.abs(change) > TOUCHED, axis=0) for change in changes])
+    touched, judge.counted = moved & ~whole, moved.any(axis=0) | whole
+    if not _possible(slack, changes, touched, np.flatnonzero(touched.any(axis=0))):
+        what = _conflict(judge.names, slack, changes, touched)
+        raise InfeasibleError(judge.frame.name, f"no sizes of the catalogue meet {what}", "loosen them or offer others")
     own, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
     kept = [_meeting(slack, change, np.flatnonzero(own & touched[i])) for i, change in enumerate(changes)]
     return Choices(
         cylinders=tuple(tuple(made[o] for o in keep) for made, keep in zip(options, kept, strict=True)),
         slack=slack[shared],
         changes=tuple(change[np.ix_(keep, shared)] for change, keep in zip(changes, kept, strict=True)),
+        judge=judge,
     )
+
+
+def _not_sums(judge: Judge, slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Array:
+    """Requirements (m,) whose slack at some random combinations is not the sum of the changes."""
+    random = np.random.default_rng(0)
+    found = np.zeros(len(slack), dtype=bool)
+    for _ in range(PROBES):
+        chosen = [int(random.integers(len(made))) for made in options]
+        foreseen = slack + sum(change[o] for change, o in zip(changes, chosen, strict=True))
+        true = judge.slacks([made[o] for made, o in zip(options, chosen, strict=True)])
+        found |= np.abs(true - foreseen) > 1e-9 * (1 + np.abs(true))
+    return found
 
 
 def _meeting(slack: Array, change: Array, columns: Array) -> Array:

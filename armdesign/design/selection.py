@@ -169,7 +169,9 @@ class _Hunt:
                 break
             depth, tried = 3 * depth, threshold
         if len(chosen) == 0:
-            raise InfeasibleError("catalogue", f"{self._count} combinations are too many", "offer fewer sizes")
+            raise InfeasibleError(
+                self.frame.name, f"none of {self._count} combinations is allowed, as far as tried", "offer other sizes"
+            )
         return reached, max(reached, missed), chosen
 
     # -------------------------------------------------------------------------------------------------- relaxation
@@ -285,6 +287,9 @@ class _Hunt:
             values = self._at_low_poses(combinations[batch])
             while values.max() > reached:
                 first = int(values.argmax())
+                if not self.choices.allowed(combinations[batch[first]]):
+                    values[first] = -math.inf
+                    continue
                 found = self._everywhere(combinations[batch[first]])
                 if found > reached:
                     reached, chosen = found, combinations[batch[first]]

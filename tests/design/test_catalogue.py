@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design import selection
 from armdesign.design.catalogue import read_sizes, sized, sizes_of
-from armdesign.design.requirements import check
+from armdesign.design.requirements import Check, check
 from armdesign.design.selection import select
 from armdesign.errors import InfeasibleError
 from armdesign.modes import lowest_frequency
@@ -29,7 +30,12 @@ AROUND = [(bore * mm, rod * mm) for bore in BORES for rod in RODS if rod < bore]
 
 
 def enumerated(
-    machine: Machine, workspace: Workspace, limits: Requirements, sizes: list[tuple[float, float]], share: bool = False
+    machine: Machine,
+    workspace: Workspace,
+    limits: Requirements,
+    sizes: list[tuple[float, float]],
+    share: bool = False,
+    stoutness: float = 0.0,
 ) -> float:
     """Best worst frequency [Hz] of all allowed combinations, each a machine of its own; −inf if none is allowed."""
     best = -math.inf
@@ -37,6 +43,8 @@ def enumerated(
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
         made = tuple(sized(c, *size, share) for c, size in zip(machine.cylinders, choice, strict=True))
         if min(c.slack for c in check(replace(machine, cylinders=made), machine, workspace, limits)) < -1e-9:
+            continue
+        if min(c.rod / c.bore for c in made) < stoutness:
             continue
         held = [(replace(c, cylinders=made), workspace.rigid[c.holds(workspace.rigid)]) for c in cases]
         worst = min(float(lowest_frequency(c.evaluate(rigid)).min()) for c, rigid in held if len(rigid) > 0)
@@ -157,6 +165,23 @@ def test_bounds_hold_for_every_combination() -> None:
     values = [hunt._everywhere(c) for c in combinations]
     assert np.all(bounds >= np.array(values) - 1e-9)
     assert bounds.max() < 1.2 * max(values)
+
+
+@pytest.mark.parametrize("level", [0.6, 0.66])
+def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thinnest rod of all cylinders over their bores, a minimum, as enumeration judges it too."""
+
+    def stricter(machine: Machine, *others: Any) -> tuple[Check, ...]:
+        least = min(c.rod / c.bore for c in machine.cylinders)
+        more = Check(name="stout", value=least, limit=level, unit="", slack=least / level - 1, words="rods")
+        return (*check(machine, *others), more)
+
+    monkeypatch.setattr("armdesign.design.choices.check", stricter)
+    machine, space = double(), workspace_of("double")
+    found = select(machine, machine, space, LOOSE, sizes_of(AROUND))
+    assert_allclose(found.frequency, enumerated(machine, space, LOOSE, AROUND, stoutness=level), rtol=1e-9)
+    assert min(rod / bore for bore, rod in found.sizes) >= level
+    assert found.bound == found.frequency
 
 
 # --------------------------------------------------------------------------------------------------------- pins too
