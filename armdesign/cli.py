@@ -102,6 +102,8 @@ def optimize(
     points: PointsOption = "",
     vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
     catalogue: CatalogueOption = "",
+    least: Annotated[str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")] = "",
+    frequency: Annotated[float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")] = 0.0,
     units: UnitsOption = Habit.workshop,
 ) -> None:
     """Find new sizes and pins; write the machine.
@@ -110,9 +112,14 @@ def optimize(
     """
     from armdesign import report
 
+    if bool(least) != bool(frequency) or (least and catalogue):
+        raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out)
-        design = _design(model, workspace, vary, catalogue, say)
+        if least:
+            design = _least(model, workspace, vary, least, frequency, say)
+        else:
+            design = _design(model, workspace, vary, catalogue, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
     _print(report.design_sheets(design, units.units))
@@ -261,7 +268,7 @@ def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say
     from armdesign.design.catalogue import read_sizes
     from armdesign.design.optimum import optimize, size_cylinders
 
-    words = tuple(word.strip() for word in vary.split(",") if word.strip())
+    words = _words(vary)
     say("looking for better sizes and pins" if "pins" in words else "looking for better sizes")
     offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
     if words == ("areas",):
@@ -271,6 +278,23 @@ def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say
     say("mapping the new machine")
     _ = made.before, made.after
     return made
+
+
+def _least(
+    model: Machine, workspace: Workspace, vary: str, of: str, frequency: float, say: Callable[[str], None]
+) -> Design:
+    from armdesign.design.least import least
+
+    say(f"looking for the least {of}")
+    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary))
+    say("mapping the new machine")
+    _ = made.before, made.after
+    return made
+
+
+def _words(vary: str) -> tuple[str, ...]:
+    """What ``--vary`` lists."""
+    return tuple(word.strip() for word in vary.split(",") if word.strip())
 
 
 def _validation(model: Machine, payload: str, q: Array) -> Validation:

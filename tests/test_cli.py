@@ -85,6 +85,27 @@ def test_optimize_from_a_catalogue_file(
     assert 'catalogue: "din" is not known' in capsys.readouterr().err
 
 
+def test_least_oil_for_a_frequency(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The machine written has the frequency on the poses that counted, and sweeps no more oil than today's."""
+    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    assert main([*words, "--least", "oil", "--frequency", "0.9"], monkeypatch) == 0
+    machine, today = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml"), machines.named("excavator_20t")
+    frame = ad.frequency_map(machine, ad.Workspace.grid(today, [3, 3, 5])).frame
+    assert frame["f1_hz"].min() >= 0.9
+    oil = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, today)]
+    assert oil[0] < oil[1]
+    capsys.readouterr()
+    for more in (
+        ["--least", "oil"],
+        ["--frequency", "1"],
+        ["--least", "oil", "--frequency", "1", "--catalogue", "iso"],
+    ):
+        assert main([*words, *more], monkeypatch) == 2
+        assert "--least: goes with --frequency" in capsys.readouterr().err
+
+
 def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "a"
     assert main(["map", "excavator_20t", "--out", str(out), "--points", "3,3,5"], monkeypatch) == 0
