@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armdesign import formulas as formulas
+    from armdesign.bands import Bands as Bands
+    from armdesign.bands import FrequencyBand as FrequencyBand
+    from armdesign.bands import frequency_band as frequency_band
     from armdesign.design.least import least as least
     from armdesign.design.optimum import Design as Design
     from armdesign.design.optimum import optimize as optimize
@@ -52,6 +55,9 @@ _HOME = {
     "ReachMap": "maps",
     "WorstPose": "maps",
     "frequency_map": "maps",
+    "Bands": "bands",
+    "FrequencyBand": "bands",
+    "frequency_band": "bands",
     "Requirements": "design.requirements",
     "Design": "design.optimum",
     "optimize": "design.optimum",

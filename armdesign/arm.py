@@ -8,10 +8,12 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from itertools import repeat
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.jets import VectorJet, cross
 from armdesign.units import GRAVITY
-from armdesign.urdf import read_urdf, rotations
+from armdesign.urdf import Joint, read_urdf, rotations
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,11 @@ class Arm:
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def all_joints(self) -> list[str]:
+        """Names of all joints of the URDF, those that are no coordinates too."""
+        return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
+
+    @cached_property
     def limits(self) -> Array:
         """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
         return np.array([[joint.lower, joint.upper] for joint in self.joints])
@@ -95,6 +102,28 @@ class Arm:
         """Joints from the root to a link, root first."""
         joint = self.links[link].joint
         return self._chains[joint] if joint >= 0 else ()
+
+    @cached_property
+    def slewing(self) -> dict[int, float]:
+        """Joints that turn all there is about the vertical, with their sign: inertia and gravity do not feel them."""
+        still = self.kinematics(np.zeros((1, len(self.joints))))
+        found: dict[int, float] = {}
+        for index in self._order:
+            joint, upright = self.joints[index], float(still.axis[0, index, 2])
+            below_all = joint.parent in (-1, *found) and sum(other.parent == joint.parent for other in self.joints) == 1
+            if joint.revolute and below_all and abs(abs(upright) - 1) < 1e-12:
+                found[index] = upright
+        return found
+
+    def heading(self, q: Array) -> Array:
+        """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
+        angle = sum((sign * q[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def reach(self, q: Array, place: Array) -> Array:
+        """Horizontal distance of places (n, 3) from the root's z axis (n,) [m]; negative behind the arm."""
+        ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
+        return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
 
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
@@ -232,11 +261,6 @@ class Arm:
         return next(iter(self.links))
 
 
-Frame: TypeAlias = tuple[
-    list[list[float]], list[float]
-]  # a joint frame in the world: rotation (3, 3), translation (3,)
-
-
 def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
     """M, g and ∂g/∂q of point masses [kg] seen from the root: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
     return (
@@ -255,88 +279,139 @@ def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[
     return [(mass / 6, ends[0]), (2 * mass / 3, middle), (mass / 6, ends[1])]
 
 
-class Dynamics:
-    """Motion of the arm under joint torques, one pose at a time: what a simulation asks for ten thousand times.
+@dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """An arm, a point mass [kg] on a link at [m] in its frame, and the point masses of bars that are no links."""
 
-    Plain numbers and lists in and out, for at one pose they cost a fraction of small arrays.
+    arm: Arm
+    link: str | None
+    at: tuple[float, float, float]
+    mass: float
+    points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None
 
-    Args:
-        arm: the links.
-        link: link that carries a point mass, or None.
-        at: its place in the link's frame [m].
-        mass: its mass [kg].
-        points: point masses of bars that are no links, at some poses; None if there are none.
-    """
-
-    def __init__(
-        self,
-        arm: Arm,
-        link: str | None,
-        at: tuple[float, float, float],
-        mass: float,
-        points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None,
-    ) -> None:
+    def model(self) -> Any:
+        """Pinocchio's model of the links with the point mass; the bars are not in it."""
         import pinocchio
 
-        self._library, self._arm = pinocchio, arm
-        self._model = pinocchio.Model(arm._pinocchio[0])
-        self._order = [int(i) for i in arm._pinocchio[2]]
-        self._ids = [self._model.getJointId(name) for name in arm.names]
-        body = arm.links[link] if link is not None else None
-        if body is not None and body.joint >= 0 and mass > 0:
-            lever = body.translation + body.rotation @ np.array(at)
-            inertia = pinocchio.Inertia(mass, lever, np.zeros((3, 3)))
-            self._model.appendBodyToJoint(self._ids[body.joint], inertia, pinocchio.SE3.Identity())
-        self._data = self._model.createData()
-        self._buffers = np.zeros((3, len(self._order)))
-        self._points = points
+        model = pinocchio.Model(self.arm._pinocchio[0])
+        body = self.arm.links[self.link] if self.link is not None else None
+        if body is not None and body.joint >= 0 and self.mass > 0:
+            lever = body.translation + body.rotation @ np.array(self.at)
+            inertia = pinocchio.Inertia(self.mass, lever, np.zeros((3, 3)))
+            joint = model.getJointId(self.arm.names[body.joint])
+            model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
+        return model
 
-    def frames(self, q: list[float]) -> list[Frame]:
-        """Joint frames in the world, in the order of q."""
-        self._library.forwardKinematics(self._model, self._data, self._ordered(0, q))
-        placements = [self._data.oMi[i] for i in self._ids]
-        return [(placement.rotation.tolist(), placement.translation.tolist()) for placement in placements]
 
-    def acceleration(self, q: list[float], velocity: list[float], torque: list[float]) -> list[float]:
-        """q̈ = M⁻¹(τ − h) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms.
+class Dynamics:
+    """Motion of loaded arms of one shape under joint torques, stacked: axis 0 is the case.
+
+    One arm alone serves any number of cases. Placements are batched numpy, forward dynamics Pinocchio's, case by case.
+
+    Args:
+        arms: one per case, or one for all; joints, their parents and kinds are the same in all of them.
+    """
+
+    def __init__(self, arms: Sequence[LoadedArm]) -> None:
+        import pinocchio
+
+        self._library, self._arms = pinocchio, tuple(arms)
+        self._models = [loaded.model() for loaded in arms]
+        self._data = [model.createData() for model in self._models]
+        self._order = arms[0].arm._pinocchio[2]
+        joints = [loaded.arm.joints for loaded in arms]
+        self._tree = [(j, joints[0][j].parent) for j in arms[0].arm._order]
+        self._slides = not all(joint.revolute for joint in joints[0])
+        local = np.array([[_local_motion(joint) for joint in row] for row in joints])
+        self._still, self._sine, self._cosine, self._slide = np.moveaxis(local, 2, 0)
+
+    def frames(self, q: Array) -> Array:
+        """Joint frames in the world (n, nq + 1, 4, 4) at q (n, nq), homogeneous; the last is the world itself."""
+        turns = q[:, :, None, None]
+        local = self._still + np.sin(turns) * self._sine + np.cos(turns) * self._cosine
+        if self._slides:
+            local = local + turns * self._slide
+        frames = np.empty((len(q), q.shape[1] + 1, 4, 4))
+        frames[:, -1] = np.eye(4)
+        for joint, parent in self._tree:
+            np.matmul(frames[:, parent], local[:, joint], out=frames[:, joint])
+        return frames
+
+    def acceleration(self, q: Array, velocity: Array, torque: Array) -> Array:
+        """q̈ = M⁻¹(τ − h) (n, nq) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms.
 
         With bars that are no links M and h are summed instead: a point mass adds m JᵀJ and m Jᵀ(q̇ᵀ ∂²P/∂q² q̇ + g e_z).
         """
-        arrays = [self._ordered(row, values) for row, values in enumerate((q, velocity, torque))]
-        if self._points is not None:
-            return self._with_bars(q, velocity, torque, arrays)
-        found = self._library.aba(self._model, self._data, *arrays).tolist()
-        return [found[i] for i in self._order]
+        pairs = self._pairs(len(q))
+        if self._arms[0].points is not None:
+            return self._with_bars(q, velocity, torque, pairs)
+        aba, rows = self._library.aba, zip(*(self._ordered(x) for x in (q, velocity, torque)), strict=True)
+        found = [aba(model, data, *row) for (model, data), row in zip(pairs, rows, strict=True)]
+        return np.array(found)[:, self._order]
 
-    def _with_bars(
-        self, q: list[float], velocity: list[float], torque: list[float], arrays: list[Array]
-    ) -> list[float]:
-        pick = np.ix_(self._order, self._order)
-        upper = np.triu(self._library.crba(self._model, self._data, arrays[0]))
-        mass = (upper + np.triu(upper, 1).T)[pick]
-        bias = self._library.nonLinearEffects(self._model, self._data, *arrays[:2])[self._order]
-        for m, jacobian, curvature, _ in self._motions(q, np.array(velocity)):
-            mass = mass + m * jacobian @ jacobian.T
-            bias = bias + m * (jacobian @ curvature + GRAVITY * jacobian[:, 2])
-        return list(np.linalg.solve(mass, np.array(torque) - bias).tolist())
+    def _pairs(self, count: int) -> Iterable[tuple[Any, Any]]:
+        """Model and scratch data of each case."""
+        pairs = zip(self._models, self._data, strict=True)
+        return repeat(next(pairs), count) if len(self._models) == 1 else pairs
 
-    def _motions(self, q: list[float], velocity: Array) -> Iterator[tuple[float, Array, Array, float]]:
-        """Mass, Jacobian (nq, 3), centrifugal acceleration (3,) and height of every point of a bar."""
-        for m, jet in self._points(self._arm.kinematics(np.array([q]))) if self._points else ():
-            yield m, jet.first[0], np.einsum("jki,j,k->i", jet.second[0], velocity, velocity), float(jet.value[0, 2])
+    def _with_bars(self, q: Array, velocity: Array, torque: Array, pairs: Iterable[tuple[Any, Any]]) -> Array:
+        n, nq = q.shape
+        mass, bias = np.empty((n, nq, nq)), np.empty((n, nq))
+        rows = zip(pairs, self._ordered(q), self._ordered(velocity), strict=True)
+        for row, ((model, data), at, speed) in enumerate(rows):
+            mass[row] = self._library.crba(model, data, at)
+            bias[row] = self._library.nonLinearEffects(model, data, at, speed)
+        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
+        mass, bias = mass[np.ix_(np.arange(n), self._order, self._order)], bias[:, self._order]
+        for case, of_case in self._cases(n):
+            for m, point in self._bar_points(case, q[of_case]):
+                curvature = np.einsum("njki,nj,nk->ni", point.second, velocity[of_case], velocity[of_case])
+                curvature[:, 2] += GRAVITY
+                mass[of_case] += m * point.first @ np.swapaxes(point.first, 1, 2)
+                bias[of_case] += m * (point.first @ curvature[:, :, None])[:, :, 0]
+        return np.asarray(np.linalg.solve(mass, (torque - bias)[:, :, None])[:, :, 0])
 
-    def energy(self, q: list[float], velocity: list[float]) -> float:
-        """Kinetic and potential energy [J] of links, mass and bars."""
-        bars = 0.0
-        for m, jacobian, _, height in self._motions(q, np.array(velocity)):
-            speed = np.array(velocity) @ jacobian
-            bars += m * (0.5 * float(speed @ speed) + GRAVITY * height)
-        return bars + float(
-            self._library.computeKineticEnergy(self._model, self._data, self._ordered(0, q), self._ordered(1, velocity))
-            + self._library.computePotentialEnergy(self._model, self._data, self._ordered(0, q))
-        )
+    def _cases(self, count: int) -> list[tuple[int, slice]]:
+        """Index of each loaded arm and the rows of its cases."""
+        if len(self._arms) == 1:
+            return [(0, slice(None))]
+        return [(case, slice(case, case + 1)) for case in range(count)]
 
-    def _ordered(self, row: int, values: list[float]) -> Array:
-        buffer = self._buffers[row]
-        buffer[self._order] = values
-        return buffer
+    def _bar_points(self, case: int, q: Array) -> list[tuple[float, VectorJet]]:
+        loaded = self._arms[case]
+        return loaded.points(loaded.arm.kinematics(q)) if loaded.points else []
+
+    def energy(self, case: int, q: Array, velocity: Array) -> Array:
+        """Kinetic and potential energy [J] of links, mass and bars of one loaded arm at states (m, nq)."""
+        model, data, library = self._models[case], self._data[case], self._library
+        total = np.zeros(len(q))
+        for row, (at, speed) in enumerate(zip(self._ordered(q), self._ordered(velocity), strict=True)):
+            total[row] = library.computeKineticEnergy(model, data, at, speed)
+            total[row] += library.computePotentialEnergy(model, data, at)
+        for m, point in self._bar_points(case, q):
+            speed = np.einsum("nji,nj->ni", point.first, velocity)
+            total += m * (0.5 * np.einsum("ni,ni->n", speed, speed) + GRAVITY * point.value[:, 2])
+        return total
+
+    def _ordered(self, values: Array) -> Array:
+        """Rows in the order of the model."""
+        ordered = np.empty_like(values)
+        ordered[:, self._order] = values
+        return ordered
+
+
+def _local_motion(joint: Joint) -> Array:
+    """Frame of a joint in the one before it, as four matrices (4, 4, 4): A + sin q B + cos q C + q D.
+
+    Rodrigues: turned about the unit axis with cross-product matrix K by q is I + K² + sin q K − cos q K².
+    """
+    x, y, z = joint.axis
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    parts = np.zeros((4, 4, 4))
+    parts[0, :3, :3], parts[0, :3, 3], parts[0, 3, 3] = joint.rotation, joint.translation, 1.0
+    if joint.revolute:
+        parts[0, :3, :3] += joint.rotation @ k @ k
+        parts[1, :3, :3], parts[2, :3, :3] = joint.rotation @ k, -joint.rotation @ k @ k
+    else:
+        parts[3, :3, 3] = joint.rotation @ joint.axis
+    return parts

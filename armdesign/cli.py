@@ -45,11 +45,19 @@ OutOption = Annotated[Path, typer.Option("--out", help="Folder for everything th
 PointsOption = Annotated[
     str, typer.Option("--points", help="Grid values per joint: one number, or one each: 21,21,61.")
 ]
-
+VaryOption = Annotated[
+    str,
+    typer.Option(
+        "--vary",
+        help="What may change, commas between: areas, pins, linkages (pins and four-bars), or key paths of the file: "
+        "cylinder.boom.bore_mm,cylinder.bucket.four_bar.",
+    ),
+]
 
 CatalogueOption = Annotated[
     str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
 ]
+OutsideOption = Annotated[bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")]
 
 
 class Habit(StrEnum):
@@ -78,20 +86,24 @@ def map_command(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
 ) -> None:
     """Find the worst pose; write map.csv, heatmaps.
 
-    Prints the worst pose, percentiles and which cylinder limits.
+    Prints the worst pose, percentiles, which cylinder limits and what holds the lowest mode. Writes map.csv and
+    stiffness.csv, heatmaps over joints and over the tool's reach, static pressures, moment arms.
     """
-    from armdesign import report
+    from armdesign import plots, report
     from armdesign.maps import frequency_map
 
     with _progress("mapping the workspace"):
-        model, workspace = _model(machine, points, out)
+        model, workspace = _model(machine, points, out, allow_outside)
         frequencies = frequency_map(model, workspace)
     with _outputs(out) as folder:
         _write_csv(frequencies.frame, folder / "map.csv")
+        _write_csv(frequencies.stiffness, folder / "stiffness.csv")
         _write_heatmaps(frequencies, folder)
+        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     _print(report.map_sheets(frequencies, units.units))
 
 
@@ -100,11 +112,12 @@ def optimize(
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
-    vary: Annotated[str, typer.Option("--vary", help="What may change: areas, pins or areas,pins.")] = "areas,pins",
+    vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
     least: Annotated[str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")] = "",
     frequency: Annotated[float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")] = 0.0,
     units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
 ) -> None:
     """Find new sizes and pins; write the machine.
 
@@ -115,7 +128,7 @@ def optimize(
     if bool(least) != bool(frequency) or (least and catalogue):
         raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points, out)
+        model, workspace = _model(machine, points, out, allow_outside)
         if least:
             design = _least(model, workspace, vary, least, frequency, say)
         else:
@@ -131,6 +144,7 @@ def validate(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
 ) -> None:
     """Prove the linear answer in nonlinear runs.
 
@@ -140,7 +154,7 @@ def validate(
     from armdesign.maps import frequency_map
 
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points, out)
+        model, workspace = _model(machine, points, out, allow_outside)
         frequencies = frequency_map(model, workspace)
         validations = {}
         for label, (payload, q) in _poses_to_prove(frequencies).items():
@@ -159,6 +173,7 @@ def design(
     points: PointsOption = "",
     catalogue: CatalogueOption = "",
     units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
 ) -> None:
     """The main job: all three, and report.html.
 
@@ -167,7 +182,7 @@ def design(
     from armdesign import plots, report
 
     with _progress("mapping the workspace") as say:
-        model, workspace = _model(machine, points, out)
+        model, workspace = _model(machine, points, out, allow_outside)
         answer = _design(model, workspace, "areas,pins", catalogue, say)
         validations = {}
         for label, frequencies in (("today", answer.before), ("new", answer.after)):
@@ -188,21 +203,27 @@ def design(
 
 
 @app.command()
-def check(machine: MachineArgument, points: PointsOption = "", units: UnitsOption = Habit.workshop) -> None:
+def check(
+    machine: MachineArgument,
+    points: PointsOption = "",
+    units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
+) -> None:
     """Explain a machine file, or list all that is wrong.
 
     Masses, joint ranges and what ends them, reach, moment arms, static pressures, what looks odd. Writes nothing.
     """
     from armdesign import report
-    from armdesign.inspection import inspect, problems
+    from armdesign.inspection import inspect
     from armdesign.machine import load
+    from armdesign.problems import problems
     from armdesign.workspace import Workspace
 
     counts = _counts(points)
     with _progress("reading the file"):
-        faults = problems(machine)
+        faults = problems(machine, allow_outside=allow_outside)
         if not faults:
-            model = load(machine)
+            model = load(machine, allow_outside=allow_outside)
             sheets = report.check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
     if faults:
         for fault in faults:
@@ -218,6 +239,7 @@ def compare(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
 ) -> None:
     """Two machines, or two versions of one, side by side.
 
@@ -229,7 +251,8 @@ def compare(
     with _progress("mapping both machines"):
         counts = _counts(points)
         _check_out(out)
-        found = comparison.compare(load(first), load(second), counts)
+        one, other = (load(machine, allow_outside=allow_outside) for machine in (first, second))
+        found = comparison.compare(one, other, counts)
     with _outputs(out) as folder:
         _write_csv(found.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
@@ -240,7 +263,7 @@ def compare(
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(help="Name of the new machine and its files.")],
-    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 4.")] = 2,
+    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 6.")] = 2,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")] = None,
 ) -> None:
     """Write a commented starting machine file and URDF.
@@ -269,7 +292,7 @@ def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say
     from armdesign.design.optimum import optimize, size_cylinders
 
     words = _words(vary)
-    say("looking for better sizes and pins" if "pins" in words else "looking for better sizes")
+    say("looking for better sizes" if words == ("areas",) else "looking for a better design")
     offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
     if words == ("areas",):
         made = size_cylinders(model, workspace, catalogue=offered)
@@ -324,11 +347,14 @@ def _write_csv(frame: pd.DataFrame, path: Path) -> None:
 def _write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     from armdesign import plots
 
-    for plane, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0))):
+    for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
         fig, (ax,) = plots.figure(1, *size)
-        frequencies.plot(ax, plane=plane)
+        if name == "holding":
+            plots.holding_pressure(frequencies, ax)
+        else:
+            frequencies.plot(ax, plane=name)
         fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
-        plots.save(fig, folder / f"map_{plane}.png")
+        plots.save(fig, folder / f"map_{name}.png")
 
 
 def _write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
@@ -352,14 +378,14 @@ def _write_validations(validations: dict[str, Validation], folder: Path) -> None
     _write_csv(pd.concat([v.frame for v in validations.values()], ignore_index=True), folder / "validation.csv")
 
 
-def _model(machine: str, points: str, out: Path) -> tuple[Machine, Workspace]:
+def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[Machine, Workspace]:
     """The machine and its workspace; what is wrong with the options is said before anything is computed."""
     from armdesign.machine import load
     from armdesign.workspace import Workspace
 
     counts = _counts(points)
     _check_out(out)
-    model = load(machine)
+    model = load(machine, allow_outside=allow_outside)
     return model, Workspace.grid(model, counts)
 
 

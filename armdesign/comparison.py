@@ -39,7 +39,10 @@ class Comparison:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """Every quantity that is compared, one row each: its name, SI unit or "file", both values, relative change."""
+        """Every quantity that is compared, one row each: its name, SI unit, both values, relative change.
+
+        Values of the files follow as they are written there, in the unit that their key names: their unit is "file".
+        """
         import pandas as pd
 
         rows: list[tuple[Any, ...]] = []
@@ -100,7 +103,8 @@ class Comparison:
         rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
         hidden = len(rows) - SHOWN
         urdfs = {m.machine.urdf_text for m in self.maps.values()}
-        notes = [*([f"{hidden} more in compare.csv"] if hidden > 0 else [])]
+        notes = ["as the files have them, each in the unit that its key names"] if rows else []
+        notes += [f"{hidden} more in compare.csv"] if hidden > 0 else []
         notes += ["the URDFs differ too"] if len(urdfs) > 1 else []
         return Sheet(
             title="What differs in the files" if rows else "The files say the same",
@@ -146,7 +150,7 @@ def _labels(first: Machine, second: Machine) -> tuple[str, str]:
 
 def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     """Value and SI unit of everything that the comparison writes, by name."""
-    from armdesign.design.requirements import digging_forces
+    from armdesign.design.check import digging_forces
 
     machine = frequencies.machine
     found: dict[str, tuple[Any, str]] = {}

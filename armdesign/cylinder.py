@@ -1,4 +1,4 @@
-"""The hydraulic cylinder: areas, oil spring, static pressures, buckling, mass.
+"""The hydraulic cylinder, and the motor: areas, oil spring, static pressures, buckling, mass.
 
 All formulas are elementwise on arrays; areas and volumes are those of all parallel cylinders of a function together.
 They accept complex numbers, so that a complex step gives their exact derivative.
@@ -7,6 +7,7 @@ They accept complex numbers, so that a complex step gives their exact derivative
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from armdesign.errors import ArmDesignError
 from armdesign.fluid import bulk_modulus
 from armdesign.units import MPa
-from armdesign.valve import Friction, Valve
+from armdesign.valve import Friction, LoadHolding, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
 STEEL_DENSITY = 7850.0  # [kg/m³]
@@ -34,24 +35,31 @@ class Fluid:
 
 @dataclass(frozen=True, kw_only=True)
 class Supply:
-    """Pump pressure and return pressure [Pa], flow [m³/s]."""
+    """Pump pressure and return pressure [Pa], flow [m³/s].
+
+    The pump holds its pressure whatever the functions take, or, ``flow_limited``, gives no more than its flow: it cuts
+    off linearly within the last share ``cut_off`` of its pressure and fills a line of ``line_volume`` [m³].
+    """
 
     pressure: float
     return_pressure: float
     flow: float
+    flow_limited: bool = False
+    cut_off: float = 0.05
+    line_volume: float = 5e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cylinder:
-    """A hydraulic function: ``count`` equal double-acting cylinders that share pins, valve and hoses.
+class Actuator(ABC):
+    """A hydraulic function with two chambers of oil, hoses, valve and friction: a cylinder or a motor.
 
-    Lengths [m], volumes [m³]; bore, rod, stroke and closed length are those of one cylinder, volumes of all together.
+    The chamber that drives in the positive direction is called cap, the other annulus. Volumes [m³] are those of all
+    ``count`` together. A motor turns where a cylinder is pushed: its lengths are angles [rad], its forces torques [N m]
+    and its areas oil per angle [m³/rad].
     """
 
     name: str
     count: int = 1
-    bore: float
-    rod: float
     stroke: float
     closed_length: float
     cap_dead_volume: float
@@ -59,13 +67,48 @@ class Cylinder:
     cap_hose_volume: float = 0.0
     annulus_hose_volume: float = 0.0
     hose_modulus: float = 700e6
-    compliance: float = 0.0  # [m/N] in series with the oil, all together
+    compliance: float = 0.0  # [m/N], of a motor [rad/(N m)], in series with the oil, all together
+    valve: Valve | None = None
+    load_holding: LoadHolding | None = None
+    friction: Friction = NO_FRICTION
+
+    @property
+    @abstractmethod
+    def bore_area(self) -> float:
+        """A1, all together [m²]."""
+
+    @property
+    @abstractmethod
+    def annulus_area(self) -> float:
+        """A2, all together [m²]."""
+
+    @abstractmethod
+    def chambers(self, bore_area: Any, annulus_area: Any, extension: Any, stroke: Any) -> tuple[Any, Any]:
+        """Volumes of cap and annulus [m³] with other areas [m²] and stroke [m]."""
+
+    def volumes(self, extension: Any) -> tuple[Any, Any]:
+        """Oil in cap and annulus chamber [m³] at an extension [m]."""
+        return self.chambers(self.bore_area, self.annulus_area, extension, self.stroke)
+
+    def stiffness(self, extension: Any, force: Any, fluid: Fluid, return_pressure: float) -> Any:
+        """Oil stiffness [N/m] at an extension [m] under a static force [N, + pushes], valve closed."""
+        return stiffness(self, self.bore_area, self.annulus_area, extension, self.stroke, force, fluid, return_pressure)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder(Actuator):
+    """``count`` equal double-acting cylinders that share pins, valve and hoses.
+
+    Bore, rod, stroke, closed length [m], masses and friction are those of one cylinder.
+    """
+
+    bore: float
+    rod: float
     barrel_mass: float = 0.0  # [kg] of each of the parallel cylinders
     rod_mass: float = 0.0
+    barrel_wall: float | None = None  # [m]; None: what the supply pressure needs
     rocker_mass: float = 0.0  # [kg] of the four-bar
     coupler_mass: float = 0.0
-    valve: Valve | None = None
-    friction: Friction = NO_FRICTION
 
     @property
     def bore_area(self) -> float:
@@ -98,20 +141,55 @@ class Cylinder:
         }
         return {name: mass for name, mass in masses.items() if mass > 0}
 
-    def volumes(self, extension: Any) -> tuple[Any, Any]:
-        """Oil in cap and annulus chamber [m³] at an extension [m]: A1 s + Vd1, A2 (S − s) + Vd2."""
+    def chambers(self, bore_area: Any, annulus_area: Any, extension: Any, stroke: Any) -> tuple[Any, Any]:
+        """A1 s + Vd1, A2 (S − s) + Vd2 [m³]."""
         return (
-            self.bore_area * extension + self.cap_dead_volume,
-            self.annulus_area * (self.stroke - extension) + self.annulus_dead_volume,
+            bore_area * extension + self.cap_dead_volume,
+            annulus_area * (stroke - extension) + self.annulus_dead_volume,
         )
 
-    def stiffness(self, extension: Any, force: Any, fluid: Fluid, return_pressure: float) -> Any:
-        """Oil stiffness [N/m] at an extension [m] under a static force [N, + pushes], valve closed."""
-        return stiffness(self, self.bore_area, self.annulus_area, extension, self.stroke, force, fluid, return_pressure)
+
+@dataclass(frozen=True, kw_only=True)
+class Motor(Actuator):
+    """``count`` equal hydraulic motors that turn a joint through a gear, without end.
+
+    The oil between valve and pistons is trapped in constant volumes; all of it counts as dead volume.
+
+    Attributes:
+        joint: name of the joint.
+        displacement: oil per turn of one motor [m³].
+        gear_ratio: turns of a motor per turn of the joint.
+    """
+
+    joint: str
+    displacement: float
+    gear_ratio: float
+    stroke: float = math.inf
+    closed_length: float = 0.0
+
+    @property
+    def bore_area(self) -> float:
+        """Oil per angle of the joint, all together [m³/rad]."""
+        return self.count * self.displacement * self.gear_ratio / (2 * math.pi)
+
+    @property
+    def annulus_area(self) -> float:
+        """As much as the other side takes."""
+        return self.bore_area
+
+    def chambers(self, bore_area: Any, annulus_area: Any, extension: Any, stroke: Any) -> tuple[Any, Any]:
+        """The trapped volumes [m³], whatever the angle."""
+        any_angle = 0.0 * extension
+        return self.cap_dead_volume + any_angle, self.annulus_dead_volume + any_angle
+
+
+def kind(actuator: Actuator) -> str:
+    """What it is called in a sentence: "cylinder" or "motor"."""
+    return "motor" if isinstance(actuator, Motor) else "cylinder"
 
 
 def stiffness(
-    cylinder: Cylinder,
+    actuator: Actuator,
     bore_area: Any,
     annulus_area: Any,
     extension: Any,
@@ -120,24 +198,24 @@ def stiffness(
     fluid: Fluid,
     return_pressure: float,
 ) -> Any:
-    """Stiffness [N/m] of a cylinder like ``cylinder`` but with other areas [m²] and stroke [m]; complex-safe.
+    """Stiffness [N/m] of an actuator like this, but with other areas [m²] and stroke [m]; complex-safe.
 
     Each chamber has its own bulk modulus at its static pressure when the oil carries air. A series compliance gives way
     under the static force, so the piston stands further out than the pins say.
     """
-    if cylinder.compliance > 0:
-        extension = extension + cylinder.compliance * force
+    if actuator.compliance > 0:
+        extension = extension + actuator.compliance * force
     beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
     if fluid.air > 0:
         pressures = static_pressures(force, bore_area, annulus_area, return_pressure)
         beta = tuple(bulk_modulus(p, fluid.bulk_modulus, fluid.air) for p in pressures)
+    cap, annulus = actuator.chambers(bore_area, annulus_area, extension, stroke)
     return oil_stiffness(
         bore_area,
         annulus_area,
-        (bore_area * extension + cylinder.cap_dead_volume) / beta[0] + cylinder.cap_hose_volume / cylinder.hose_modulus,
-        (annulus_area * (stroke - extension) + cylinder.annulus_dead_volume) / beta[1]
-        + cylinder.annulus_hose_volume / cylinder.hose_modulus,
-        cylinder.compliance,
+        cap / beta[0] + actuator.cap_hose_volume / actuator.hose_modulus,
+        annulus / beta[1] + actuator.annulus_hose_volume / actuator.hose_modulus,
+        actuator.compliance,
     )
 
 
@@ -206,6 +284,11 @@ def barrel_ratio(pressure: Any) -> Any:
             f"give 0 to {BARREL_STRESS / 2 / MPa:.4g} MPa",
         )
     return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
+
+
+def barrel_outer(bore: Any, wall: float | None, pressure: Any) -> Any:
+    """Outer diameter of a barrel [m]: with its wall [m], or as thick as ``barrel_ratio`` says a pressure [Pa] needs."""
+    return bore + 2 * wall if wall is not None else barrel_ratio(pressure) * bore
 
 
 def estimated_mass(bore: Any, rod: Any, stroke: Any, pressure: Any) -> Any:

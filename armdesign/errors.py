@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+from dataclasses import dataclass
+
 
 class ArmDesignError(Exception):
     """Bad input, said in one line: which part, its value, what is allowed, what to do.
@@ -30,9 +34,51 @@ class PoseError(ArmDesignError):
     """A pose cannot be taken: out of stroke, open four-bar, singular, or not finite."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Concession:
+    """What one requirement of a conflict must give.
+
+    Attributes:
+        name: of the requirement.
+        words: what it is about.
+        unit: SI, of all that follows.
+        limit: that cannot be kept.
+        at_least: whether that is a lower one.
+        together: what it gives where all of the conflict give so that the largest share is least.
+        alone: what it gives where no other does; None where that does not help.
+    """
+
+    name: str
+    words: str
+    unit: str
+    limit: float
+    at_least: bool
+    together: float
+    alone: float | None
+
+
 class InfeasibleError(ArmDesignError):
-    """No design meets the requirements."""
+    """No design meets the requirements.
+
+    Attributes:
+        conflict: requirements that cannot be met together, though without any one of them the others can; empty where
+            none was found.
+    """
+
+    def __init__(self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()) -> None:
+        super().__init__(part, problem, remedy)
+        self.conflict = conflict
+
+    def __reduce__(self) -> tuple[type[InfeasibleError], tuple[str, str, str, tuple[Concession, ...]]]:  # type: ignore[override]
+        """Travel whole between processes."""
+        return type(self), (self.part, self.problem, self.remedy, self.conflict)
 
 
 class SimulationError(ArmDesignError):
     """The nonlinear run could not be completed or identified."""
+
+
+def choose(name: str, known: Collection[str]) -> str:
+    """A remedy for a wrong name: the one that was meant, or all that there are."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"

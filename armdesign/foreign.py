@@ -10,8 +10,8 @@ from typing import Any
 
 from armdesign import machine_file, schema
 from armdesign.errors import MachineFileError
+from armdesign.urdf_faults import MOVABLE
 
-MOVABLE = ("revolute", "continuous", "prismatic")
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
 SUPPLY = {"pressure_bar": 250.0, "return_pressure_bar": 5.0, "flow_l_per_min": 100.0}
 

@@ -1,7 +1,7 @@
-"""What a machine file amounts to, what looks odd in it, and everything that is wrong with it at once.
+"""What a machine file amounts to and what looks odd in it.
 
-``problems`` lists what makes a file unusable. ``inspect`` takes a machine that can be used and looks at it as a
-designer would: ranges, reach, moment arms, pressures. Oddities are no errors: they are numbers worth a second look.
+``inspect`` looks at a machine as a designer would: ranges, reach, moment arms, pressures. Oddities are no errors: they
+are numbers worth a second look. What makes a file unusable is in ``problems``.
 """
 
 from __future__ import annotations
@@ -10,22 +10,18 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from armdesign import machine_file, urdf
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, euler_safety, holding_force, static_pressures
-from armdesign.errors import ArmDesignError, PoseError
-from armdesign.foreign import MOVABLE
-from armdesign.machine import Machine, faults_of, find
+from armdesign.cylinder import Cylinder, euler_safety, holding_force, kind, static_pressures
+from armdesign.errors import PoseError
+from armdesign.machine import Machine
 from armdesign.modes import natural_modes
-from armdesign.parts import unknown_links
 from armdesign.ranges import over, sweep
-from armdesign.schema import MachineSection
 from armdesign.units import WORKSHOP, Units
+from armdesign.urdf import Joint
 from armdesign.workspace import Workspace
 
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
@@ -59,7 +55,7 @@ class Lever:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """Largest static pressure [Pa] of a cylinder under a load case, and its share of what holds it.
+    """Largest static pressure [Pa] of a function under a load case, and its share of what holds it.
 
     ``share`` is the static force over the force of supply against return pressure (inf where that holds nothing),
     ``cap`` whether the cap side holds.
@@ -94,10 +90,10 @@ class Inspection:
         """Reach (forward positive) and height of the tool (n, 2) [m] in the root link's frame."""
         machine = self.machine
         at = machine.arm.point(self.workspace.rigid, machine.tool.link, np.array(machine.tool.at))
-        return np.stack([np.copysign(np.hypot(at[:, 0], at[:, 1]), at[:, 0]), at[:, 2]], axis=1)
+        return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
-        """What ends a joint's range at its lower (0) or upper (1) end: a cylinder's stroke or the URDF."""
+        """What ends a joint's range at its lower (0) or upper (1) end: a stroke, the URDF, nothing but a full turn."""
         machine = self.machine
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
@@ -107,7 +103,7 @@ class Inspection:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
                     return f"{cylinder.name} out"
-        return "URDF limit"
+        return "one turn" if _whole_turn(machine.arm.joints[joint]) else "URDF limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
         """Poses at which a cylinder is looked at: along its joint's range, or the workspace if it spans several."""
@@ -148,17 +144,17 @@ class Inspection:
 
     @cached_property
     def loads(self) -> list[Load]:
-        """Largest static load of every cylinder under every load case."""
+        """Largest static load of every cylinder and motor under every load case."""
         found = []
         for payload in self.machine.payloads:
             case = self.machine.with_payload(payload.name)
             forces = case.evaluate(self.workspace.rigid[case.holds(self.workspace.rigid)]).cylinder_forces
             if len(forces):
-                found += [self._load(i, payload.name, forces[:, i]) for i in range(len(case.cylinders))]
+                found += [self._load(i, payload.name, forces[:, i]) for i in range(len(case.functions))]
         return found
 
     def _load(self, i: int, payload: str, forces: Array) -> Load:
-        cylinder, supply = self.machine.cylinders[i], self.machine.supply
+        cylinder, supply = self.machine.functions[i], self.machine.supply
         areas = (cylinder.bore_area, cylinder.annulus_area)
         held = holding_force(*areas, supply, forces >= 0)
         share = np.divide(np.abs(forces), held, out=np.where(forces == 0, 0.0, np.inf), where=held > 0)
@@ -224,9 +220,8 @@ class Inspection:
         machine, joint = self.machine, self.machine.arm.joints[j]
         unit = "rad" if joint.revolute else "m"
         (low, high), (lower, upper) = machine.ranges[j], (joint.lower, joint.upper)
-        whole_turn = joint.revolute and upper - lower > 2 * np.pi - 1e-6
         tolerance = RANGE_TOLERANCE[joint.revolute]
-        if not whole_turn and (low - lower > tolerance or upper - high > tolerance):
+        if not _whole_turn(joint) and (low - lower > tolerance or upper - high > tolerance):
             yield Finding(
                 part=f"joint {joint.name}",
                 words=f"the URDF allows {units.span(lower, upper, unit)}, the strokes cover only "
@@ -251,7 +246,7 @@ class Inspection:
         if payload.pitch and payload.link:
             yield from self._odd_pitch(name, units)
         for load in (load for load in self.loads if load.payload == name):
-            cylinder = self.machine.cylinders[load.cylinder].name
+            function = self.machine.functions[load.cylinder]
             limit = self.machine.section.requirements.holding_share
             side = "cap" if load.cap else "rod"
             words = f"under {name} the {side} side needs {units.text(load.pressure, 'Pa')} to stand still"
@@ -261,7 +256,7 @@ class Inspection:
                 words += f", {100 * load.share:.0f} % of what supply pressure holds (requirement: {100 * limit:.0f} %)"
             else:
                 continue
-            yield Finding(part=f"cylinder.{cylinder}", words=words)
+            yield Finding(part=f"{kind(function)}.{function.name}", words=words)
         yield from self._odd_modes(name)
 
     def _odd_pitch(self, name: str, units: Units) -> Iterator[Finding]:
@@ -296,6 +291,9 @@ class Inspection:
             )
 
     def _odd_rest(self, units: Units) -> Iterator[Finding]:
+        section = self.machine.section
+        for name in set(section.frozen) & set(section.joints):
+            yield Finding(part=f"frozen.{name}", words="is not used: the joint is a coordinate")
         fluid, (low, high) = self.machine.fluid, BULK_MODULUS
         if not low <= fluid.bulk_modulus <= high:
             yield Finding(
@@ -305,6 +303,10 @@ class Inspection:
             )
         if all(case.mass == 0 for case in self.machine.payloads):
             yield Finding(part="payload", words="every load case is empty: the worst pose of work is not looked at")
+
+
+def _whole_turn(joint: Joint) -> bool:
+    return joint.revolute and joint.upper - joint.lower > 2 * np.pi - 1e-6
 
 
 def _odd_volumes(part: str, cylinder: Cylinder) -> Iterator[Finding]:
@@ -320,70 +322,3 @@ def _odd_volumes(part: str, cylinder: Cylinder) -> Iterator[Finding]:
 def inspect(machine: Machine, workspace: Workspace) -> Inspection:
     """Look at a machine over its workspace."""
     return Inspection(machine, workspace)
-
-
-# ------------------------------------------------------------------------------------------------- everything wrong
-
-
-def problems(path_or_name: str | Path) -> list[ArmDesignError]:
-    """Everything that makes a machine file unusable, one error each; empty if it can be used.
-
-    Schema, keys that contradict each other, links and joints that the URDF does not have, faults of the URDF, then what
-    only the assembled machine tells: ranges, dead centres, four-bars that do not close.
-    """
-    try:
-        path = find(path_or_name)
-        text = machine_file.read_text(path)
-    except ArmDesignError as error:
-        return [error]
-    section, faults, wrong = machine_file.problems(text, path.name)
-    found: list[ArmDesignError] = [*faults]
-    if section is None or "urdf" in wrong or any(fault.part.endswith(": urdf") for fault in faults):
-        return found
-    try:
-        urdf_text = machine_file.read_text(path.parent / section.urdf)
-    except ArmDesignError as error:
-        return [*found, error]
-    found += _problems_of_urdf(urdf_text, section, path.name, wrong)
-    if found:
-        return found
-    try:
-        machine = Machine.unchecked(text, urdf_text, path)
-    except ArmDesignError as error:
-        return [error]
-    found += faults_of(machine)
-    if not found:
-        try:
-            Workspace.grid(machine)
-        except ArmDesignError as error:
-            found.append(error)
-    return found
-
-
-def _problems_of_urdf(urdf_text: str, section: MachineSection, source: str, wrong: set[str]) -> list[ArmDesignError]:
-    """Links and joints that the file names and the URDF lacks; faults of the URDF itself."""
-    found: list[ArmDesignError] = []
-    try:
-        robot = ET.fromstring(urdf_text)
-    except ET.ParseError:
-        robot = ET.Element("robot")
-    links, joints = ([str(e.get("name")) for e in robot.findall(kind)] for kind in ("link", "joint"))
-    if links:
-        for fault in unknown_links(section, links, source):
-            if fault.part.removeprefix(f"{source}: ") not in wrong | {f"{p}.link" for p in wrong}:
-                found.append(fault)
-    for key, names in (("joints", section.joints), ("frozen", list(section.frozen))):
-        missing = [name for name in names if name not in joints and not any(w.startswith(key) for w in wrong)]
-        for name in missing if joints else []:
-            found.append(
-                ArmDesignError(
-                    f"{source}: {key}", f'no joint "{name}" in the URDF', f"choose from: {', '.join(joints)}"
-                )
-            )
-    moving = [name for name in section.joints if name in joints]
-    if len(moving) < len(section.joints):  # which joints were meant is not known: none is at fault for being frozen
-        movable = [str(e.get("name")) for e in robot.findall("joint") if e.get("type") in MOVABLE]
-        moving = [name for name in movable if name not in section.frozen]
-    frozen = {name: value for name, value in section.frozen.items() if name in joints and name not in moving}
-    found += urdf.problems(urdf_text, moving, frozen, section.urdf)
-    return found

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.machine import Machine
 from armdesign.simulation.plant import Plant
+from armdesign.valve import Friction
 
 # Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table 1).
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-STEPS = (1e-4, 1e-3, 0.05, 0.05, 1e-6, 1e-2)  # of q, q̇, p1, p2 [bar], spool, spool speed
+STEPS = (1e-4, 1e-3, 0.05, 0.05, 0.05, 1e-6, 1e-2)  # of q, q̇, p1, p2, supply [bar], spool, spool speed
 ROUNDING = 1e-10  # of a damping ratio
 NEGLIGIBLE = 1e-5  # of the fastest pole: slower ones are the trapped oil's zeros with their rounding
 
@@ -98,40 +99,46 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
     """
     plant = Plant(without_dry_friction(machine))
     rest = plant.rest(q, preloaded)
-    held = plant.split(rest)[4]
-    steps = np.concatenate([np.full(len(part), h) for part, h in zip(plant.split(rest), STEPS, strict=True)])
+    held, steps = plant.split(rest)[4], plant.spread(STEPS)
+    a = _jacobian(lambda y: plant.derivative(y, _rows(held, y)), rest, steps)
+    b = _jacobian(lambda u: plant.derivative(_rows(rest, u), u), held, np.full(plant.nc, 1e-2))
+    c = _jacobian(lambda y: plant.evaluate(y, _rows(held, y)).extensions, rest, steps)
     unit = plant.units
-    a = _jacobian(lambda y: plant.derivative(y.tolist(), held.tolist()), rest, steps)
-    b = _jacobian(lambda u: plant.derivative(rest.tolist(), u.tolist()), held, np.full(plant.nc, 1e-2))
-    c = _jacobian(lambda y: plant.evaluate(y.tolist(), held.tolist())[1], rest, steps)
     return LinearModel(
         A=a * unit[:, None] / unit,
         B=b * unit[:, None],
         C=c / unit,
         D=np.zeros((plant.nc, plant.nc)),
         states=plant.state_names,
-        inputs=tuple(cylinder.name for cylinder in machine.cylinders),
+        inputs=tuple(function.name for function in machine.functions),
         equilibrium=rest * unit,
     )
 
 
 def without_dry_friction(machine: Machine) -> Machine:
     """The machine with viscous friction alone: dry friction has no derivative at rest."""
-    smooth = [replace(c, friction=replace(c.friction, coulomb=0.0, static=0.0)) for c in machine.cylinders]
-    return replace(machine, cylinders=tuple(smooth))
+
+    def smooth(friction: Friction) -> Friction:
+        return replace(friction, coulomb=0.0, static=0.0)
+
+    return replace(
+        machine,
+        cylinders=tuple(replace(c, friction=smooth(c.friction)) for c in machine.cylinders),
+        motors=tuple(replace(m, friction=smooth(m.friction)) for m in machine.motors),
+    )
 
 
-def _jacobian(f: Callable[[Array], list[float]], x: Array, steps: Array) -> Array:
-    """∂f/∂x (outputs, inputs) at x with a step per input."""
-    columns = []
-    for i, step in enumerate(steps):
-        shift = np.zeros_like(x)
-        shift[i] = step
-        differences = [
-            w * (np.array(f(x + k * shift)) - np.array(f(x - k * shift))) for k, w in enumerate(WEIGHTS, start=1)
-        ]
-        columns.append(np.sum(differences, axis=0) / step)
-    return np.stack(columns, axis=1)
+def _rows(values: Array, like: Array) -> Array:
+    return np.tile(values, (len(like), 1))
+
+
+def _jacobian(f: Callable[[Array], Array], x: Array, steps: Array) -> Array:
+    """∂f/∂x (outputs, inputs) at x with a step per input; f takes all shifted x (n, inputs) at once."""
+    shifts = np.diag(steps)
+    points = [x + sign * k * shifts for k in range(1, len(WEIGHTS) + 1) for sign in (1, -1)]
+    values = f(np.concatenate(points)).reshape(len(WEIGHTS), 2, len(steps), -1)
+    differences = np.tensordot(WEIGHTS, values[:, 0] - values[:, 1], 1)
+    return np.asarray((differences / steps[:, None]).T)
 
 
 def _by_size(poles: Array) -> Array:

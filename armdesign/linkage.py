@@ -7,19 +7,27 @@ may lie between the pins. Axis 0 is the pose.
 
 The formulas are written on jets, so ℓ = |P − B| between base pin B and rod-end pin P carries r and H with it:
 r_j = d·d_j/ℓ,  H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
+
+What a design may move is named by a place: a pin (``base``, ``rod_end``; ``pivot``, ``lug`` of a four-bar) with three
+coordinates in its link, or a bar (``rocker``, ``coupler``) with one, its length.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from armdesign.arm import Arm, RigidPoses
 from armdesign.arrays import Array, Flags
 from armdesign.jets import ScalarJet, VectorJet
+
+PINS, BARS = ("base", "rod_end", "pivot", "lug"), ("rocker", "coupler")
+OF_FOUR_BAR = ("pivot", "lug", *BARS)
+Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +86,7 @@ class Linkage:
 
     def _rod_end(self, poses: RigidPoses) -> VectorJet:
         if self.four_bar is not None:
-            return knee(self.arm, poses, self.four_bar, self._observer, self.joints)
+            return Knee(self.arm, poses, self.four_bar, self._observer, self.joints).at
         assert self.rod_end is not None
         return self.arm.motion(poses, self.rod_end.link, np.array(self.rod_end.at), self._observer, self.joints)
 
@@ -87,13 +95,28 @@ class Linkage:
         base = self.arm.motion(poses, self.base.link, np.array(self.base.at), self._observer, self.joints)
         return self._rod_end(poses) - base
 
-    def with_pin(self, pin: str, at: tuple[float, float, float]) -> Linkage:
-        """The same linkage with the pin ``base`` or ``rod_end`` elsewhere [m] in its link."""
-        if pin == "base":
-            return replace(self, base=replace(self.base, at=at))
-        if self.rod_end is None:
-            raise ValueError("a four-bar cylinder has no rod_end pin on a link")
-        return replace(self, rod_end=replace(self.rod_end, at=at))
+    def place(self, name: str) -> tuple[float, ...] | None:
+        """Coordinates of a pin in its link (3) or length of a bar (1) [m]; None where the linkage has no such place."""
+        pin = self.pin(name)
+        if pin is not None:
+            return pin.at
+        return (getattr(self.four_bar, name),) if name in BARS and self.four_bar is not None else None
+
+    def pin(self, name: str) -> Pin | None:
+        """A pin by its name; None where the linkage has no such pin."""
+        holder = self.four_bar if name in OF_FOUR_BAR else self
+        return getattr(holder, name, None) if name in PINS else None
+
+    def with_place(self, name: str, at: Sequence[float]) -> Linkage:
+        """The same linkage with a pin elsewhere in its link, or a bar of another length [m]."""
+        if self.place(name) is None:
+            raise ValueError(f"this cylinder has no {name!r}")
+        if name not in OF_FOUR_BAR:
+            return replace(self, **{name: replace(getattr(self, name), at=tuple(at))})
+        old = getattr(self.four_bar, name)
+        change: dict[str, Any] = {name: replace(old, at=tuple(at)) if name in PINS else at[0]}
+        assert self.four_bar is not None
+        return replace(self, four_bar=replace(self.four_bar, **change))
 
     def pins(self, poses: RigidPoses) -> list[Array]:
         """World positions (n, 3) [m] of base pin and rod end; with a four-bar also of pivot, knee and lug in a row."""
@@ -117,7 +140,7 @@ class Linkage:
 
         found: dict[str, tuple[VectorJet, VectorJet]] = {}
         if self.four_bar is not None:
-            end = knee(arm, poses, self.four_bar, arm.root, joints)
+            end = Knee(arm, poses, self.four_bar, arm.root, joints).at
             found = {"rocker": (seen(self.four_bar.pivot), end), "coupler": (end, seen(self.four_bar.lug))}
         else:
             assert self.rod_end is not None
@@ -136,26 +159,32 @@ class Linkage:
         span = self._span(poses)
         return self._scatter(span.dot(span).sqrt())
 
-    def sensitivity(self, poses: RigidPoses, pin: str, axis: int) -> Actuation:
-        """Exact derivative of the actuation by coordinate ``axis`` of the pin ``base`` or ``rod_end`` in its link."""
-        return self.sensitivities(poses, [(pin, axis)])[0]
+    def sensitivity(self, poses: RigidPoses, name: str, axis: int) -> Actuation:
+        """Exact derivative of the actuation by one coordinate of a place."""
+        return self.sensitivities(poses, [(name, axis)])[0]
 
-    def sensitivities(self, poses: RigidPoses, moves: Sequence[tuple[str, int]]) -> list[Actuation]:
-        """Exact derivatives of the actuation by several pin coordinates (pin, axis).
+    def sensitivities(self, poses: RigidPoses, moves: Sequence[Move]) -> list[Actuation]:
+        """Exact derivatives of the actuation by several coordinates of places.
 
-        d moves by ∂d = ± the link's axis, which turns with the link; then ∂ℓ = d·∂d/ℓ, on jets.
+        d moves by ∂d: ± the link's axis, which turns with the link, or what the knee makes of it; ∂ℓ = d·∂d/ℓ, on jets.
         """
         span = self._span(poses)
         inverse = span.dot(span).sqrt().reciprocal()
-        return [self._scatter(span.dot(self._shift(poses, *move)) * inverse) for move in moves]
+        return [self._scatter(span.dot(shift) * inverse) for shift in self._shifts(poses, moves)]
 
-    def _shift(self, poses: RigidPoses, pin: str, axis: int) -> VectorJet:
-        """How the span moves when a pin moves along an axis of its link."""
-        place = self.base if pin == "base" else self.rod_end
-        if place is None:
-            raise ValueError(f"this cylinder has no pin {pin!r} on a link")
-        sign = -1.0 if pin == "base" else 1.0
-        return self.arm.direction(poses, place.link, sign * np.eye(3)[axis], self._observer, self.joints)
+    def _shifts(self, poses: RigidPoses, moves: Sequence[Move]) -> Iterator[VectorJet]:
+        """How the span moves with each coordinate."""
+        knee = None
+        for name, axis in moves:
+            if self.place(name) is None:
+                raise ValueError(f"this cylinder has no {name!r}")
+            if name in OF_FOUR_BAR:
+                assert self.four_bar is not None
+                knee = knee or Knee(self.arm, poses, self.four_bar, self._observer, self.joints)
+                yield knee.shift(name, axis)
+            else:
+                sign, link = (-1.0, self.base.link) if name == "base" else (1.0, getattr(self, name).link)
+                yield self.arm.direction(poses, link, sign * np.eye(3)[axis], self._observer, self.joints)
 
     def _scatter(self, jet: ScalarJet) -> Actuation:
         """From this cylinder's joints to all joints of the arm."""
@@ -173,12 +202,25 @@ class Linkage:
 
     def transmission_angle(self, poses: RigidPoses) -> Array:
         """Angle between rocker and coupler at the knee (n,) [rad], folded into [0, π/2]."""
+        return np.arccos(np.minimum(np.abs(self.transmission(poses)[0]), 1.0))
+
+    def transmission(self, poses: RigidPoses, moves: Sequence[Move] = ()) -> tuple[Array, list[Array]]:
+        """Cosine of the angle at the knee (n,), beyond ±1 where the bars do not meet, and its derivatives by places.
+
+        cos = (a² + b² − e)/(2ab) with e = u·u, by which only the places of the four-bar move it.
+        """
         assert self.four_bar is not None
-        u = self._pivot_to_lug(poses)
-        a, b = self.four_bar.rocker, self.four_bar.coupler
-        cosine = (a**2 + b**2 - np.einsum("ni,ni->n", u, u)) / (2 * a * b)
-        angle = np.arccos(np.clip(cosine, -1, 1))
-        return np.minimum(angle, np.pi - angle)
+        a, b, u = self.four_bar.rocker, self.four_bar.coupler, self._pivot_to_lug(poses)
+        e = np.einsum("ni,ni->n", u, u)
+        slopes = []
+        for name, axis in moves:
+            if name in BARS:
+                mine, other = (a, b) if name == "rocker" else (b, a)
+                slopes.append((mine**2 - other**2 + e) / (2 * mine**2 * other))
+                continue
+            axes = self.arm.link_rotation(poses, getattr(self.four_bar, name).link)[:, :, axis]
+            slopes.append(np.einsum("ni,ni->n", u, axes) * ((1.0 if name == "pivot" else -1.0) / (a * b)))
+        return (a**2 + b**2 - e) / (2 * a * b), slopes
 
     def _pivot_to_lug(self, poses: RigidPoses) -> Array:
         assert self.four_bar is not None
@@ -188,22 +230,74 @@ class Linkage:
         return np.asarray(u - np.einsum("ni,ni->n", u, normal)[:, None] * normal)
 
 
-def knee(arm: Arm, poses: RigidPoses, four_bar: FourBar, seen_from: str, joints: tuple[int, ...]) -> VectorJet:
-    """Where rocker and coupler meet, seen from a link.
+@dataclass(frozen=True, kw_only=True)
+class Gear:
+    """What a motor is to its joint: its "length" is the joint's own coordinate, so r = 1 and H = 0."""
 
-    With u from pivot to lug, v = u turned left, e = u·u, rocker a and coupler b:
-    knee = pivot + x u + y v,  x = ½ + (a² − b²)/(2e),  y = ± sqrt(a²/e − x²).
+    joint: int
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The coordinate that it turns."""
+        return (self.joint,)
+
+    def length(self, poses: RigidPoses) -> Array:
+        """Angle of the joint (n,) [rad]."""
+        return np.asarray(poses.q[:, self.joint])
+
+    def actuation(self, poses: RigidPoses) -> Actuation:
+        """Angle, and the unit moment arm."""
+        n, nq = poses.q.shape
+        arm = np.zeros((n, nq))
+        arm[:, self.joint] = 1.0
+        return Actuation(poses.q[:, self.joint], arm, np.zeros((n, nq, nq)))
+
+
+class Knee:
+    """Where rocker and coupler meet, seen from a link, and how it moves with pivot, lug and both bars.
+
+    With u from pivot to lug, v = u turned left, i = 1/(u·u), rocker a and coupler b:
+    knee = pivot + x u + y v,  x = ½ + (a² − b²) i/2,  y = ± sqrt(a² i − x²).
     NaN where the two bars cannot reach each other.
     """
-    a, b, plane = four_bar.rocker, four_bar.coupler, four_bar.pivot.link
-    pivot, lug = (arm.motion(poses, p.link, np.array(p.at), seen_from, joints) for p in (four_bar.pivot, four_bar.lug))
-    normal = arm.direction(poses, plane, np.array([0.0, -1.0, 0.0]), seen_from, joints)
-    u = lug - pivot
-    u = u - normal * normal.dot(u)  # pins of one plane may be given at different y
-    inverse = u.dot(u).reciprocal()
-    x = inverse * ((a**2 - b**2) / 2) + 0.5
-    y = (inverse * a**2 - x * x).sqrt() * four_bar.side
-    return pivot + u * x + normal.cross(u) * y
+
+    def __init__(self, arm: Arm, poses: RigidPoses, four_bar: FourBar, seen_from: str, joints: tuple[int, ...]) -> None:
+        self._bars = four_bar
+        self._direction = partial(arm.direction, poses, seen_from=seen_from, joints=joints)
+        a, b = four_bar.rocker, four_bar.coupler
+        pivot, lug = (
+            arm.motion(poses, p.link, np.array(p.at), seen_from, joints) for p in (four_bar.pivot, four_bar.lug)
+        )
+        self._normal = self._direction(four_bar.pivot.link, np.array([0.0, -1.0, 0.0]))
+        self._u = self._flat(lug - pivot)
+        self._i = self._u.dot(self._u).reciprocal()
+        self._x = self._i * ((a**2 - b**2) / 2) + 0.5
+        self._y = (self._i * a**2 - self._x * self._x).sqrt() * four_bar.side
+        self.at = pivot + self._point(self._u, self._x, self._y)
+
+    def shift(self, name: str, axis: int) -> VectorJet:
+        """Derivative of the knee by a coordinate of ``pivot`` or ``lug`` or by the length of a bar.
+
+        ∂i = −2 i² u·∂u,  ∂x = (a² − b²) ∂i/2 + (a ∂a − b ∂b) i,  ∂y = (a² ∂i + 2 a ∂a i − 2 x ∂x)/(2y).
+        """
+        a, b, i, x, y, u = self._bars.rocker, self._bars.coupler, self._i, self._x, self._y, self._u
+        if name in BARS:
+            d_x = i * (a if name == "rocker" else -b)
+            d_square = i * (2 * a if name == "rocker" else 0.0)
+            return self._point(u, d_x, (d_square - x * d_x * 2.0) * y.reciprocal() * 0.5)
+        step = self._direction(getattr(self._bars, name).link, np.eye(3)[axis])
+        d_u = self._flat(step if name == "lug" else -step)
+        d_i = i * i * u.dot(d_u) * -2.0
+        d_x = d_i * ((a**2 - b**2) / 2)
+        moved = self._point(d_u, x, y) + self._point(u, d_x, (d_i * a**2 - x * d_x * 2.0) * y.reciprocal() * 0.5)
+        return moved if name == "lug" else step + moved
+
+    def _flat(self, vector: VectorJet) -> VectorJet:
+        """Its part in the plane of the four-bar: pins of one plane may be given at different y."""
+        return vector - self._normal * self._normal.dot(vector)
+
+    def _point(self, u: VectorJet, x: ScalarJet, y: ScalarJet) -> VectorJet:
+        return u * x + self._normal.cross(u) * y
 
 
 def _squared_height(u: Array, four_bar: FourBar) -> Array:

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign import foreign, machine_file, parts
-from armdesign.arm import Arm, Dynamics, RigidPoses, of_points, points_of_bar
+from armdesign.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
-from armdesign.cylinder import Cylinder, Fluid, Supply
-from armdesign.errors import ArmDesignError, MachineFileError, PoseError
+from armdesign.cylinder import Actuator, Cylinder, Fluid, Motor, Supply
+from armdesign.errors import ArmDesignError, MachineFileError, PoseError, choose
 from armdesign.jets import VectorJet
-from armdesign.linkage import Linkage, Pin
-from armdesign.parts import Payload, choose
+from armdesign.linkage import Gear, Linkage, Pin
+from armdesign.parts import Payload
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
 from armdesign.schema import MachineSection
@@ -40,8 +40,9 @@ class Machine:
     Attributes:
         name: short name, also of files written about it.
         arm: rigid links and joints.
-        cylinders: hydraulic functions, in the order of the file.
+        cylinders: in the order of the file.
         linkages: the pins of each cylinder, same order.
+        motors: those whose joint is a coordinate, in the order of the file.
         payloads: all load cases, in the order of the file.
         payload: the load case at work.
         fluid: the oil.
@@ -57,6 +58,7 @@ class Machine:
     arm: Arm
     cylinders: tuple[Cylinder, ...]
     linkages: tuple[Linkage, ...]
+    motors: tuple[Motor, ...]
     payloads: tuple[Payload, ...]
     payload: Payload
     fluid: Fluid
@@ -198,16 +200,22 @@ class Machine:
         return machine.loaded_like(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file."""
+        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file.
+
+        A URDF from outside the machine file's folder is copied beside the new file.
+        """
         target = _path(path)
         if target.suffix != ".toml":
             raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
-        urdf = target.parent / self.section.urdf
+        text, urdf = self.text, target.parent / self.section.urdf
+        if any(machine_file.leads_out(file.parent, self.section.urdf) for file in (self.source, target)):
+            urdf = target.parent / Path(self.section.urdf).name
+            text = machine_file.write(text, {"urdf": urdf.name}, self.source.name)
         if urdf == target:
             raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
         if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
             raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
-        machine_file.write_files({urdf: self.urdf_text, target: self.text})
+        machine_file.write_files({urdf: self.urdf_text, target: text})
         return target
 
     # --------------------------------------------------------------------------------------------------- poses
@@ -216,6 +224,16 @@ class Machine:
     def joints(self) -> tuple[str, ...]:
         """Joint names in the order of q."""
         return self.arm.names
+
+    @cached_property
+    def functions(self) -> tuple[Actuator, ...]:
+        """Everything hydraulic, in the order of all arrays: the cylinders, after them the motors."""
+        return (*self.cylinders, *self.motors)
+
+    @cached_property
+    def drives(self) -> tuple[Linkage | Gear, ...]:
+        """How each function moves the joints."""
+        return (*self.linkages, *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors))
 
     @cached_property
     def ranges(self) -> Array:
@@ -231,15 +249,16 @@ class Machine:
         return self.arm.rigid_poses(self._checked(q))
 
     def margins(self, q: ArrayLike | RigidPoses) -> Array:
-        """Share of its stroke that each cylinder has left to its nearer end (n, nc); negative when out of stroke.
+        """Share of its stroke that each function has left to its nearer end (n, nc); negative when out of stroke.
 
-        −inf where a four-bar does not close. Never raises for a pose.
+        −inf where a four-bar does not close; inf for a motor, which has no ends. Never raises for a pose.
         """
         rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(self._checked(q))
         with np.errstate(invalid="ignore"):
-            lengths = np.stack([linkage.length(rigid) for linkage in self.linkages], axis=1)
+            lengths = np.stack([drive.length(rigid) for drive in self.drives], axis=1)
         extension = (lengths - self._closed) / self._strokes
-        return np.nan_to_num(np.minimum(extension, 1 - extension), nan=-np.inf)
+        margins = np.where(np.isinf(self._strokes), np.inf, np.minimum(extension, 1 - extension))
+        return np.where(np.isnan(margins), -np.inf, margins)
 
     def pitch_excess(self, rigid: RigidPoses, payload: Payload) -> Array:
         """How far the load case's link is tipped from the middle of its pitch range, less half the range (n,) [rad].
@@ -278,15 +297,15 @@ class Machine:
     def evaluate(self, rigid: RigidPoses) -> Poses:
         """As ``at``, without its checks: what cannot be is inf or NaN there."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            actuation = [linkage.actuation(rigid) for linkage in self.linkages]
+            actuation = [drive.actuation(rigid) for drive in self.drives]
         moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
         lengths = np.stack([a.length for a in actuation], axis=1)
         mass, gravity, gravity_stiffness = self.loaded(rigid)
         forces = static_forces(moment_arms, gravity, self._areas)
         extension = lengths - self._closed
         stiffness = [
-            cylinder.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply.return_pressure)
-            for i, cylinder in enumerate(self.cylinders)
+            function.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply.return_pressure)
+            for i, function in enumerate(self.functions)
         ]
         return Poses(
             q=rigid.q,
@@ -316,10 +335,11 @@ class Machine:
         added = of_points(points)
         return mass + added[0], gravity + added[1], slope + added[2]
 
-    def dynamics(self) -> Dynamics:
-        """Forward dynamics of links, payload at work and bars; each has scratch data of its own."""
+    @property
+    def loaded_arm(self) -> LoadedArm:
+        """Links, payload at work and bars: what moves in a simulation."""
         load = self.payload
-        return Dynamics(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
+        return LoadedArm(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
 
     @property
     def has_bars(self) -> bool:
@@ -338,21 +358,21 @@ class Machine:
 
     @cached_property
     def shared(self) -> tuple[tuple[int, ...], ...]:
-        """For each cylinder, the cylinders that share a joint with it, itself included."""
-        own = [set(linkage.joints) for linkage in self.linkages]
+        """For each function, those that share a joint with it, itself included."""
+        own = [set(drive.joints) for drive in self.drives]
         return tuple(tuple(j for j, other in enumerate(own) if mine & other) for mine in own)
 
     @cached_property
     def _closed(self) -> Array:
-        return np.array([cylinder.closed_length for cylinder in self.cylinders])
+        return np.array([function.closed_length for function in self.functions])
 
     @cached_property
     def _strokes(self) -> Array:
-        return np.array([cylinder.stroke for cylinder in self.cylinders])
+        return np.array([function.stroke for function in self.functions])
 
     @cached_property
     def _areas(self) -> Array:
-        return np.array([cylinder.bore_area for cylinder in self.cylinders])
+        return np.array([function.bore_area for function in self.functions])
 
     def _checked(self, q: ArrayLike) -> Array:
         nq = len(self.joints)
@@ -412,10 +432,14 @@ class Machine:
 # -------------------------------------------------------------------------------------------------- from the file
 
 
-def load(path_or_name: str | Path) -> Machine:
+def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
     """Machine from a ``.toml`` file, a folder ``<name>/<name>.toml``, or the name of a shipped machine.
 
     It carries its first load case.
+
+    Args:
+        path_or_name: which machine.
+        allow_outside: whether the file may name a URDF outside its folder (or behind a symbolic link out of it).
 
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
@@ -423,7 +447,7 @@ def load(path_or_name: str | Path) -> Machine:
     path = find(path_or_name)
     text = machine_file.read_text(path)
     section = machine_file.parse(text, path.name)
-    urdf_text = machine_file.read_text(path.parent / section.urdf)
+    urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
     return Machine.from_text(text, urdf_text, path)
 
 
@@ -467,7 +491,8 @@ def find(path_or_name: str | Path) -> Path:
 
 
 def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
-    for fault in parts.unknown_links(section, arm.links, source.name):
+    unknown = parts.unknown_links(section, arm.links, source.name)
+    for fault in unknown + parts.unknown_joints(section, arm.all_joints, source.name):
         raise fault
     payloads = parts.payloads(section)
     return Machine(
@@ -475,6 +500,7 @@ def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, s
         arm=arm,
         cylinders=tuple(parts.cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
         linkages=tuple(parts.linkage(cylinder, arm) for cylinder in section.cylinder.values()),
+        motors=parts.motors(section),
         payloads=payloads,
         payload=payloads[0],
         fluid=parts.fluid(section.fluid),
@@ -501,12 +527,16 @@ def faults_of(machine: Machine) -> Iterator[MachineFileError]:
         elif linkage.four_bar is not None and (fault := _fault_of_four_bar(where, linkage)):
             sound = False
             yield fault
-    driven = {j for linkage in machine.linkages for j in linkage.joints}
+    for motor in machine.motors:
+        if not arm.joints[arm.names.index(motor.joint)].revolute:
+            sound = False
+            yield MachineFileError(f"{source}: motor.{motor.name}", f'"{motor.joint}" does not turn', "use a cylinder")
+    driven = {j for drive in machine.drives for j in drive.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
             sound = False
             yield MachineFileError(
-                f"{source}: joints", f'no cylinder moves "{joint.name}"', "add a cylinder or freeze the joint"
+                f"{source}: joints", f'no cylinder or motor moves "{joint.name}"', "add one or freeze the joint"
             )
     if sound:
         yield from _faults_of_ranges(machine)
@@ -528,7 +558,7 @@ def _faults_of_ranges(machine: Machine) -> Iterator[MachineFileError]:
         return
     if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
         yield MachineFileError(
-            f"{source}: cylinder", "the cylinders leave a direction of motion free", "check their pins"
+            f"{source}: cylinder", "cylinders and motors leave a direction of motion free", "check the pins"
         )
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import difflib
 import errno
+import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -42,6 +43,37 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(path), f"cannot be read ({reason})", "check the path") from None
+
+
+def leads_out(folder: Path, urdf: str) -> bool:
+    """Whether a URDF's path, symbolic links followed, ends outside a folder."""
+    try:
+        return not Path(os.path.realpath(folder / urdf)).is_relative_to(os.path.realpath(folder))
+    except ValueError:  # a NUL in the path, which reading refuses
+        return False
+
+
+def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
+    """Text of the URDF that a machine file names.
+
+    Args:
+        path: of the machine file.
+        urdf: as the file names it, relative to it.
+        allow_outside: whether it may lie outside the file's folder.
+
+    Raises:
+        MachineFileError: it lies outside, is missing or is no text.
+    """
+    if not allow_outside and leads_out(path.parent, urdf):
+        raise MachineFileError(
+            f"{path.name}: urdf",
+            f'"{urdf}" is outside the folder of the machine file',
+            "put it beside the file, or allow it: --allow-outside, in Python load(…, allow_outside=True)",
+        )
+    try:
+        return read_text(path.parent / urdf)
+    except MachineFileError as error:
+        raise MachineFileError(f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy) from None
 
 
 def write_files(texts: dict[Path, str]) -> None:
@@ -217,7 +249,22 @@ def _toml(text: str, source: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, and a whole number of 5000 digits
-        raise MachineFileError(source, f"not valid TOML: {error}", "correct the file at that place") from None
+        words = str(error).removesuffix("(at end of document)").strip()
+        if isinstance(error, RecursionError):
+            words = "nested too deeply"
+        if not re.search(r"\(at line \d+, column \d+\)$", words):
+            words += f" (at {_place(text, error)})"
+        xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
+        remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
+        raise MachineFileError(source, f"not valid TOML: {words}", remedy) from None
+
+
+def _place(text: str, error: Exception) -> str:
+    """Line and column of what the parser found wrong without saying where: the end, a huge number, a deep nest."""
+    at = len(text)
+    if not isinstance(error, tomllib.TOMLDecodeError):  # both are in the longest line of any file that was not built so
+        at = text.index(max(text.split("\n"), key=len))
+    return f"line {text.count(chr(10), 0, at) + 1}, column {at - text.rfind(chr(10), 0, at)}"
 
 
 def write(text: str, changes: dict[str, Any], source: str) -> str:
@@ -334,11 +381,11 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name in machine.joints:
         if name in COLUMNS or re.fullmatch(r"f\d+_hz", name):
             refuse("joints", f'"{name}" is a column of the CSV files', "rename the joint")
-    for name in machine.frozen:
-        if name in machine.joints:
-            refuse(f"frozen.{name}", "is also in joints", "a joint is either a coordinate or frozen")
-    if Path(machine.urdf).is_absolute() or ".." in Path(machine.urdf).parts:
-        refuse("urdf", f'"{machine.urdf}" leaves the folder of the machine file', "put the URDF beside the file")
+    for name in machine.motor:
+        if name in machine.cylinder:
+            refuse(f"motor.{name}", "is the name of a cylinder too", "give each function a name of its own")
+    if Path(machine.urdf).name in ("", ".."):
+        refuse("urdf", f'"{machine.urdf}" is no file name', "name the URDF")
     if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
         refuse(
             "supply.return_pressure_bar",
@@ -361,15 +408,44 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
                 refuse(f"payload.{name}.link", "missing: the pitch is that of a link", "add link")
     for name, cylinder in machine.cylinder.items():
         _check_cylinder(f"cylinder.{name}", cylinder, refuse)
-    digging = machine.requirements.digging
-    for name in digging.cylinders if digging else []:
-        if name not in machine.cylinder:
-            refuse(
-                "requirements.digging.cylinders",
-                f'no cylinder "{name}"',
-                f"choose from: {', '.join(machine.cylinder)}",
-            )
+    for name, motor in machine.motor.items():
+        _check_hoses(f"motor.{name}", motor.hose, motor.trapped_volume_l, refuse)
+        _check_friction(f"motor.{name}.friction", motor.friction.static_N_m, motor.friction.coulomb_N_m, "N m", refuse)
+    for key, band in machine.bands:
+        if band and not band[0] <= band[1]:
+            refuse(f"bands.{key}", f"[{band[0]:g}, {band[1]:g}] is upside down", "give [lower, upper]")
+    _check_requirements(machine, refuse)
     return faults
+
+
+def _check_requirements(machine: MachineSection, refuse: Any) -> None:
+    """Names of cylinders and joints that requirements give."""
+    asked, cylinders, joints = machine.requirements, machine.cylinder, machine.joints
+    named: list[tuple[str, str, Iterable[str], Iterable[str]]] = [
+        ("digging.cylinders", "cylinder", asked.digging.cylinders if asked.digging else [], cylinders),
+        ("digging_kN", "cylinder", asked.digging_kN, cylinders),
+        ("pin_boxes_mm", "cylinder", asked.pin_boxes_mm, cylinders),
+    ]
+    for name, speed in asked.speed.items():
+        named += [
+            (f"speed.{name}.joint_deg_per_s", "joint", speed.joint_deg_per_s, joints),
+            (f"speed.{name}.joint_mm_per_s", "joint", speed.joint_mm_per_s, joints),
+            (f"speed.{name}.cylinder_mm_per_s", "cylinder", speed.cylinder_mm_per_s, cylinders),
+        ]
+    for name, lift in asked.lift.items():
+        named += [
+            (f"lift.{name}.joint_deg", "joint", lift.joint_deg, joints),
+            (f"lift.{name}.joint_mm", "joint", lift.joint_mm, joints),
+        ]
+        if (lift.reach_mm is None) != (lift.height_mm is None):
+            missing = "reach_mm" if lift.reach_mm is None else "height_mm"
+            refuse(f"requirements.lift.{name}.{missing}", "missing: a place has both", f"add {missing}")
+    for name, clearance in asked.clearance.items():
+        named += [(f"clearance.{name}.cylinders", "cylinder", clearance.cylinders, cylinders)]
+    for path, kind, names, known in named:
+        for name in names:
+            if name not in known:
+                refuse(f"requirements.{path}", f'no {kind} "{name}"', f"choose from: {', '.join(known)}")
 
 
 def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
@@ -382,18 +458,20 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
     if (cylinder.rod_end is None) == (cylinder.four_bar is None):
         given = "neither rod_end nor" if cylinder.rod_end is None else "both rod_end and"
         refuse(f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them")
-    volumes = (("cap", cylinder.hose.cap_l), ("annulus", cylinder.hose.annulus_l))
-    for side, hose in volumes:
-        dead = getattr(cylinder.dead_volume_l, side)
-        if hose > dead:
-            refuse(
-                f"{path}.hose.{side}_l",
-                f"{hose:g} l exceeds the dead volume",
-                f"give a volume in [0, {dead:g}] l",
-            )
-    if cylinder.friction.static_N and cylinder.friction.static_N < cylinder.friction.coulomb_N:
-        refuse(
-            f"{path}.friction.static_N",
-            f"{cylinder.friction.static_N:g} N is below the Coulomb friction",
-            f"give 0 or at least {cylinder.friction.coulomb_N:g} N",
-        )
+    _check_hoses(path, cylinder.hose, cylinder.dead_volume_l, refuse)
+    _check_friction(f"{path}.friction", cylinder.friction.static_N, cylinder.friction.coulomb_N, "N", refuse)
+
+
+def _check_hoses(path: str, hose: Section, volumes: Section, refuse: Any) -> None:
+    """Hoses hold a share of the oil that the piston does not sweep, not more."""
+    for side in type(volumes).model_fields:
+        inside, whole = getattr(hose, f"{side}_l"), getattr(volumes, side)
+        if inside > whole:
+            key = f"{path}.hose.{side}_l"
+            refuse(key, f"{inside:g} l exceeds the dead volume", f"give a volume in [0, {whole:g}] l")
+
+
+def _check_friction(path: str, static: float, coulomb: float, unit: str, refuse: Any) -> None:
+    if static and static < coulomb:
+        key = f"{path}.static_{unit.replace(' ', '_')}"
+        refuse(key, f"{static:g} {unit} is below the Coulomb friction", f"give 0 or at least {coulomb:g} {unit}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import static_pressures
+from armdesign.cylinder import Actuator, Motor, static_pressures
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
@@ -32,7 +32,7 @@ class WorstPose:
         q: joint positions (nq,) [rad, m].
         payload: name of the load case.
         frequency: lowest coupled natural frequency there [Hz].
-        cylinder: the one with the largest share of that mode's oil-spring energy.
+        cylinder: the cylinder or motor with the largest share of that mode's oil-spring energy.
         tool: position of the tool (3,) [m].
         joints: names of the coordinates.
     """
@@ -67,7 +67,7 @@ class FrequencyMap:
     Attributes:
         frame: one row per pose and load case; columns: each joint [rad, m], ``payload``, ``tool_x_m`` …,
             ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``, ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``,
-            ``<cylinder>_extension``.
+            ``<cylinder>_extension``; of a motor ``<motor>_torque_n_m`` and no extension.
         worst: the worst pose, refined off the grid.
         worst_of: the worst pose of every load case, by its name.
         limiting: for each row, the cylinder with the largest share in the lowest mode.
@@ -101,10 +101,10 @@ class FrequencyMap:
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
-        """Share of the poses that each cylinder limits, all load cases together; they sum to one."""
+        """Share of the poses that each function limits, all load cases together; they sum to one."""
         import pandas as pd
 
-        names = [cylinder.name for cylinder in self.machine.cylinders]
+        names = [function.name for function in self.machine.functions]
         return pd.Series({name: float(np.mean(self.limiting == name)) for name in names}, name="share")
 
     @property
@@ -120,7 +120,7 @@ class FrequencyMap:
         lowest = self.frame["f1_hz"].to_numpy()
         stable = lowest > 0
         rows = {}
-        for cylinder in self.machine.cylinders:
+        for cylinder in self.machine.functions:
             for formula in ("locked", "rigid"):
                 ratio = self.frame[f"{formula}_{cylinder.name}_hz"].to_numpy()[stable] / lowest[stable]
                 some = stable.any()
@@ -139,11 +139,20 @@ class FrequencyMap:
         return pd.DataFrame(self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True), columns=STIFFNESS)
 
     @property
+    def stiffness(self) -> pd.DataFrame:
+        """Bookkeeping of the lowest mode row by row: pose, load case, ω² and what each part gives to it [rad²/s²]."""
+        frame = self.frame[[*self.machine.joints, "payload", "f1_hz"]].copy()
+        frame["omega_squared"] = self.stiffness_parts.sum(axis=1)
+        for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=True):
+            frame[name] = values
+        return frame
+
+    @property
     def holding_pressures(self) -> Array:
         """Larger static chamber pressure of each cylinder over the supply's (n, nc), row by row; above one it sinks."""
         supply, shares = self.machine.supply, []
-        for c in self.machine.cylinders:
-            force = self.frame[f"{c.name}_force_n"].to_numpy()
+        for c in self.machine.functions:
+            force = self.frame[_force_column(c)].to_numpy()
             pressures = static_pressures(force, c.bore_area, c.annulus_area, supply.return_pressure)
             shares.append(np.maximum(*pressures) / supply.pressure)
         return np.stack(shares, axis=1)
@@ -157,11 +166,10 @@ class FrequencyMap:
         Args:
             cells: number of cells along the longer side; default 90, fewer where scattered poses would leave gaps.
         """
-        frame = self.frame
-        forward, aside, height, lowest = (
-            frame[name].to_numpy() for name in ("tool_x_m", "tool_y_m", "tool_z_m", "f1_hz")
-        )
-        points = [np.stack([np.copysign(np.hypot(forward, aside), forward), height, lowest], axis=1)]
+        q = self.frame[list(self.machine.joints)].to_numpy()
+        tool = self.frame[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy()
+        reach = self.machine.arm.reach(q, tool)
+        points = [np.stack([reach, tool[:, 2], self.frame["f1_hz"].to_numpy()], axis=1)]
         if self.workspace.cells is not None:
             x, z = self.workspace.cells
         else:
@@ -208,7 +216,7 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
             poses = case.at(rigid[held[k][rows]])
             modes = _modes(case, poses)
             to = slice(filled[k], filled[k] + len(poses))
-            values[:, to] = _values(poses, modes)
+            values[:, to] = _values(case, poses, modes)
             parts[:, to] = _stiffness_parts(poses, modes)
             limiting[to] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
             filled[k] = to.stop
@@ -217,13 +225,13 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         _worst(case, workspace, values[:nq, start:end].T, values[names.index("f1_hz"), start:end])
         for case, start, end in zip(cases, ends[:-1], ends[1:], strict=True)
     ]
-    cylinders = np.array([cylinder.name for cylinder in machine.cylinders])
+    functions = np.array([function.name for function in machine.functions])
     payloads = np.repeat([case.payload.name for case in cases], np.diff(ends))
     return FrequencyMap(
         frame=_frame(names, values, payloads, nq),
         worst=min(worst, key=lambda pose: pose.frequency),
         worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
-        limiting=cylinders[limiting],
+        limiting=functions[limiting],
         stiffness_parts=parts.T,
         machine=machine,
         workspace=workspace,
@@ -263,22 +271,28 @@ def _modes(case: Machine, poses: Poses) -> Modes:
 
 def _columns(machine: Machine) -> list[str]:
     """Names of the numbers in a map's frame."""
-    names = [cylinder.name for cylinder in machine.cylinders]
+    names = [function.name for function in machine.functions]
     return [
         *machine.joints,
         *(f"tool_{axis}_m" for axis in "xyz"),
         *(f"f{i + 1}_hz" for i in range(len(machine.joints))),
         *(f"locked_{name}_hz" for name in names),
         *(f"rigid_{name}_hz" for name in names),
-        *(f"{name}_force_n" for name in names),
-        *(f"{name}_extension" for name in names),
+        *(_force_column(function) for function in machine.functions),
+        *(f"{cylinder.name}_extension" for cylinder in machine.cylinders),
     ]
 
 
-def _values(poses: Poses, modes: Modes) -> Array:
+def _force_column(function: Actuator) -> str:
+    """Of the static force [N] of a cylinder, torque [N m] of a motor."""
+    return f"{function.name}_torque_n_m" if isinstance(function, Motor) else f"{function.name}_force_n"
+
+
+def _values(machine: Machine, poses: Poses, modes: Modes) -> Array:
     """The numbers of ``_columns`` (columns, n)."""
     found = (poses.q, poses.tool, modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies)
-    return np.concatenate([*found, poses.cylinder_forces, poses.extensions], axis=1).T
+    extensions = poses.extensions[:, : len(machine.cylinders)]
+    return np.concatenate([*found, poses.cylinder_forces, extensions], axis=1).T
 
 
 def _stiffness_parts(poses: Poses, modes: Modes) -> Array:
@@ -314,7 +328,7 @@ def _worst(machine: Machine, workspace: Workspace, q: Array, frequency: Array) -
         q=best_q,
         payload=machine.payload.name,
         frequency=best,
-        cylinder=machine.cylinders[int(share.argmax())].name,
+        cylinder=machine.functions[int(share.argmax())].name,
         tool=poses.tool[0],
         joints=machine.joints,
     )
@@ -349,9 +363,9 @@ def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | No
 
     def room(x: Array) -> Array:
         rigid = machine.arm.kinematics((low + x * span)[None])
-        stroke = machine.margins(rigid)[0] - workspace.end_margin
+        stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
         tip = -machine.pitch_excess(rigid, payload) if payload.pitch else np.empty(0)
-        return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.linkages]], tip])
+        return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
 
     constrained = payload.pitch is not None or any(len(k.joints) > 1 for k in machine.linkages)
     result = minimize(
@@ -379,7 +393,8 @@ def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
         near = [p for p in np.concatenate(moved) if np.abs(p - q).max() < 2e-3 and _in_box(p, workspace)]
         q = near[0] if near else q
     within = _in_box(q, workspace) and bool(machine.holds(q)[0])
-    return q if within and machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
+    # ends of stroke are those of the machine whose workspace it is
+    return q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
 
 
 def _in_box(q: Array, workspace: Workspace) -> bool:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-import difflib
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
 from armdesign.arm import Arm
-from armdesign.cylinder import Cylinder, Fluid, Supply
-from armdesign.errors import MachineFileError
+from armdesign.cylinder import Cylinder, Fluid, Motor, Supply
+from armdesign.errors import MachineFileError, choose
 from armdesign.linkage import FourBar, Linkage, Pin
 from armdesign.schema import (
     CylinderSection,
     FluidSection,
+    LoadHoldingSection,
     MachineSection,
+    MotorSection,
     PinSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.units import MPa, bar, deg, l_per_min, litre, mm
-from armdesign.valve import Friction, Valve
+from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
+from armdesign.valve import Edges, Friction, LoadHolding, Valve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +60,9 @@ def supply(section: SupplySection) -> Supply:
         pressure=section.pressure_bar * bar,
         return_pressure=section.return_pressure_bar * bar,
         flow=section.flow_l_per_min * l_per_min,
+        flow_limited=section.pump == "flow_limited",
+        cut_off=section.cut_off_percent / 100,
+        line_volume=section.line_volume_l * litre,
     )
 
 
@@ -94,6 +99,21 @@ def _valve(section: ValveSection) -> Valve:
         damping_ratio=section.damping_ratio,
         overlap=section.overlap_percent / 100,
         leakage=section.leakage_l_per_min_per_bar * l_per_min / bar,
+        tank_leakage=section.tank_leakage_l_per_min_per_bar * l_per_min / bar,
+        fastest=math.inf if section.stroke_time_ms is None else 1 / (section.stroke_time_ms * ms),
+        relief=None if section.relief_bar is None else section.relief_bar * bar,
+        edges=Edges(**section.edges.model_dump()),
+    )
+
+
+def _load_holding(section: LoadHoldingSection) -> LoadHolding:
+    return LoadHolding(
+        side=section.side,
+        setting=section.setting_bar * bar,
+        pilot_ratio=section.pilot_ratio,
+        opening_range=section.opening_range_bar * bar,
+        rated_flow=section.rated_flow_l_per_min * l_per_min,
+        rated_drop=section.rated_drop_bar * bar,
     )
 
 
@@ -115,9 +135,11 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
         compliance=section.compliance_m_per_N,
         barrel_mass=section.barrel_kg,
         rod_mass=section.rod_kg,
+        barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
         rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
         coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
         valve=_valve(section.valve) if section.valve else None,
+        load_holding=_load_holding(section.load_holding) if section.load_holding else None,
         friction=Friction(
             coulomb=friction.coulomb_N,
             static=friction.static_N or friction.coulomb_N,
@@ -127,23 +149,63 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
     )
 
 
+def motors(section: MachineSection) -> tuple[Motor, ...]:
+    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    made = (_motor(name, motor) for name, motor in section.motor.items())
+    return tuple(motor for motor in made if motor.joint in section.joints)
+
+
+def _motor(name: str, section: MotorSection) -> Motor:
+    friction, count = section.friction, section.count
+    return Motor(
+        name=name,
+        joint=section.joint or name,
+        count=count,
+        displacement=section.displacement_cm3 * cm3,
+        gear_ratio=section.gear_ratio,
+        cap_dead_volume=section.trapped_volume_l.a * litre,
+        annulus_dead_volume=section.trapped_volume_l.b * litre,
+        cap_hose_volume=section.hose.a_l * litre,
+        annulus_hose_volume=section.hose.b_l * litre,
+        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
+        compliance=section.compliance_rad_per_N_m,
+        valve=_valve(section.valve) if section.valve else None,
+        friction=Friction(  # of one motor: a function multiplies it by their count
+            coulomb=friction.coulomb_N_m / count,
+            static=(friction.static_N_m or friction.coulomb_N_m) / count,
+            stribeck_velocity=friction.stribeck_velocity_deg_per_s * deg,
+            viscous=friction.viscous_N_m_s_per_rad / count,
+        ),
+    )
+
+
 def unknown_links(section: MachineSection, links: Collection[str], source: str) -> list[MachineFileError]:
     """A fault for every link that the machine file names and the URDF does not have."""
     named = {f"payload.{name}": case.link for name, case in section.payload.items()}
     named["tool"] = section.tool.link
+    asked = section.requirements
+    named |= {f"requirements.lift.{name}": lift.link for name, lift in asked.lift.items()}
+    named |= {f"requirements.clearance.{name}": clearance.link for name, clearance in asked.clearance.items()}
     for name, cylinder in section.cylinder.items():
         bars = cylinder.four_bar
         pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
         pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
         named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None}
+    outlined = [link for link in asked.outline if link not in links]
     return [
+        MachineFileError(f"{source}: requirements.outline", f'no link "{link}" in the URDF', choose(link, links))
+        for link in outlined
+    ] + [
         MachineFileError(f"{source}: {path}.link", f'no link "{link}" in the URDF', choose(link, links))
         for path, link in named.items()
         if link is not None and link not in links
     ]
 
 
-def choose(name: str, known: Collection[str]) -> str:
-    """A remedy for a wrong name: the one that was meant, or all that there are."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"
+def unknown_joints(section: MachineSection, joints: Collection[str], source: str) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have."""
+    return [
+        MachineFileError(f"{source}: motor.{name}.joint", f'no joint "{joint}" in the URDF', choose(joint, joints))
+        for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
+        if joint not in joints
+    ]

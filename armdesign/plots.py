@@ -49,7 +49,7 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
     Args:
         frequencies: the map.
         ax: axes to draw into; new ones if None.
-        plane: "joints" (the first two; a machine with one joint gets curves) or "reach".
+        plane: "joints" (the first two, slewing apart; a machine with one joint gets curves) or "reach".
         limits: ``vmin`` and ``vmax`` [Hz] of the colours, so that two maps share one scale.
 
     Returns:
@@ -61,18 +61,19 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
         silhouette(ax, frequencies.machine, frequencies.worst)
         ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
         ax.set_title("worst of all ways to bring the tool there", fontsize=10)
-    elif len(frequencies.machine.joints) == 1:
+    elif len(drawn_joints(frequencies.machine)) == 1:
         curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint", fontsize=10)
     else:
-        joints = frequencies.machine.arm.joints[:2]
+        drawn = drawn_joints(frequencies.machine)
+        joints = [frequencies.machine.arm.joints[j] for j in drawn]
         x, z, values = joint_plane(frequencies)
         scale = [_scale(joint) for joint in joints]
         heatmap(ax, x * scale[0], z * scale[1], values, limits)
         ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
         ax.set_title("worst over all other joints and loads", fontsize=10)
         worst = frequencies.worst
-        mark(ax, worst.q[0] * scale[0], worst.q[1] * scale[1], worst.frequency)
+        mark(ax, worst.q[drawn[0]] * scale[0], worst.q[drawn[1]] * scale[1], worst.frequency)
     return ax
 
 
@@ -102,34 +103,41 @@ def moment_arms(design: Design) -> Any:
 
 
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
-    """Moment arm of every cylinder that moves one joint alone, over that joint's range; returns the figure.
+    """Moment arm of every cylinder about every joint that it spans, over that joint's range; returns the figure.
 
-    The first machine says which cylinders; of the others those of the same name are drawn beside them.
+    A cylinder across several joints is drawn with the others in the middle of their ranges. The first machine says
+    which cylinders and joints; of the other machines those of the same names are drawn beside them.
     """
-    from armdesign.ranges import over, sweep
-
     first = next(iter(machines.values()))
-    shown = [c.name for c, k in zip(first.cylinders, first.linkages, strict=True) if len(k.joints) == 1]
+    spans = [(c.name, j, k) for c, k in zip(first.cylinders, first.linkages, strict=True) for j in k.joints]
     styles = STYLES if len(machines) > 1 else (("-", INK),)
-    fig, axes = figure(max(len(shown), 1), 4.4, 3.6)
-    for ax, name in zip(axes, shown, strict=False):
+    fig, axes = figure(len(spans), 4.4, 3.6)
+    for ax, (name, j, linkage) in zip(axes, spans, strict=True):
+        joint = first.arm.joints[j]
         for (label, machine), (style, colour) in zip(machines.items(), cycle(styles), strict=False):
-            linkage = {c.name: k for c, k in zip(machine.cylinders, machine.linkages, strict=True)}.get(name)
-            if linkage is None or len(linkage.joints) != 1:
-                continue
-            j = linkage.joints[0]
-            joint = machine.arm.joints[j]
-            poses = sweep(machine.arm, j, over(machine.ranges[j], 121))
-            x = poses.q[:, j] * _scale(joint)
-            arm = np.abs(linkage.actuation(poses).moment_arm[:, j]) * (1000 if joint.revolute else 1)
-            ax.plot(x, arm, style, color=colour, label=label)
-            ax.set(xlabel=_label(joint), ylabel="moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]")
+            if (curve := _moment_arm(machine, name, joint.name)) is not None:
+                ax.plot(*curve, style, color=colour, label=label)
+        ax.set(xlabel=_label(joint), ylabel="moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]")
         ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
-        ax.set_title(f"{name} cylinder", fontsize=10)
+        ax.set_title(f"{name} cylinder" + (f" about {joint.name}" if len(linkage.joints) > 1 else ""), fontsize=10)
         ax.grid(alpha=0.3)
     if len(machines) > 1:
         axes[0].legend(frameon=False)
     return fig
+
+
+def _moment_arm(machine: Machine, cylinder: str, joint: str) -> tuple[Array, Array] | None:
+    """Joint positions and sizes of a cylinder's moment arm there, in the labels' units; None if there is none."""
+    from armdesign.ranges import over
+
+    linkage = {c.name: k for c, k in zip(machine.cylinders, machine.linkages, strict=True)}.get(cylinder)
+    if linkage is None or joint not in [machine.joints[j] for j in linkage.joints]:
+        return None
+    j = machine.joints.index(joint)
+    q = np.tile(machine.ranges.mean(axis=1), (121, 1))
+    q[:, j] = over(machine.ranges[j], len(q))
+    arm = np.abs(linkage.actuation(machine.arm.kinematics(q)).moment_arm[:, j])
+    return q[:, j] * _scale(machine.arm.joints[j]), arm * (1000 if machine.arm.joints[j].revolute else 1)
 
 
 def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
@@ -139,7 +147,7 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
     """
     ax = figure()[1][0] if ax is None else ax
     share = frequencies.holding_pressures.max(axis=1)
-    joints = frequencies.machine.arm.joints[:2]
+    joints = [frequencies.machine.arm.joints[j] for j in drawn_joints(frequencies.machine)]
     scale = [_scale(joint) for joint in joints]
     if len(joints) == 1:
         q, payload = frequencies.frame[joints[0].name].to_numpy(), frequencies.frame["payload"].to_numpy()
@@ -217,34 +225,39 @@ def mark(ax: Any, x: float, y: float, frequency: float) -> None:
 
 def curves(ax: Any, frequencies: FrequencyMap) -> None:
     """Natural frequency of a machine with one joint over that joint: coupled and rigid load, per load case."""
-    joint = frequencies.machine.arm.joints[0]
+    (index,) = drawn_joints(frequencies.machine)
+    joint = frequencies.machine.arm.joints[index]
     scale = _scale(joint)
     top = 0.0
     for payload, rows in frequencies.frame.groupby("payload", sort=False):
         rows = rows.sort_values(joint.name)
         ax.plot(rows[joint.name] * scale, rows["f1_hz"], label=f"{payload}: coupled")
         top = max(top, 2.5 * rows["f1_hz"].max())
-        for cylinder in frequencies.machine.cylinders:
+        for cylinder in frequencies.machine.functions:
             name = f"{payload}: {cylinder.name}, rigid load"
             ax.plot(rows[joint.name] * scale, rows[f"rigid_{cylinder.name}_hz"], "--", lw=1, label=name)
     ax.set(xlabel=_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
-    mark(ax, frequencies.worst.q[0] * scale, frequencies.worst.frequency, frequencies.worst.frequency)
+    mark(ax, frequencies.worst.q[index] * scale, frequencies.worst.frequency, frequencies.worst.frequency)
 
 
 def joint_plane(frequencies: FrequencyMap, values: Array | None = None) -> tuple[Array, Array, Array]:
-    """Least value over all else on the grid of the first two joints: values of both and (n1, n2).
+    """Least value over all else on the grid of ``drawn_joints``: values of both and (n1, n2).
 
     ``values`` is one number for each row of the map's frame; the lowest coupled frequency [Hz] if None.
     """
-    x, y = frequencies.workspace.axes[:2]
-    frame = frequencies.frame
-    cells = [
-        nearest(axis, frame[name].to_numpy()) for axis, name in zip((x, y), frequencies.machine.joints, strict=False)
-    ]
+    drawn, frame = drawn_joints(frequencies.machine), frequencies.frame
+    x, y = (frequencies.workspace.axes[j] for j in drawn)
+    names = [frequencies.machine.joints[j] for j in drawn]
+    cells = [nearest(axis, frame[name].to_numpy()) for axis, name in zip((x, y), names, strict=True)]
     least = np.full((len(x), len(y)), np.inf)
     np.minimum.at(least, tuple(cells), frame["f1_hz"].to_numpy() if values is None else values)
     return x, y, np.where(np.isinf(least), np.nan, least)
+
+
+def drawn_joints(machine: Machine) -> list[int]:
+    """The coordinates of pictures: the first two that do not merely slew the whole arm; one if there is but one."""
+    return [j for j in range(len(machine.joints)) if j not in machine.arm.slewing][:2] or [0]
 
 
 def reach_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:
@@ -266,7 +279,8 @@ def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
     """The arm at its worst pose, seen square to the tool's direction: links as lines, cylinders as bars."""
     arm, poses = machine.arm, machine.arm.kinematics(worst.q[None])
     azimuth = math.atan2(worst.tool[1], worst.tool[0])
-    forward = math.copysign(1.0, worst.tool[0]) * np.array([math.cos(azimuth), math.sin(azimuth)])
+    forward = np.array([math.cos(azimuth), math.sin(azimuth)])
+    forward = forward * math.copysign(1.0, float(forward @ arm.heading(worst.q[None])[0]))
 
     def draw(points: Sequence[Array], **style: Any) -> None:
         places = np.array(points).reshape(-1, 3)

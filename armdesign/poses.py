@@ -1,6 +1,6 @@
 """Poses: what inertia, gravity, oil and geometry are at n joint positions. Axis 0 is the pose.
 
-Rigid bodies come from ``RigidPoses``, payload and cylinders are added here. With trapped oil the arm sits on
+Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added here. With trapped oil the arm sits on
 
     K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i        (hydraulic + gravity + geometric stiffness)
 
@@ -19,7 +19,10 @@ from armdesign.arrays import Array, Flags
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Poses:
-    """Everything at n poses of a machine with nq joints and nc cylinders; arrays are read-only.
+    """Everything at n poses of a machine with nq joints and nc functions; arrays are read-only.
+
+    Functions are the cylinders and after them the motors, see ``Machine.functions``. For a motor read angle of its
+    joint [rad] for length, torque [N m] for force, and [N m/rad] for the unit of its stiffness.
 
     Attributes:
         q: joint positions (n, nq) [rad, m].
@@ -29,11 +32,11 @@ class Poses:
         lengths: pin-to-pin cylinder lengths ℓ (n, nc) [m].
         moment_arms: R = ∂ℓ/∂q (n, nc, nq) [m/rad].
         moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, nq, nq).
-        extensions: share of the stroke that is out (n, nc), 0…1.
+        extensions: share of the stroke that is out (n, nc), 0…1; 0 for a motor.
         cylinder_forces: static force of each function (n, nc) [N, + pushes].
         oil_stiffness: k_h of each function with its valve closed (n, nc) [N/m].
         tool: position of the tool in the root link (n, 3) [m].
-        shared: for each cylinder, the cylinders that are released with it because they share a joint.
+        shared: for each function, those that are released with it because they share a joint.
     """
 
     q: Array

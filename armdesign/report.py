@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.cylinder import Cylinder, static_pressures
+from armdesign.cylinder import Cylinder, kind, static_pressures
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -63,17 +63,19 @@ def unit_of(joint: Joint) -> str:
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
     """Worst pose, percentiles and the cylinder that limits, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
+    reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
+    limiting = next(function for function in machine.functions if function.name == worst.cylinder)
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
             ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
             ("at", pose_text(machine, worst, units)),
-            ("tool at", f"reach {worst.tool[0]:.2f} m, height {worst.tool[2]:.2f} m"),
-            ("limited by", f"{worst.cylinder} cylinder"),
+            ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
+            ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
         bold=(0,),
     )
-    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies)]
+    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
 
 
 def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
@@ -90,11 +92,11 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     frame, rows = frequencies.frame, []
-    for cylinder in frequencies.machine.cylinders:
+    for cylinder in frequencies.machine.functions:
         limits = frequencies.limiting == cylinder.name
         ratios = []
-        for kind in ("locked", "rigid"):
-            ratio = (frame[f"{kind}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
+        for formula in ("locked", "rigid"):
+            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
             ratios.append(f"{ratio.median():.2f}" if limits.any() else "–")
         rows.append((cylinder.name, f"{100 * limits.mean():.1f} %", *ratios))
     return Sheet(
@@ -102,6 +104,23 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
         columns=("cylinder", "limits poses", "locked / coupled", "rigid load / coupled"),
         rows=tuple(rows),
         note="medians over the poses that the cylinder limits; 1.00 would be right",
+    )
+
+
+def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
+    stable = frequencies.frame["f1_hz"].to_numpy() > 0
+    shares = 100 * frequencies.stiffness_shares[stable]
+    origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
+    rows = [
+        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in share.quantile((0, 0.5, 1))))
+        for part, share in shares.items()
+        if len(share)
+    ]
+    return Sheet(
+        title="What the stiffness of the lowest mode is made of",
+        columns=("part", "least", "median", "greatest"),
+        rows=tuple(rows),
+        note="shares of each pose's stiffness, all load cases; negative: it softens; every pose is in stiffness.csv",
     )
 
 
@@ -124,10 +143,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
-    if design.bound is not None:
-        kind = "combination of the catalogue" if design.catalogue else "choice of sizes"
-        proved = " (proved: the best)" if design.bound < design.unrounded * (1 + 1e-9) else ""
-        note += f"; no {kind} with these pins exceeds {design.bound:.3f} Hz{proved}"
+    note += _bound(design)
     if len(design.starts) > 1:
         note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
     return Sheet(
@@ -137,6 +153,21 @@ def _gain(design: Design, units: Units) -> Sheet:
         note=note,
         bold=(2,),
     )
+
+
+def _bound(design: Design) -> str:
+    """What no other design exceeds, in words; nothing where no bound is known."""
+    if design.certificate is None:
+        return ""
+    none = "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
+    gap = f"gap {100 * (design.gap or 0.0):.1f} %"
+    if design.selection is not None:
+        none = "no combination of the catalogue with these pins exceeds"
+        gap = "proved: the best" if (design.gap or 0.0) < 1e-9 else gap
+    elif design.catalogue:
+        none = "no sizes, of the catalogue or not, and pins exceed"
+    rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
+    return f"; {none} {design.bound:.3f} Hz ({gap}){rigid}"
 
 
 def _sizes(design: Design, units: Units) -> Sheet:
@@ -197,7 +228,7 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         digging: cylinders whose digging force counts.
         units: of the numbers.
     """
-    from armdesign.design.requirements import digging_forces, static_loads
+    from armdesign.design.check import digging_forces, static_loads
 
     found: dict[str, list[tuple[str, ...]]] = {}
     totals = []
@@ -282,6 +313,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         _masses(inspection, units),
         _joints(inspection, units),
         _cylinders(inspection, units),
+        *([_motors(inspection, units)] if inspection.machine.motors else []),
         _levers(inspection, units),
         _static_loads(inspection, units),
         _oddities(inspection, units),
@@ -292,7 +324,7 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
     machine, tool = inspection.machine, inspection.tool
     (near, low), (far, high) = tool.min(axis=0), tool.max(axis=0)
     supply, fluid = machine.supply, machine.fluid
-    frozen = machine.section.frozen
+    frozen = [name for name in machine.section.frozen if name not in machine.joints]
     air = f", {100 * fluid.air:g} % air" if fluid.air else ""
     rows = [
         ("joints", ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")),
@@ -353,6 +385,21 @@ def _cylinders(inspection: Inspection, units: Units) -> Sheet:
     )
 
 
+def _motors(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for motor in machine.motors:
+        drop = machine.supply.pressure - machine.supply.return_pressure
+        speed = machine.supply.flow / motor.bore_area
+        sides = [units.text(volume, "m³") for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)]
+        most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
+        rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
+    return Sheet(
+        title="Motors",
+        columns=("motor", "joint", "gear ratio", "oil a", "oil b", "torque at supply", "speed at all the flow"),
+        rows=tuple(rows),
+    )
+
+
 def _levers(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
     for lever in inspection.levers:
@@ -375,7 +422,7 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
 def _static_loads(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for load in inspection.loads:
-        name = inspection.machine.cylinders[load.cylinder].name
+        name = inspection.machine.functions[load.cylinder].name
         side = "cap" if load.cap else "rod"
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))

@@ -1,8 +1,9 @@
-"""A starting machine file and URDF for a boom with one to four links: plausible numbers, every one to be replaced.
+"""A starting machine file and URDF for a boom with one to six links: plausible numbers, every one to be replaced.
 
 The links form a chain that folds downwards; each joint has one pin-to-pin cylinder, whose stroke covers the joint's
 range. The proportions are those of small loader booms: the arms of the triangle joint, base pin, rod-end pin scale
-with the length of the link that carries the base.
+with the length of the link that carries the base. Booms of more than four links have larger ones before the
+boom of four, as concrete pumps do.
 """
 
 from __future__ import annotations
@@ -20,8 +21,14 @@ LENGTHS = {1: (3.0,), 2: (3.0, 2.0), 3: (3.0, 2.0, 1.0), 4: (3.0, 2.0, 1.5, 1.0)
 MASS_PER_LENGTH = (100.0, 75.0, 55.0, 40.0)  # [kg/m]
 SIZES = ((100, 56), (80, 45), (50, 28), (40, 22))  # bore, rod [mm]
 SECTION = (0.22, 0.17, 0.13, 0.10)  # height of a link's box [m]
+LARGER = (  # links before those of the longest boom: length [m], mass per length [kg/m], bore, rod [mm], height [m]
+    (3.5, 130.0, 120, 70, 0.26),
+    (4.0, 160.0, 135, 80, 0.30),
+)
+MOST = 4 + len(LARGER)
 FOOT = 1.0  # height of the boom-foot pin [m]
 PAYLOADS = {1: 1500, 2: 500, 3: 250, 4: 150}  # [kg]
+LIGHT = 100  # payload of a boom with more links [kg]
 
 
 @dataclass(frozen=True)
@@ -54,26 +61,37 @@ class _Stage:
         return math.floor(min(lengths)), math.ceil(max(lengths))
 
 
+def _links(links: int) -> list[tuple[str, float, float, int, int, float]]:
+    """Name, length [m], mass per length [kg/m], bore, rod [mm] and height [m] of each link."""
+    known = min(links, 4)
+    chosen = [
+        (length, mass, *size, height)
+        for length, mass, size, height in zip(LENGTHS[known], MASS_PER_LENGTH, SIZES, SECTION, strict=False)
+    ]
+    chosen = [*reversed(LARGER[: links - known]), *chosen]
+    names = NAMES.get(links, ("boom", *(f"section_{i}" for i in range(2, links)), "bucket"))
+    return [(name, *values) for name, values in zip(names, chosen, strict=True)]
+
+
 def _stages(links: int) -> list[_Stage]:
     found: list[_Stage] = []
-    for i, (name, length) in enumerate(zip(NAMES[links], LENGTHS[links], strict=True)):
+    for name, length, mass_per_length, bore, rod, height in _links(links):
         at = found[-1].length if found else 0.0
         if not found:  # from below: the cylinder pushes the boom up
-            base, rod_end = _polar(0.6, -50), _polar(1.4, 15)
+            base, rod_end = _polar(0.2 * length, -50), _polar(0.4667 * length, 15)
             lower, upper = -25.0, 45.0
         else:  # from above: the cylinder folds the link down
             x, z = _polar(0.37 * at, 160)
             base, rod_end = (round(at / mm) + x, z), _polar(0.17 * at, 165)
             lower, upper = -130.0, -50.0
-        bore, rod = SIZES[i]
         found.append(
             _Stage(
                 name=name,
                 carrier=found[-1].name if found else "base",
                 at=at,
                 length=length,
-                mass=length * MASS_PER_LENGTH[i],
-                height=SECTION[i],
+                mass=length * mass_per_length,
+                height=height,
                 lower=lower * deg,
                 upper=upper * deg,
                 bore=bore,
@@ -95,7 +113,7 @@ def new(name: str, links: int) -> tuple[str, str]:
 
     Args:
         name: of the machine and its files.
-        links: 1 to 4.
+        links: 1 to 6.
 
     Raises:
         ArmDesignError: a name that no machine can have, or another number of links.
@@ -106,8 +124,8 @@ def new(name: str, links: int) -> tuple[str, str]:
             f'"{name:.70}" is not allowed',
             f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}",
         )
-    if links not in NAMES:
-        raise ArmDesignError("--links", f"{links} is not allowed", f"give one of {', '.join(map(str, NAMES))}")
+    if not 1 <= links <= MOST:
+        raise ArmDesignError("--links", f"{links} is not allowed", f"give a whole number from 1 to {MOST}")
     stages = _stages(links)
     return _aligned(_machine_file(name, stages)), _urdf(name, stages)
 
@@ -138,7 +156,7 @@ tool   = {{ {tip} }}                    # replace: the point whose reach and hei
 mass_kg = 0
 
 [payload.full]
-mass_kg = {PAYLOADS[len(stages)]}                 # replace: a point mass, where its centre hangs
+mass_kg = {PAYLOADS.get(len(stages), LIGHT)}                 # replace: a point mass, where its centre hangs
 link = "{last.name}"
 at_mm = [{last.length / mm:.0f}, 0, 0]
 # pitch_deg = [120, 240]                # the case exists only while the link's x axis has this pitch

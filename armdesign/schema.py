@@ -24,15 +24,24 @@ Share = Annotated[float, Field(gt=0, le=1)]
 Ratio = Annotated[float, Field(gt=0, le=10)]
 Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
 Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Distance = Annotated[float, Field(ge=0, le=100_000)]
+Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
 UNITS = {  # by the end of the key, longer ends first
     "kg_per_m3": "kg/m³",
+    "rad_per_N_m": "rad/(N m)",
+    "N_m_s_per_rad": "N m s/rad",
+    "deg_per_s": "deg/s",
+    "cm3": "cm³",
     "l_per_min_per_bar": "l/min/bar",
     "l_per_min": "l/min",
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "ms": "ms",
     "percent": "%",
     "MPa": "MPa",
     "bar": "bar",
@@ -40,6 +49,8 @@ UNITS = {  # by the end of the key, longer ends first
     "mm": "mm",
     "kg": "kg",
     "hz": "Hz",
+    "kN": "kN",
+    "N_m": "N m",
     "N": "N",
     "l": "l",
 }
@@ -75,11 +86,30 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "rod_kg": "of each cylinder",
     "compliance_m_per_N": "of pins, brackets and links in series, all together",
     "hose": "the share of the dead volume that lies in hoses",
-    "valve": "one valve for all parallel cylinders together",
+    "motor": "hydraulic motors by name, on joints that turn without end",
+    "joint": "joint that the motor turns; default: the one of the motor's name",
+    "displacement_cm3": "oil per turn of one motor",
+    "gear_ratio": "turns of a motor per turn of the joint",
+    "trapped_volume_l": "oil between valve and pistons, hoses included, all parallel motors together; a drives forward",
+    "compliance_rad_per_N_m": "of gear and mounting in series, at the joint",
+    "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "per metering edge",
-    "overlap_percent": "of full spool stroke",
+    "overlap_percent": "of full spool stroke; negative: underlap",
     "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
-    "friction": "per cylinder",
+    "tank_leakage_l_per_min_per_bar": "from each chamber to the tank, all parallel cylinders together",
+    "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
+    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
+    "edges": "gains of the four metering edges, relative to the rated flow",
+    "load_holding": "counterbalance or pilot-operated check valve on one chamber",
+    "side": "the chamber that it holds",
+    "setting_bar": "chamber pressure that opens it without pilot pressure",
+    "pilot_ratio": "weight of the other chamber's pressure in opening it",
+    "opening_range_bar": "from where it opens to where it is fully open",
+    "pump": "ideal: holds its pressure; flow_limited: gives no more than its flow",
+    "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
+    "line_volume_l": "oil between a flow-limited pump and its valves",
+    "friction": "per cylinder; of a motor at the joint, all together",
+    "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
@@ -90,8 +120,30 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "transmission_deg": "angle between rocker and coupler, at least",
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
+    "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
+    "digging_kN": "digging force at the tool by cylinder, at least: it alone, supply pressure, best angle (ISO 6015)",
+    "buckling_share": "Euler safety of each rod, at least",
+    "buckling_factor": "buckling load over supply pressure × bore area, at least; default: no such limit",
+    "buckling_column": "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod",
+    "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "barrel_wall_mm": "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)",
+    "speed": "motions at pump flow by name: what one entry names moves together",
+    "joint_deg_per_s": "speed of joints, at least; negative: against the joint's direction",
+    "joint_mm_per_s": "speed of prismatic joints, at least; negative: against the joint's direction",
+    "cylinder_mm_per_s": "speed of cylinders, at least; negative: retracting",
+    "at": "mean: over the joint's range (stroke time); every: at every pose of it",
+    "lift": "masses to hold within holding_share, by name",
+    "joint_deg": "where joints stand; all of them, or all but two with reach_mm and height_mm",
+    "joint_mm": "where prismatic joints stand",
+    "reach_mm": "of the mass from the root's vertical axis",
+    "height_mm": "of the mass over the root",
+    "outline": "outlines by link; pins of cylinders on the link must lie within by their radius",
+    "points_mm": "corners x, z in the frame of the link, in order",
+    "pin_radius_mm": "of the pins, with what must surround them",
+    "clearance": "parts of links that barrels keep clear of, by name",
+    "distance_mm": "between barrel and part, at least",
 }
-ONE_LINE = {"link", "at_mm", "cap", "annulus"}  # tables of these keys are written in one line
+ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # tables of these keys are written in one line
 
 
 class Section(BaseModel):
@@ -130,6 +182,9 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
+    pump: Literal["ideal", "flow_limited"] = "ideal"
+    cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
+    line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
 
 class DeadVolumeSection(Section):
@@ -159,6 +214,26 @@ class FourBarSection(Section):
     coupler_kg: Mass = 0.0
 
 
+class EdgesSection(Section):
+    """Gains of the four metering edges relative to the rated flow."""
+
+    supply_to_cap: Ratio = 1.0
+    supply_to_annulus: Ratio = 1.0
+    cap_to_return: Ratio = 1.0
+    annulus_to_return: Ratio = 1.0
+
+
+class LoadHoldingSection(Section):
+    """A counterbalance or pilot-operated check valve between the 4/3 valve and one chamber."""
+
+    side: Literal["cap", "annulus"]
+    setting_bar: Pressure
+    pilot_ratio: Annotated[float, Field(ge=0, le=100)]
+    opening_range_bar: Pressure = 30.0
+    rated_flow_l_per_min: Flow
+    rated_drop_bar: Pressure
+
+
 class ValveSection(Section):
     """The 4/3 valve of a function, for all its parallel cylinders together."""
 
@@ -166,8 +241,12 @@ class ValveSection(Section):
     rated_drop_bar: Pressure
     natural_frequency_hz: Annotated[float, Field(gt=0, le=10_000)]
     damping_ratio: Annotated[float, Field(gt=0, le=10)]
-    overlap_percent: Annotated[float, Field(ge=0, lt=100)] = 0.0
+    overlap_percent: Annotated[float, Field(gt=-100, lt=100)] = 0.0
     leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    tank_leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    stroke_time_ms: Annotated[float, Field(gt=0, le=100_000)] | None = None
+    relief_bar: Pressure | None = None
+    edges: EdgesSection = EdgesSection()
 
 
 class FrictionSection(Section):
@@ -193,10 +272,50 @@ class CylinderSection(Section):
     four_bar: FourBarSection | None = None
     barrel_kg: Mass = 0.0
     rod_kg: Mass = 0.0
+    barrel_wall_mm: Length | None = None
     compliance_m_per_N: Annotated[float, Field(ge=0, le=1)] = 0.0
     hose: HoseSection = HoseSection()
     valve: ValveSection | None = None
+    load_holding: LoadHoldingSection | None = None
     friction: FrictionSection = FrictionSection()
+
+
+class TrappedVolumeSection(Section):
+    """Oil between the valve and the motors' pistons, all parallel motors together."""
+
+    a: Annotated[float, Field(gt=0, le=10_000)]
+    b: Annotated[float, Field(gt=0, le=10_000)]
+
+
+class MotorHoseSection(Section):
+    """The share of the trapped volume that lies in hoses, and their wall's modulus."""
+
+    a_l: Volume = 0.0
+    b_l: Volume = 0.0
+    bulk_modulus_MPa: Annotated[float, Field(gt=0, le=100_000)] = 700.0
+
+
+class MotorFrictionSection(Section):
+    """Friction of motors and gear together, at the joint."""
+
+    coulomb_N_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    static_N_m: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    stribeck_velocity_deg_per_s: Annotated[float, Field(gt=0, le=1e6)] = 0.5
+    viscous_N_m_s_per_rad: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+
+
+class MotorSection(Section):
+    """A hydraulic function: ``count`` equal motors that turn a joint through a gear; idle while the joint is frozen."""
+
+    joint: Text | None = None
+    count: Annotated[int, Field(ge=1, le=16)] = 1
+    displacement_cm3: Annotated[float, Field(gt=0, le=1e6)]
+    gear_ratio: Annotated[float, Field(gt=0, le=1e6)]
+    trapped_volume_l: TrappedVolumeSection
+    hose: MotorHoseSection = MotorHoseSection()
+    compliance_rad_per_N_m: Annotated[float, Field(ge=0, le=1)] = 0.0
+    valve: ValveSection | None = None
+    friction: MotorFrictionSection = MotorFrictionSection()
 
 
 class DiggingSection(Section):
@@ -204,6 +323,50 @@ class DiggingSection(Section):
 
     cylinders: list[Name]
     share: Ratio = 0.95
+
+
+class PinBoxSection(Section):
+    """How far the coordinates of a cylinder's pins may move."""
+
+    base: Distance | None = None
+    rod_end: Distance | None = None
+
+
+class SpeedSection(Section):
+    """A motion at pump flow."""
+
+    joint_deg_per_s: dict[Text, Rate] = {}
+    joint_mm_per_s: dict[Text, Rate] = {}
+    cylinder_mm_per_s: dict[Name, Rate] = {}
+    at: Literal["mean", "every"] = "mean"
+
+
+class LiftSection(Section):
+    """A mass to hold at a pose, or at a place."""
+
+    mass_kg: Annotated[float, Field(gt=0, le=1_000_000)]
+    link: Text | None = None
+    at_mm: Point | None = None
+    joint_deg: dict[Text, Angle] = {}
+    joint_mm: dict[Text, Coordinate] = {}
+    reach_mm: Coordinate | None = None
+    height_mm: Coordinate | None = None
+
+
+class OutlineSection(Section):
+    """A polygon in a link's x–z plane, and what pins need within it."""
+
+    points_mm: Polygon
+    pin_radius_mm: Distance = 0.0
+
+
+class ClearanceSection(Section):
+    """A polygon in a link's x–z plane, and the cylinders that keep clear of it."""
+
+    cylinders: Annotated[list[Name], Field(min_length=1)]
+    link: Text
+    points_mm: Polygon
+    distance_mm: Distance = 0.0
 
 
 class RequirementsSection(Section):
@@ -217,7 +380,32 @@ class RequirementsSection(Section):
     moment_arm_share: Ratio = 0.8
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
     digging: DiggingSection | None = None
-    pin_box_mm: Annotated[float, Field(ge=0, le=100_000)] | None = None
+    digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
+    buckling_share: Annotated[float, Field(ge=0, le=10)] = 1.0
+    buckling_factor: Annotated[float, Field(gt=0, le=1_000)] | None = None
+    buckling_column: Literal["rod", "stepped"] = "rod"
+    pin_box_mm: Distance | None = None
+    pin_boxes_mm: dict[Name, PinBoxSection] = {}
+    cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    speed: dict[Name, SpeedSection] = {}
+    lift: dict[Name, LiftSection] = {}
+    outline: dict[Text, OutlineSection] = {}
+    clearance: dict[Name, ClearanceSection] = {}
+
+
+ShareBand = Annotated[list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)]
+
+
+class BandsSection(Section):
+    """What is not known exactly: lower and upper end, as shares of this file's values."""
+
+    bulk_modulus_share: ShareBand | None = None
+    dead_volume_share: ShareBand | None = None
+    payload_share: ShareBand | None = None
+    link_mass_share: ShareBand | None = None
+    entrained_air_percent: (
+        Annotated[list[Annotated[float, Field(ge=0, lt=50)]], Field(min_length=2, max_length=2)] | None
+    ) = None
 
 
 class MachineSection(Section):
@@ -233,7 +421,9 @@ class MachineSection(Section):
     fluid: FluidSection
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
+    motor: dict[Name, MotorSection] = {}
     requirements: RequirementsSection = RequirementsSection()
+    bands: BandsSection = BandsSection()
 
 
 def schema() -> str:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 mm = 1e-3
 litre = 1e-3
+cm3 = 1e-6
+ms = 1e-3
 bar = 1e5
 MPa = 1e6
 kN = 1e3
@@ -64,7 +66,9 @@ WORKSHOP = Units(
         "Pa": (bar, "bar", 0),
         "N": (kN, "kN", 1),
         "N m": (kN, "kN m", 1),
+        "kg": (1.0, "kg", 0),
         "rad": (deg, "°", 1),
+        "rad/s": (deg, "°/s", 1),
         "": (1.0, "", 2),
     }
 )
@@ -78,7 +82,9 @@ SI = Units(
         "Pa": (1e6, "MPa", 2),  # a prefix, or a table of static pressures is zeros
         "N": (1.0, "N", 0),
         "N m": (1.0, "N m", 0),
+        "kg": (1.0, "kg", 0),
         "rad": (1.0, "rad", 4),
+        "rad/s": (1.0, "rad/s", 4),
         "": (1.0, "", 2),
     }
 )

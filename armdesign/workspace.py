@@ -53,14 +53,18 @@ class Workspace:
         Args:
             machine: today's machine.
             points: number of values per joint, one for all or one each (≥ 2); default about 20 000 poses, the last
-                joint finest.
+                joint finest; of a joint that slews the whole arm only middle and end, for nothing depends on it.
             end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
 
         Raises:
             ArmDesignError: counts or margin that cannot be, or nothing left.
         """
         counts, margin = _counts(machine, points), _margin(machine, end_margin)
-        axes = tuple(over(ends, count) for ends, count in zip(machine.range_within(margin), counts, strict=True))
+        ranges = machine.range_within(margin)
+        if points is None:
+            for j in machine.arm.slewing:
+                ranges[j, 0] = ranges[j].mean()
+        axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = _mesh(axes)
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
@@ -210,10 +214,10 @@ def _margin(machine: Machine, end_margin: float | None) -> float:
 
 
 def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
-    nq = len(machine.joints)
+    nq, slewing = len(machine.joints), machine.arm.slewing
     if points is None:
-        base = max(min(int((POSES / 1.5) ** (1 / nq)), 240), 5)
-        return [base] * (nq - 1) + [3 * base // 2]
+        base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(slewing), 1))), 240), 5)
+        return [2 if j in slewing else base for j in range(nq - 1)] + [3 * base // 2]
     each = list(points) if isinstance(points, Sequence | np.ndarray) and not isinstance(points, str) else [points] * nq
     whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in each)
     counts = [int(n) for n in each] if whole else []
@@ -246,7 +250,7 @@ def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
     for rows in chunks(len(q)):
         tool = arm.motion(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at), arm.root, joints)
         flat = tool.value[:, :2]
-        radius = np.copysign(np.hypot(*flat.T), flat[:, 0])
+        radius = arm.reach(q[rows], tool.value)
         outward = flat / np.where(radius == 0, np.inf, radius)[:, None]
         slopes = np.stack([(tool.first[:, :, :2] @ outward[:, :, None])[..., 0], tool.first[:, :, 2]], axis=1)
         parts.append((np.stack([radius, tool.value[:, 2]], axis=1), slopes))
@@ -256,7 +260,7 @@ def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
 def tipping_joints(machine: Machine, payload: Payload) -> list[int]:
     """Revolute joints between the root and a load case's link, root first."""
     chain = machine.arm.chain(payload.link) if payload.link else ()
-    return [j for j in chain if machine.arm.joints[j].revolute]
+    return [j for j in chain if machine.arm.joints[j].revolute and j not in machine.arm.slewing]
 
 
 def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, limit: float) -> Array:

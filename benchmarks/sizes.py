@@ -14,7 +14,7 @@ from typing import Any
 
 import armdesign as ad
 from armdesign.design.catalogue import Sizes, sized, sizes_of
-from armdesign.design.requirements import check
+from armdesign.design.check import check
 from armdesign.design.selection import select
 from armdesign.modes import lowest_frequency
 from armdesign.units import mm

@@ -15,7 +15,7 @@ settings.register_profile(
 settings.load_profile("house")
 
 SHIPPED = tuple(shipped())
-EVERY = (*SHIPPED, "heavy_bars", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
+EVERY = (*SHIPPED, "heavy_bars", "slewing", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
 
 
 @pytest.fixture(params=EVERY)

@@ -98,8 +98,9 @@ def build(
     payload: tuple[str, tuple[float, ...]] | None = None,
     payload_kg: float = 150,
     air_percent: float = 0.0,
+    more: str = "",
 ) -> Machine:
-    """The machine of these joints and cylinders; `order` is that of q, the file's own if not given."""
+    """The machine of these joints and cylinders, and of tables as text; `order` is that of q, if not the file's own."""
     order = order or [joint.name for joint in joints]
     robot = urdf(joints)
     arm = Arm(robot, order, {}, "odd.urdf")
@@ -124,7 +125,7 @@ def build(
                 f"[cylinder.{f.name}.four_bar]\npivot = {_pin(f.pivot)}\nlug = {_pin(f.lug)}\n"
                 f'rocker_mm = {1000 * f.rocker}\ncoupler_mm = {1000 * f.coupler}\nknee = "{f.knee}"'
             )
-    return Machine.from_text("\n\n".join(text), robot, Path("odd.toml"))
+    return Machine.from_text("\n\n".join([*text, more]), robot, Path("odd.toml"))
 
 
 BOOM = Joint("boom", "root", xyz=(0.1, 0, 0.5), com=(1.2, 0, 0.2), mass=300)
@@ -190,6 +191,19 @@ def redundant(reverse: bool = False) -> Machine:
     return build([BOOM, STICK], cylinders[::-1] if reverse else cylinders, air_percent=0.2)
 
 
+def rotator() -> Machine:
+    """A motor that turns a skew wrist against gravity, between cylinders; compliance in its gear, hoses, air."""
+    wrist = Joint("wrist", "stick", xyz=(1.2, 0.1, 0), axis=(1, 0.3, 0.2), kind="continuous", com=(0.3, 0.4, 0.1))
+    motor = (
+        "[motor.turn]\njoint = 'wrist'\ncount = 2\ndisplacement_cm3 = 160\ngear_ratio = 24\n"
+        "trapped_volume_l = { a = 0.6, b = 0.9 }\nhose = { a_l = 0.2, b_l = 0.3, bulk_modulus_MPa = 400 }\n"
+        "compliance_rad_per_N_m = 2e-7"
+    )
+    tilt = Function("tilt", ("wrist", (0.2, 0, 0.5)), ("bucket", (0.3, 0.1, 0.5)))
+    joints = [BOOM, STICK, wrist, replace(BUCKET, parent="wrist")]
+    return build(joints, [LIFT, FOLD, tilt], more=motor, air_percent=0.3)
+
+
 ODD: dict[str, Callable[[], Machine]] = {
     "four_bar_left": lambda: four_bar("left"),
     "four_bar_right": lambda: four_bar("right"),
@@ -198,6 +212,7 @@ ODD: dict[str, Callable[[], Machine]] = {
     "crossing": crossing,
     "branched": branched,
     "redundant": redundant,
+    "rotator": rotator,
 }
 
 
@@ -208,6 +223,8 @@ def named(name: str) -> Machine:
         return random_machine(int(name.removeprefix("random_")))
     if name == "heavy_bars":
         return heavy_bars()
+    if name == "slewing":
+        return slewing()
     return ODD[name]() if name in ODD else load(name)
 
 
@@ -216,6 +233,12 @@ def heavy_bars() -> Machine:
     masses = {f"{name}.{part}_kg": mass for name in ("boom", "stick", "bucket") for part, mass in BAR_MASSES.items()}
     four_bar = {"bucket.four_bar.rocker_kg": 95, "bucket.four_bar.coupler_kg": 130}
     return load("excavator_20t").replace({f"cylinder.{key}": value for key, value in (masses | four_bar).items()})
+
+
+def slewing() -> Machine:
+    """The 20 t machine free to slew on its motor, its load beside the arm's plane."""
+    aside = {"joints": ["swing", "boom", "stick", "bucket"], "payload.full.at_mm": [645.0, 700.0, 435.0]}
+    return load("excavator_20t").replace(aside)
 
 
 def random_machine(seed: int) -> Machine:

@@ -6,14 +6,17 @@ refused with one line. Warnings are errors here too, and every case has a time l
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import math
 import random
 import re
+import signal
 import time
 import tomllib
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -52,14 +55,7 @@ def outcome(text: str, urdf: str = URDF, use: str = "modes") -> str:
     try:
         machine = Machine.from_text(text, urdf, Path("x.toml"))
         loaded = True
-        if use == "map":
-            found = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
-            assert math.isfinite(found.worst.frequency)
-        elif use == "modes":
-            space = ad.Workspace.grid(machine, points=2)
-            for payload in machine.payloads:
-                modes = ad.natural_modes(machine.with_payload(payload.name).at(space.rigid))
-                assert np.isfinite(modes.frequencies).all()
+        answers(machine, use)
     except ad.ArmDesignError as error:
         message = str(error)
         assert_clear(message)
@@ -68,6 +64,18 @@ def outcome(text: str, urdf: str = URDF, use: str = "modes") -> str:
             assert "; " in message, f"no remedy: {message}"
     assert time.process_time() - start < SLOWEST
     return message
+
+
+def answers(machine: Machine, use: str) -> None:
+    """Ask for the modes on a coarse grid, a whole map, or nothing."""
+    if use == "map":
+        found = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
+        assert math.isfinite(found.worst.frequency)
+    elif use == "modes":
+        space = ad.Workspace.grid(machine, points=2)
+        for payload in machine.payloads:
+            modes = ad.natural_modes(machine.with_payload(payload.name).at(space.rigid))
+            assert np.isfinite(modes.frequencies).all()
 
 
 def assert_clear(message: str) -> None:
@@ -122,6 +130,7 @@ OPTIONAL = {  # have a default
     *("requirements.pin_box_mm", "fluid.entrained_air_percent", "fluid.density_kg_per_m3", "cylinder.boom.count"),
     *("supply.return_pressure_bar", "payload.full.pitch_deg", "payload.empty", "payload.full"),
     *(f"cylinder.{name}.valve" for name in DATA["cylinder"]),
+    *("motor", "motor.swing", "motor.swing.valve"),
 }
 
 
@@ -142,7 +151,7 @@ def test_a_misspelt_key_is_named_and_the_right_one_offered(path: str) -> None:
     text = toml(_renamed(path, f"{leaf[:1]}z{leaf[1:]}"))
     message = outcome(text, use="")
     named = path.split(".")
-    if len(named) == 2 and named[0] in ("cylinder", "payload", "frozen"):  # names of the author's own
+    if len(named) == 2 and named[0] in ("cylinder", "motor", "payload", "frozen"):  # names of the author's own
         return
     wrong = f"{leaf[:1]}z{leaf[1:]}"
     assert f"{wrong}: unknown key" in message
@@ -210,12 +219,14 @@ BARS = "cylinder.bucket.four_bar."
 CASES: list[tuple[str, Any, str]] = [
     ("joints", ["boom", "boom", "bucket"], r"x\.toml: joints: a joint is named twice"),
     ("joints", [], r"joints: \[\] is not allowed; give a list of at least 1"),
-    ("joints", ["boom", "stick", "buckett"], r"joint buckett: is not in the URDF; choose from: .*bucket"),
+    (
+        "joints",
+        ["boom", "stick", "buckett"],
+        r'joint buckett: is not in the URDF \(named in joints\); did you mean "bucket"\?',
+    ),
     ("joints", ["boom", "stick", "bucket", "boom_foot"], r"joint boom_foot: is fixed and cannot be a coordinate"),
     ("joints", ["boom", "stick"], r"cylinder\.bucket: no joint lies between its pins"),
-    ("joints", ["swing", "boom", "stick", "bucket"], r"frozen\.swing: is also in joints"),
     ("joints", ["payload"], r'"payload" is a column of the CSV'),
-    ("frozen", {"boom": 0.1}, r"frozen\.boom: is also in joints"),
     ("frozen", {"boom_foot": 0.1}, r"joint boom_foot: is fixed in the URDF and cannot be frozen"),
     ("frozen", {"nothing": 0.1}, r"joint nothing: is not in the URDF"),
     ("tool.link", "bukket", r'tool\.link: no link "bukket" in the URDF; did you mean "bucket"\?'),
@@ -236,7 +247,7 @@ CASES: list[tuple[str, Any, str]] = [
     ("payload", {"a b": {"mass_kg": 0}}, r"payload\.a b: is not a usable name"),
     ("supply.return_pressure_bar", 350, r"return_pressure_bar: 350 bar is not below the supply's 350 bar"),
     ("cylinder", {}, r"cylinder: an empty table"),
-    ("cylinder.boom", KeyError, r'joints: no cylinder moves "boom"'),
+    ("cylinder.boom", KeyError, r'joints: no cylinder or motor moves "boom"'),
     ("cylinder.boom.count", 10**9, r"count: 1000000000 is not allowed; give a whole number in \[1, 16\]"),
     ("cylinder.boom.rod_mm", 120, r"rod_mm: 120 mm does not fit the bore; give a rod in \(0, 120\) mm"),
     ("cylinder.boom.stroke_mm", -1, r"stroke_mm: -1 is not allowed; give a number in \(0, 100000\] mm"),
@@ -261,8 +272,7 @@ CASES: list[tuple[str, Any, str]] = [
     (BARS + "lug.at_mm", [0, 0, 0], r"cylinder\.bucket: .*dead centre"),
     ("requirements.digging.cylinders", ["spade"], r'digging\.cylinders: no cylinder "spade"; choose from: boom, stick'),
     ("requirements.end_margin", 0.5, r"end_margin: 0\.5 is not allowed; give a number in \[0, 0\.5\)"),
-    ("urdf", "../other.urdf", r"urdf: .* leaves the folder"),
-    ("urdf", "/etc/passwd", r"urdf: .* leaves the folder"),
+    ("urdf", "..", r'urdf: "\.\." is no file name'),
     ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters, digits'),
 ]
 
@@ -306,8 +316,8 @@ URDF_CASES = [
     ("", "not well-formed XML"),
     ("<html/>", "the XML root is <html>, not <robot>"),
     ('<robot xmlns="http://a"/>', "not <robot>"),
-    ("<robot/>", "joint .* is not in the URDF; choose from: none"),
-    (URDF.replace('link="boom"', 'link="bom"'), 'link "bom" does not exist; choose from'),
+    ("<robot/>", "joint .* is not in the URDF \\(named in joints\\); choose from: none"),
+    (URDF.replace('link="boom"', 'link="bom"'), 'link "bom" does not exist; did you mean "boom"'),
     (URDF.replace('<child link="boom" />', ""), 'joint boom: has no child; add <child link="…"/>'),
     (URDF.replace('link name="stick"', 'link name="boom"'), 'two links are named "boom"'),
     (URDF.replace('joint name="stick"', 'joint name="boom"'), 'two joints are named "boom"'),
@@ -352,6 +362,7 @@ def test_entities_do_not_explode() -> None:
         ("a = " + "1" * 10_000, "not valid TOML"),
         (".".join(["a"] * 3000) + " = 1", "a: unknown key"),
         ("\0" * 10, "not valid TOML"),
+        (URDF, "not valid TOML: .*; give the .toml file that names the URDF"),
     ],
 )
 def test_text_that_is_no_machine_file(text: str, message: str) -> None:
@@ -377,7 +388,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         (tmp_path / f"{name}.toml").write_text(TEXT.replace(DATA["urdf"], urdf, 2), encoding="utf-8")
         refused(tmp_path / f"{name}.toml")
     (tmp_path / "f.toml").write_text(TEXT.replace(DATA["urdf"], "missing.urdf"), encoding="utf-8")
-    assert re.search(r"missing\.urdf: no such file", refused(tmp_path / "f.toml"))
+    assert re.search(r'f\.toml: urdf: "missing\.urdf": no such file', refused(tmp_path / "f.toml"))
     assert 'did you mean "excavator_20t"' in refused("excavater_20t")
     for path in ("", "x" * 5000, "a\0b", "/", None, 5, b"excavator_20t", ["excavator_20t"], "/proc/self/mem"):
         refused(path)
@@ -386,47 +397,213 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 # -------------------------------------------------------------------------------------------------------- random damage
 
 LETTERS = "0123456789.-e[]{}\"'=#<>/ \x00é\t"
-NUMBERS = ["0", "-1", "1e9", "nan", "1e-9", "inf", "1e400", "1_0"]
+NUMBERS = ["0", "-1", "1e30", "1e-30", "nan", "1e9", "1e-9", "inf", "1e400", "1_0", '"x"', "-0.0", "true", "[]", ""]
+NUMBER, WORD = r"-?\d+\.?\d*(?:e-?\d+)?", r"[\w.-]+"
+QUOTED, ATTRIBUTE, ELEMENT = r'"[^"\n]*"', r' \w+="[^"]*"', r"<(\w+)[^<>]*/>"
+SMALL = ("excavator_20t", "loader_crane", "mini_excavator_2t", "patu_boom", "spatial")
+PER_MACHINE = 200  # times the machines: a thousand files, and a thousand URDFs
+
+
+def _one_of(pattern: str, text: str, chance: random.Random) -> tuple[int, int]:
+    """Where a random match starts and ends; a random place where there is none."""
+    found = [match.span() for match in re.finditer(pattern, text)]
+    i = chance.randrange(max(len(text), 1))
+    return chance.choice(found or [(i, i)])
+
+
+def _characters(text: str, chance: random.Random) -> str:
+    i = chance.randrange(max(len(text), 1))
+    j = i + chance.choice([1, 1, 2, 5, 30])
+    return text[:i] + chance.choice(["", text[i:j] * 2, text[i:j][::-1], chance.choice(LETTERS)]) + text[j:]
+
+
+def _lines(text: str, chance: random.Random) -> str:
+    """One deleted, doubled elsewhere, or two swapped; in XML on one line the elements are the lines."""
+    glue = "\n" if text.count("\n") > 5 else ">"
+    lines = text.split(glue)
+    a, b = chance.randrange(len(lines)), chance.randrange(len(lines))
+    kind = chance.randrange(3)
+    if kind == 0:
+        del lines[a]
+    elif kind == 1:
+        lines.insert(b, lines[a])
+    else:
+        lines[a], lines[b] = lines[b], lines[a]
+    return glue.join(lines)
+
+
+def _number(text: str, chance: random.Random) -> str:
+    start, end = _one_of(NUMBER, text, chance)
+    new = chance.choice([*NUMBERS, f"-{text[start:end]}", f"{text[start:end]}0"])
+    return text[:start] + new + text[end:]
+
+
+def _token(text: str, chance: random.Random) -> str:
+    """A word deleted, or two words exchanged."""
+    return _exchanged(WORD, text, chance) if chance.random() < 0.5 else _without(WORD, text, chance)
+
+
+def _without(pattern: str, text: str, chance: random.Random) -> str:
+    start, end = _one_of(pattern, text, chance)
+    return text[:start] + text[end:]
+
+
+def _exchanged(pattern: str, text: str, chance: random.Random) -> str:
+    (a, b), (c, d) = sorted(_one_of(pattern, text, chance) for _ in range(2))
+    return text if b > c else text[:a] + text[c:d] + text[b:c] + text[a:b] + text[d:]
+
+
+def _link(text: str, chance: random.Random) -> str:
+    """A quoted name, mostly that of a link or joint, in the place of another."""
+    return _exchanged(QUOTED, text, chance)
+
+
+def _structure(text: str, chance: random.Random) -> str:
+    """An attribute or a whole element out of a URDF; a key's value, a table's head out of a machine file."""
+    patterns = [ATTRIBUTE, ELEMENT] if "<robot" in text else [r"(?m)= .*$", r"(?m)^\[.*\]$", r"(?m)^\w+ *= .*$"]
+    return _without(chance.choice(patterns), text, chance)
+
+
+WOUNDS = (_characters, _lines, _number, _number, _token, _link, _structure)
 
 
 def damaged(text: str, chance: random.Random) -> str:
-    """One to four times: characters or lines deleted, doubled, swapped or overwritten, a number changed."""
+    """One to four random wounds."""
     for _ in range(chance.choice([1, 1, 1, 2, 4])):
-        i = chance.randrange(max(len(text), 1))
-        j = i + chance.choice([1, 1, 2, 5, 30])
-        lines = text.split("\n")
-        a, b = chance.randrange(len(lines)), chance.randrange(len(lines))
-        kind = chance.randrange(8)
-        if kind < 4:
-            middle = ("", text[i:j] * 2, text[i:j][::-1], chance.choice(LETTERS))[kind]
-            text = text[:i] + middle + text[j if kind < 3 else i + 1 :]
-        elif kind < 7:
-            if kind == 4:
-                del lines[a]
-            elif kind == 5:
-                lines.insert(b, lines[a])
-            else:
-                lines[a], lines[b] = lines[b], lines[a]
-            text = "\n".join(lines)
-        elif numbers := list(re.finditer(r"-?\d+\.?\d*", text)):
-            found = chance.choice(numbers)
-            new = chance.choice([*NUMBERS, f"-{found[0]}", f"{found[0]}0"])
-            text = text[: found.start()] + new + text[found.end() :]
+        text = chance.choice(WOUNDS)(text, chance)
     return text
 
 
+def damaged_bytes(text: str, chance: random.Random) -> bytes:
+    """As ``damaged``; every tenth has some bytes overwritten instead, which then seldom are UTF-8."""
+    if chance.random() > 0.1:
+        return damaged(text, chance).encode()
+    found = bytearray(text.encode())
+    for _ in range(chance.choice([1, 3])):
+        found[chance.randrange(len(found))] = chance.randrange(256)
+    return bytes(found)
+
+
+@contextlib.contextmanager
+def no_longer_than(seconds: float) -> Iterator[None]:
+    """Break off what takes more processor time than that."""
+
+    def late(*_: object) -> None:
+        raise AssertionError(f"takes longer than {seconds} s")
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def asked(path: Path, use: str) -> str:
+    """The message with which a file is refused, by reading it or by asking the machine; "" if it answers."""
+    folder, loaded = str(path.parent), False
+    with no_longer_than(SLOWEST):
+        try:
+            machine = ad.load(path)
+            loaded = True
+            answers(machine, use)
+        except ad.ArmDesignError as error:
+            message = str(error).replace(f"{folder}/", "")
+            assert_clear(message)
+            assert "; " in message or loaded, f"no remedy: {message}"
+            file = message.partition(": ")[0]
+            assert loaded or file == "x.toml" or f'"{file}"' in path.read_text(encoding="utf-8"), message
+            if "not valid TOML" in message or "not well-formed XML" in message:
+                assert re.search(r"line \d+, column \d+\)", message), message
+            return message
+    return ""
+
+
+@pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("what", ["toml", "urdf"])
-def test_random_damage(what: str, capfd: pytest.CaptureFixture[str]) -> None:
-    """150 seeded wounds each; nothing is printed on the way (parsers in C++ like to)."""
+def test_random_damage(what: str, name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """200 seeded wounds of each file of five machines; nothing is printed on the way (parsers in C++ like to)."""
+    machine = machines.named(name)
+    texts = {"toml": machine.text, "urdf": _bare(machine.urdf_text)}
+    files = {"toml": tmp_path / "x.toml", "urdf": tmp_path / machine.section.urdf}
+    for kind, file in files.items():
+        file.write_text(texts[kind], encoding="utf-8")
     refused = 0
-    for seed in range(150):
-        chance = random.Random(seed)
-        if what == "toml":
-            refused += bool(outcome(damaged(TEXT, chance), use="map" if seed % 5 == 0 else "modes"))
-        else:
-            refused += bool(outcome(TEXT, damaged(URDF, chance), use="map" if seed % 5 == 0 else "modes"))
-    assert 50 < refused < 150
+    for seed in range(PER_MACHINE):
+        files[what].write_bytes(damaged_bytes(texts[what], random.Random(f"{name} {seed}")))
+        try:
+            refused += bool(asked(files["toml"], "map" if seed % 10 == 0 else "modes"))
+        except Exception as error:
+            raise AssertionError(f"{name}, {what}, seed {seed}: {error!r}") from error
+    assert PER_MACHINE / 4 < refused < PER_MACHINE
     assert capfd.readouterr() == ("", "")
+
+
+# --------------------------------------------------------------------------------------------------------------- edges
+
+STICK = DATA["cylinder"]["stick"]
+FOUR_BAR = BUCKET["four_bar"]
+PIN = {"link": "bucket", "at_mm": [0, 0, 0]}
+EDGES: list[tuple[str, str, Any, str]] = [
+    ("pivot on the lug's joint", BARS + "pivot.at_mm", [2942.5, 0, 0], ""),
+    ("lug on the joint, pivot on it too", "cylinder.bucket.four_bar", {**FOUR_BAR, "lug": PIN}, "dead centre"),
+    ("bars of no length", BARS + "rocker_mm", 1e-30, "does not close at any"),
+    ("bars that never end", BARS + "coupler_mm", 1e30, r"coupler_mm: 1e\+30 is not allowed"),
+    ("bars just stretched", BARS + "rocker_mm", 868.05, "opens at"),
+    ("both pins in one place on one link", "cylinder.boom.rod_end", BOOM["base"], "no joint lies between"),
+    ("base on the joint", "cylinder.boom.base.at_mm", [0, 0, 0], "dead centre"),
+    ("rod end on the joint", "cylinder.boom.rod_end.at_mm", [0, 0, 0], "dead centre|never within"),
+    ("pins a hair apart", "cylinder.boom.rod_end.at_mm", [461.5, 0, -602.5], "never within"),
+    ("no closed length", "cylinder.boom.closed_length_mm", 1e-30, "never within"),
+    ("a stroke of nothing", "cylinder.boom.stroke_mm", 1e-30, "never within|stroke"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "message"), [edge[1:] for edge in EDGES], ids=[edge[0] for edge in EDGES])
+def test_edges(path: str, value: Any, message: str) -> None:
+    assert re.search(message, outcome(changed(path, value), use="map"))
+
+
+@pytest.mark.parametrize("joint", ["boom", "stick", "bucket"])
+def test_a_link_of_no_length(joint: str) -> None:
+    """The next joint (or the tool) lies on this one: an arm all the same, unless a cylinder's pins then cannot be."""
+    urdf = re.sub(rf'(joint name="{joint}".*?origin xyz=)"[^"]*"', r'\1"0 0 0"', URDF, count=1, flags=re.DOTALL)
+    assert urdf.count('xyz="0 0 0"') > URDF.count('xyz="0 0 0"') or joint == "boom"
+    message = outcome(TEXT, urdf, use="map")
+    assert not message or re.search("never within|does not close|opens|dead centre", message)
+
+
+@pytest.mark.parametrize("number", ["1e30", "-1e30", "1e300", "1e-30", "1e-300"])
+def test_one_number_of_the_urdf_absurd(number: str) -> None:
+    """Each number in its turn: too large a one is refused with joint or link and attribute, a small one may be used.
+
+    Only what a frozen joint could do, were it free, does not matter.
+    """
+    swing = re.search(r'joint name="swing".*?</joint>', URDF, re.DOTALL)
+    assert swing
+    for match in list(re.finditer(r'(?<==")-?\d[\d.e-]*(?=")|(?<=xyz=")-?[\d.e-]+', URDF)):
+        message = outcome(TEXT, URDF[: match.start()] + number + URDF[match.end() :], use="")
+        if "e-" not in number and not swing.start() < match.start() < swing.end():
+            assert re.search(r'urdf: (joint|link) \w+: \w+="[^"]*1e', message), message
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("name = ", r"line 1, column 8\)"),
+        ("a = 1\nb = [1,\n", r"line 3, column 1\)"),
+        ("a = 1\nb = = 2\n", r"line 2, column 5\)"),
+        ('a = "x\n', r"line 1, column 7\)"),
+        ("a = 1\na = 2\n", r"line 2, column 6\)"),
+        (f"a = 1\nb = {'[' * 5000}{']' * 5000}", r"line 2, column 1\)"),
+        (f"a = 1\n\nb = {'1' * 10_000}", r"line 3, column 1\)"),
+        (TEXT.replace("[supply]", "[supply"), r"line 25, column \d+\)"),
+    ],
+)
+def test_malformed_toml_gives_line_and_column(text: str, place: str) -> None:
+    """By hand: where the value is missing, the file ends, the second key stands; the line of what is too big."""
+    assert re.search(r"x\.toml: not valid TOML: .* \(at " + place, outcome(text))
 
 
 # ------------------------------------------------------------------------------------------------------ wrong arguments

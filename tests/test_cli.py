@@ -28,7 +28,7 @@ OTHERS = {  # and what they take
     "new": ["--out", "--links"],
 }
 QUICK = {  # what each writes for the one-joint machine
-    "map": {"map.csv", "map_joints.png", "map_reach.png"},
+    "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
 }
 ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
 
@@ -245,7 +245,7 @@ FILES = [
         "payload.full.link: missing: a mass must sit somewhere; add link",
     ),
     ("[461.5, 0, -602.5]", "[0, 0, 0]", "cylinder.boom: is at its dead centre"),
-    ("excavator_20t.urdf", "none.urdf", "none.urdf: no such file; check the path"),
+    ("excavator_20t.urdf", "none.urdf", 'urdf: "none.urdf": no such file; check the path'),
     ("[fluid]", "[fluid", "broken.toml: not valid TOML"),
 ]
 
@@ -355,3 +355,28 @@ def test_interrupted_by_the_keyboard(tmp_path: Path) -> None:
 def test_what_is_installed_as_a_script() -> None:
     project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
     assert project["project"]["scripts"] == {"armdesign": "armdesign.cli:main"}
+
+
+def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pin alone, by the path that it has in the file: nothing else moves, but the stroke follows."""
+    words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
+    assert main([*words, "cylinder.boom.base"], monkeypatch) == 0
+    old, new = (
+        tomllib.loads(Path(path).read_text(encoding="utf-8"))["cylinder"]
+        for path in (ad.load("excavator_20t").source, tmp_path / "excavator_20t_optimized.toml")
+    )
+    assert {key for key in old["boom"] if new["boom"][key] != old["boom"][key]} == {
+        "base", "stroke_mm", "closed_length_mm"
+    }  # fmt: skip
+    assert [new[name] for name in ("stick", "bucket")] == [old[name] for name in ("stick", "bucket")]
+
+
+def test_an_unknown_vary_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
+    assert main([*words, "areas,cylinder.boom.bore"], monkeypatch) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "armdesign: vary cylinder.boom.bore: nothing of this name can vary; "
+        'did you mean "cylinder.boom.bore_mm"?'
+    ]  # fmt: skip

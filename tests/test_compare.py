@@ -11,7 +11,7 @@ from test_cli import assert_one_line, main
 
 import armdesign as ad
 from armdesign.comparison import compare
-from armdesign.units import SI
+from armdesign.units import SI, WORKSHOP
 
 EXCAVATOR = machines.named("excavator_20t")
 CHANGES = {"cylinder.boom.bore_mm": 126, "cylinder.boom.closed_length_mm": 1825}
@@ -31,6 +31,19 @@ def test_two_versions_in_one_workspace() -> None:
     assert list(values) == pytest.approx([m.worst_of["full"].frequency for m in (one, other)])
     assert frame.loc["boom.thrust", "change"] == pytest.approx((126 / 120) ** 2 - 1)
     assert frame.loc["boom.oil_cap", columns[0]] == pytest.approx(2 * 3.14159265 / 4 * 0.12**2 * 1.26)
+
+
+def test_values_of_the_files_stay_in_the_files_units() -> None:
+    """A key names its unit (bore_mm), so either habit prints the number that stands in the file, and says so."""
+    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 3)
+    for units in (WORKSHOP, SI):
+        sheet = next(sheet for sheet in found.sheets(units) if sheet.title == "What differs in the files")
+        assert sheet.rows == (("cylinder.boom.bore_mm", "120", "126"),)
+        assert "in the unit that its key names" in sheet.note
+    thrusts = [sheet for units in (WORKSHOP, SI) for sheet in found.sheets(units) if "thrust" in str(sheet.columns)]
+    assert ["[kN]" in str(sheet.columns) for sheet in thrusts] == [True, False]
+    frame = found.frame.set_index("quantity")
+    assert frame.loc["cylinder.boom.bore_mm", "unit"] == "file"
 
 
 def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:

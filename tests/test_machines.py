@@ -352,6 +352,26 @@ def test_frequencies(name: str) -> None:
         assert_allclose(np.percentile(frequencies, (5, 50, 95)), getattr(FACTS[name], payload), rtol=0.03)
 
 
+def test_what_the_choice_of_the_coupler_costs() -> None:
+    """SOURCE.md: the crane with 7.9 kg in the coupler beside, or instead of, those in the extension; in per cent."""
+    machine = machines.named("loader_crane")
+    bars = {c.name: (c.rocker_mass, c.coupler_mass) for c in machine.cylinders if c.moving_masses}
+    assert bars == {"tilt": (11.524, 0.0)}
+    beside = machine.replace({"cylinder.tilt.four_bar.coupler_kg": 7.9})
+    urdf = machine.urdf_text.replace('mass value="58.63"', 'mass value="50.73"')
+    instead = Machine.from_text(beside.text, urdf, machine.source)
+    q = box(machine, (21, 21, 21), inner=True)
+    words = {"empty": ("3.0", "4.7", "1.9"), "full": ("1.7", "0.8", "0.8")}
+    for payload, (most, low, high) in words.items():
+        ours, both, moved = (
+            ad.natural_modes(case.with_payload(payload).at(q)).frequencies[:, 0] for case in (machine, beside, instead)
+        )
+        assert f"{100 * (ours / both - 1).max():.1f}" == most
+        assert f"{100 * (1 - ours / moved).max():.1f}" in (low, "0.7")
+        assert f"{100 * (ours / moved - 1).max():.1f}" == high
+        assert all(f"{word} %" in source_text("loader_crane") for word in (most, low, high))
+
+
 # ---------------------------------------------------------------------------------------------------------- the URDFs
 
 

@@ -23,7 +23,7 @@ from scipy.linalg import eigh, null_space
 import armdesign as ad
 from armdesign.cylinder import static_pressures
 from armdesign.fluid import bulk_modulus
-from armdesign.linkage import Linkage
+from armdesign.linkage import BARS, OF_FOUR_BAR, PINS
 from armdesign.units import GRAVITY
 
 # ------------------------------------------------------------------------------------------------------------ geometry
@@ -32,7 +32,7 @@ from armdesign.units import GRAVITY
 def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
     """Virtual work, τ = Rᵀ F, asks for R = ∂ℓ/∂q and nothing else; H = ∂R/∂q (finite differences)."""
     q = inner_poses(machine, 4)
-    for linkage in machine.linkages:
+    for linkage in machine.drives:
         here = linkage.actuation(machine.arm.kinematics(q))
         arms = difference(lambda x, k=linkage: k.length(machine.arm.kinematics(x)), q)
         curves = difference(lambda x, k=linkage: k.actuation(machine.arm.kinematics(x)).moment_arm, q)
@@ -41,29 +41,40 @@ def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
         assert np.all(np.delete(here.moment_arm, linkage.joints, axis=1) == 0)
 
 
-@pytest.mark.parametrize("pin", ["base", "rod_end"])
-def test_pin_sensitivities_are_derivatives_by_the_pin(machine: ad.Machine, pin: str) -> None:
-    """`Linkage.sensitivity` against a linkage whose pin was moved (finite differences)."""
-    poses = machine.arm.kinematics(inner_poses(machine, 3))
+@pytest.mark.parametrize("place", [*PINS, *BARS])
+def test_sensitivities_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: str) -> None:
+    """ℓ, r, H and the cosine at the knee against a linkage with one coordinate complex: its step is exact (1e-12)."""
+    poses, step = machine.arm.kinematics(inner_poses(machine, 3)), 1e-30
     for linkage in machine.linkages:
-        if getattr(linkage, pin) is None:
-            with pytest.raises(ValueError, match="no pin"):
-                linkage.sensitivity(poses, pin, 0)
+        at = linkage.place(place)
+        if at is None:
+            with pytest.raises(ValueError, match=place):
+                linkage.sensitivity(poses, place, 0)
+            with pytest.raises(ValueError, match=place):
+                linkage.with_place(place, (0.0, 0.0, 0.0))
             continue
-        for axis in range(3):
-            exact = linkage.sensitivity(poses, pin, axis)
-            for name in ("length", "moment_arm", "moment_arm_derivative"):
-                moved = difference(
-                    lambda x, k=linkage, a=axis, n=name: _moved(k, pin, a, x, poses, n), np.zeros((1, 1))
-                )
-                assert_same(getattr(exact, name), moved[..., 0], 1e-8)
+        for axis in range(len(at)):
+            stepped = linkage.with_place(place, np.array(at) + 1j * step * np.eye(len(at))[axis])
+            length = stepped._span(poses).dot(stepped._span(poses)).sqrt()
+            own, exact = np.array(linkage.joints), linkage.sensitivity(poses, place, axis)
+            assert_same(exact.length, length.value.imag / step, 1e-12)
+            assert_same(exact.moment_arm[:, own], length.first.imag / step, 1e-12)
+            assert_same(exact.moment_arm_derivative[:, own][:, :, own], length.second.imag / step, 1e-12)
+            assert np.all(np.delete(exact.moment_arm, own, axis=1) == 0)
+            if linkage.four_bar is not None and place in OF_FOUR_BAR:
+                slope = linkage.transmission(poses, [(place, axis)])[1][0]
+                assert_same(slope, stepped.transmission(poses)[0].imag / step, 1e-12)
 
 
-def _moved(linkage: Linkage, pin: str, axis: int, shift: np.ndarray, poses: object, name: str) -> np.ndarray:
-    place = getattr(linkage, pin)
-    at = np.array(place.at)
-    at[axis] += shift[0, 0]
-    return getattr(replace(linkage, **{pin: replace(place, at=tuple(at))}).actuation(poses), name)
+def test_a_moved_pin_is_where_it_was_put() -> None:
+    """`with_place` changes one place and nothing else, and gives back what it was given."""
+    linkage = named("excavator_20t").linkages[2]
+    for place in (*OF_FOUR_BAR, "base"):
+        at = linkage.place(place)
+        assert at is not None
+        moved = linkage.with_place(place, tuple(value + 0.01 for value in at))
+        assert_allclose(moved.place(place), np.array(at) + 0.01, rtol=1e-15)
+        assert moved.with_place(place, at) == linkage
 
 
 def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
@@ -102,16 +113,16 @@ class Reference:
             body = pinocchio.Inertia(self.payload.mass, np.array(self.payload.at), np.zeros((3, 3)))
             self.model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
         self.data = self.model.createData()
-        joints = [self.model.joints[self.model.getJointId(name)] for name in machine.joints]
-        self.rows = [joint.idx_v for joint in joints]
-        self._places = [joint.idx_q for joint in joints]
+        self._joints = [self.model.joints[self.model.getJointId(name)] for name in machine.joints]
+        self.rows = [joint.idx_v for joint in self._joints]
 
     def frame(self, link: str) -> int:
         return self.model.getFrameId(link, pinocchio.FrameType.BODY)
 
     def configuration(self, q: np.ndarray) -> np.ndarray:
         full = pinocchio.neutral(self.model)
-        full[self._places] = q
+        for joint, value in zip(self._joints, q, strict=True):  # a continuous one has cosine and sine
+            full[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
         return full
 
 
@@ -193,15 +204,15 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
     """
     start = machine.at(q0)
     force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
-    area = np.array([(c.bore_area, c.annulus_area) for c in machine.cylinders]).T[:, None]
+    area = np.array([(c.bore_area, c.annulus_area) for c in machine.functions]).T[:, None]
     pressure = np.array(static_pressures(force, area[0], area[1], machine.supply.return_pressure))
     piston = [
-        start.lengths[:, i] - c.closed_length + c.compliance * force[:, i] for i, c in enumerate(machine.cylinders)
+        start.lengths[:, i] - c.closed_length + c.compliance * force[:, i] for i, c in enumerate(machine.functions)
     ]
-    volume = np.stack([c.volumes(x) for c, x in zip(machine.cylinders, piston, strict=True)], axis=-1)
-    hoses = np.array([(c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus) for c in machine.cylinders])
+    volume = np.stack([c.volumes(x) for c, x in zip(machine.functions, piston, strict=True)], axis=-1)
+    hoses = np.array([(c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus) for c in machine.functions])
     capacity = volume / bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air) + hoses.T[:, None]
-    yielding = np.array([c.compliance for c in machine.cylinders])
+    yielding = np.array([c.compliance for c in machine.functions])
 
     def torque(q: np.ndarray) -> np.ndarray:
         there = machine.evaluate(machine.rigid_poses(q))
@@ -255,8 +266,8 @@ def _rigid(poses: ad.Poses) -> np.ndarray:
 def locked_by_definition(poses: ad.Poses, machine: ad.Machine) -> np.ndarray:
     """Lowest frequency with the cylinders that share no joint with i held by springs 1e8 times as stiff."""
     found = []
-    for linkage in machine.linkages:
-        held = [k for k, other in enumerate(machine.linkages) if not set(linkage.joints) & set(other.joints)]
+    for linkage in machine.drives:
+        held = [k for k, other in enumerate(machine.drives) if not set(linkage.joints) & set(other.joints)]
         rows = poses.moment_arms[:, held]
         clamps = 1e8 * np.einsum("nci,nc,ncj->nij", rows, poses.oil_stiffness[:, held], rows)
         found.append(squared_frequencies(poses.stiffness_matrix + clamps, poses.mass_matrix)[:, 0])
@@ -393,7 +404,7 @@ def test_no_poses_have_no_modes(machine: ad.Machine) -> None:
     """A load case that exists nowhere leaves an empty workspace: shapes hold, nothing raises."""
     modes = ad.natural_modes(machine.at(np.zeros((0, len(machine.joints)))))
     assert modes.frequencies.shape == (0, len(machine.joints))
-    assert modes.locked_frequencies.shape == (0, len(machine.cylinders))
+    assert modes.locked_frequencies.shape == (0, len(machine.functions))
 
 
 def test_cylinders_must_hold_every_motion() -> None:

@@ -450,6 +450,18 @@ def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
+def test_curves_of_a_cylinder_across_two_joints() -> None:
+    """One picture for each joint it spans, the other joint in the middle of its range."""
+    machine = machines.named("crossing")  # lift about the boom, long about both
+    fig = plots.moment_arm_curves({"odd": machine})
+    titles = [ax.get_title() for ax in fig.axes]
+    assert titles == ["lift cylinder", "long cylinder about stick", "long cylinder about boom"]
+    q = machine.ranges.mean(axis=1)
+    q[1] = machine.ranges[1, 1]
+    arm = machine.evaluate(machine.arm.kinematics(q[None])).moment_arms[0, 1, 1]
+    assert fig.axes[2].lines[0].get_ydata()[-1] == pytest.approx(1000 * abs(arm))
+
+
 @pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
 def test_holding_pressures_draw(name: str, tmp_path: Path) -> None:
     fig, (ax,) = plots.figure()

@@ -17,6 +17,7 @@ ISO_BORES_MM = (25, 32, 40, 50, 63, 80, 90, 100, 110, 125, 140, 160, 180, 200, 2
 ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100, 110, 125, 140, 160, 180,
                200, 220)  # fmt: skip
 GRID_MM = 5  # of makers of excavators
+SAME = 1e-9  # [m]
 LARGEST = 2.0  # [m] a bore beyond it was meant in mm
 
 
@@ -80,6 +81,27 @@ def read_sizes(path: str | Path) -> Sizes:
         except (TypeError, ValueError):
             raise ArmDesignError(f"{path}: line {rows.line_num}", "is not a pair of numbers", remedy) from None
     return sizes_of(pairs)
+
+
+def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: bool) -> Sizes:
+    """Sizes of a catalogue that leave a bore or rod that may not vary as it is; the cylinder's own if neither may.
+
+    Raises:
+        ArmDesignError: no size has the bore or rod that stays.
+    """
+    own = (cylinder.bore, cylinder.rod)
+    if not (bore_varies or rod_varies):
+        return (own,)
+    stays = [k for k, varies in enumerate((bore_varies, rod_varies)) if not varies]
+    found = tuple(size for size in sizes if all(abs(size[k] - own[k]) < SAME for k in stays))
+    if not found:
+        key = ("bore", "rod")[stays[0]]
+        raise ArmDesignError(
+            "catalogue",
+            f"has no size with the {key} of the {cylinder.name} cylinder, {size_in_mm(own[stays[0]]):g} mm",
+            f"offer one, or let cylinder.{cylinder.name}.{key}_mm vary too",
+        )
+    return found
 
 
 def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:

@@ -1,11 +1,11 @@
 """Sizes that each cylinder may have, what they leave of every requirement, and why none may be left.
 
-With pins given and as many cylinders as joints, static forces do not depend on the sizes. Then every requirement is of
+With pins given and as many functions as joints, static forces do not depend on the sizes. Then every requirement is of
 one cylinder (thrust, holding, buckling), or a sum over the cylinders (oil): its slack at a combination of sizes is
 
     slack = slack of the frame + Σ_i change by the size of cylinder i,
 
-and ``requirements.check``, asked once for every size of every cylinder, knows all combinations. A requirement for which
+and ``check``, asked once for every size of every cylinder, knows all combinations. A requirement for which
 this fails on random combinations is left to ``Choices.allowed``, which asks for one combination at a time.
 """
 
@@ -18,8 +18,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder
-from armdesign.design.catalogue import Sizes, sized
-from armdesign.design.requirements import Requirements, check, static_loads
+from armdesign.design.catalogue import Sizes, offered, sized
+from armdesign.design.check import check, static_loads
+from armdesign.design.requirements import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
@@ -84,6 +85,7 @@ def choices(
     sizes: Sizes,
     proportional: bool = False,
     tolerance: float = TOLERANCE,
+    free: Sequence[tuple[bool, bool]] = (),
 ) -> Choices:
     """Which sizes of a catalogue each cylinder of ``frame`` may have.
 
@@ -95,15 +97,17 @@ def choices(
         sizes: bores and rods of the catalogue.
         proportional: dead volumes grow with the areas.
         tolerance: by which a requirement may be missed, for pins that are not final.
+        free: of every cylinder, whether its bore and whether its rod may change; all may if empty.
 
     Raises:
-        ArmDesignError: more cylinders than joints.
+        ArmDesignError: more cylinders and motors than joints; no size with a bore or rod that stays.
         InfeasibleError: no combination meets the requirements; names the fewest that exclude each other.
     """
-    if len(frame.cylinders) > len(frame.joints):
+    if len(frame.functions) > len(frame.joints):
         raise ArmDesignError(
             "catalogue",
-            f"{frame.name} has {len(frame.cylinders)} cylinders on {len(frame.joints)} joints: "
+            f"{frame.name} has {len(frame.functions)} {'cylinders and motors' if frame.motors else 'cylinders'} "
+            f"on {len(frame.joints)} joints: "
             "their static forces hang on the sizes",
             "choose sizes without a catalogue",
         )
@@ -112,8 +116,9 @@ def choices(
     slack = judge.slacks(own)
     for i, old in enumerate(today.cylinders):
         stroke, closed = frame.cylinders[i].stroke, frame.cylinders[i].closed_length
+        own_sizes = offered(old, sizes, *free[i]) if free else sizes
         made = [
-            replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed) for bore, rod in sizes
+            replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed) for bore, rod in own_sizes
         ]
         options.append(made)
         changes.append(np.array([judge.slacks([*own[:i], c, *own[i + 1 :]]) for c in made]) - slack)

@@ -8,6 +8,7 @@ that have ever been low, the whole workspace is looked at in the end, and the wo
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +26,28 @@ STEPS = 60
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
 
 
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A design, ω² of the watched rows [rad²/s²], its limits and merit."""
+
+    x: Array
+    squared: Array
+    limits: Limits
+    merit: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """The design problem linearised: stiffness over the reference of some rows, and the limits ``keep``, padded."""
+
+    rows: Array
+    base: Array
+    slopes: Array
+    keep: Array
+    value: Array
+    jacobian: Array
+
+
 @dataclass(eq=False)
 class Search:
     """One run from one start: the state of the search on a problem, reusing one programme.
@@ -39,11 +62,12 @@ class Search:
     squared: float = 0.0
     limits: Limits = field(init=False)
     reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
+    bounds: tuple[Array, Array] = field(init=False)  # of x
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
-        self.reference = self.problem.scale
+        self.reference, self.bounds = self.problem.scale, self.problem.bounds
 
     @property
     def merit(self) -> float:
@@ -57,16 +81,37 @@ class Search:
 
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
         """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
-        self._look_at_all()
+        self.look()
         for _ in range(looks):
             self.reference = max(self.problem.scale, self.squared)  # so that prices keep pace with what is gained
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
-            self._look_at_all()
+            self.look()
             found = self._merit(self.squared, self.limits)
             if found > hoped - 10 * tolerance and self.squared < 2 * self.reference:
                 break
         return self
+
+    def refine(self, trust: float, tolerance: float) -> Search:
+        """As ``run``, but by the rows watched already: for a design that hardly moves."""
+        self.limits = limits(self.problem, self.x, self.holding)
+        self._improve(trust, tolerance)
+        return self
+
+    def foresee(self, designs: Sequence[Array], given: slice) -> list[float]:
+        """Merit that one step promises for each of some designs near ``x`` when their ``given`` entries are to stay."""
+        here = self._trial(self.x, self.limits)
+        low, high = np.maximum(self.bounds[0] - self.x, -0.02), np.minimum(self.bounds[1] - self.x, 0.02)
+        model = self._model(here, self._active(here.squared, []), low, high)
+        found = []
+        for x in designs:
+            low[given] = high[given] = (x - self.x)[given]
+            try:
+                step = self._solve(model, low, high)
+                found.append(step.value - PRICE * step.violation)
+            except InfeasibleError:  # the solver gave up
+                found.append(-math.inf)
+        return found
 
     def upper_bound(self) -> float | None:
         """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.
@@ -102,7 +147,7 @@ class Search:
         self.programme = kept
         return hertz(bound * self.reference) if math.isfinite(bound) else None
 
-    def _look_at_all(self) -> None:
+    def look(self) -> None:
         """Watch the lowest and the most loaded poses of the whole workspace."""
         squared, forces = self.problem.look(self.x)
         lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
@@ -112,50 +157,81 @@ class Search:
         self.limits = limits(self.problem, self.x, self.holding)
 
     def _improve(self, trust: float, tolerance: float) -> None:
-        squared = self.problem.frequencies(self.x, self.rows)
-        merit = self._merit(float(squared.min()), self.limits)
-        low_x, high_x = self.problem.bounds
+        here = self._trial(self.x, self.limits)
+        low_x, high_x = self.bounds
         pinned: list[int] = []
         for _ in range(STEPS):
-            active = self._active(squared, pinned)
-            low, high = np.maximum(low_x - self.x, -trust), np.minimum(high_x - self.x, trust)
+            active = self._active(here.squared, pinned)
+            low, high = np.maximum(low_x - here.x, -trust), np.minimum(high_x - here.x, trust)
             try:
-                step = self._solve(active, self.limits, low, high)
+                model = self._model(here, active, low, high)
+                step = self._solve(model, low, high)
             except InfeasibleError:  # the solver gave up: a smaller box is an easier programme
                 trust *= 0.35
                 if trust < 1e-6:
                     break
                 continue
-            promised = step.value - PRICE * step.violation - merit
+            promised = step.value - PRICE * step.violation - here.merit
             if promised < tolerance:
                 break
-            trial = self.x + step.change
-            trial_squared = self.problem.frequencies(trial, self.rows)
-            trial_limits = limits(self.problem, trial, self.holding)
-            gained = self._merit(float(trial_squared.min()), trial_limits) - merit
+            trial = self._best_trial(here, model, step.change, (low, high), promised)
+            gained = trial.merit - here.merit
             if gained > 0.1 * promised:
-                self.x, squared, self.limits, merit = trial, trial_squared, trial_limits, merit + gained
+                here, pinned = trial, []
+                self.x = here.x
                 trust = min(trust * (2.0 if gained > 0.6 * promised else 1.0), 0.5)
-                pinned = []
             else:
                 trust *= 0.35
-                pinned = [*pinned, int(trial_squared.argmin())]
+                pinned = [*pinned, int(trial.squared.argmin())]
             if trust < 1e-6:
                 break
-        self.squared = float(squared.min())
+        self.limits, self.squared = here.limits, float(here.squared.min())
+
+    def _trial(self, x: Array, at: Limits | None = None) -> _Trial:
+        """A design looked at on the watched rows."""
+        squared = self.problem.frequencies(x, self.rows)
+        at = limits(self.problem, x, self.holding) if at is None else at
+        return _Trial(x, squared, at, self._merit(float(squared.min()), at))
+
+    def _best_trial(
+        self, here: _Trial, model: _Model, change: Array, box: tuple[Array, Array], promised: float
+    ) -> _Trial:
+        """The design that a step leads to; if it disappoints, also the step corrected by what it met there.
+
+        Limits and stiffness bend: the programme is solved again with their values at the trial (second-order
+        correction), without which steps along a bent limit would have to be tiny.
+        """
+        none = replace(here, merit=-math.inf)
+        trial = self._trial(here.x + change) if self.problem.closes(here.x + change) else none
+        if trial.merit - here.merit > 0.1 * promised or trial is none:
+            return trial
+        base = self.problem.scaled(trial.x, model.rows) / self.reference
+        bent = replace(
+            model,
+            base=base - np.einsum("vnij,v->nij", model.slopes, change),
+            value=np.pad(trial.limits.values[model.keep], (0, len(model.value) - len(model.keep)), constant_values=1.0)
+            - model.jacobian @ change,
+        )
+        try:
+            again = here.x + self._solve(bent, *box).change
+        except InfeasibleError:  # the solver gave up: the first trial has to do
+            return trial
+        corrected = self._trial(again) if self.problem.closes(again) else none
+        return max(trial, corrected, key=lambda t: t.merit)
 
     def _merit(self, squared: float, at: Limits) -> float:
         return squared / self.reference - PRICE * _missed(at)
 
-    def _solve(self, active: Array, at: Limits, low: Array, high: Array) -> Step:
-        base, slopes = self.problem.matrices(self.x, active)
-        keep = _nearest_limits(at, low, high, 160)
-        value, jacobian = _padded(at.values[keep], at.jacobian[keep])
-        shape = (len(active), base.shape[1], len(value), len(self.x))
-        step = self._programme(shape).solve(base / self.reference, slopes / self.reference, value, jacobian, low, high)
-        multipliers = np.zeros(len(at.values))
-        multipliers[keep] = step.multipliers[: len(keep)]
-        return replace(step, multipliers=multipliers)
+    def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
+        """Stiffness of rows, and the limits that could bind in the box, linearised."""
+        base, slopes = self.problem.matrices(here.x, rows)
+        keep = _nearest_limits(here.limits, low, high, 160)
+        value, jacobian = _padded(here.limits.values[keep], here.limits.jacobian[keep])
+        return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)
+
+    def _solve(self, model: _Model, low: Array, high: Array) -> Step:
+        shape = (len(model.rows), model.base.shape[1], len(model.value), len(low))
+        return self._programme(shape).solve(model.base, model.slopes, model.value, model.jacobian, low, high)
 
     def _programme(self, shape: tuple[int, int, int, int]) -> StepProgramme:
         """The programme of this shape: the one at hand, if it fits, because setting one up costs several solutions."""
@@ -165,24 +241,26 @@ class Search:
 
     def worth(self) -> dict[str, float]:
         """Relative gain in the worst frequency if a requirement were relaxed by 1 %, from its multiplier."""
-        squared = self.problem.frequencies(self.x, self.rows)
-        low_x, high_x = self.problem.bounds
+        here = self._trial(self.x, self.limits)
+        low_x, high_x = self.bounds
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
+        model = self._model(here, self._active(here.squared, []), low, high)
         try:
-            step = self._solve(self._active(squared, []), self.limits, low, high)
+            step = self._solve(model, low, high)
         except InfeasibleError:  # the solver gave up: nothing is known
             return {}
-        scale = 0.5 * self.reference / float(squared.min())  # f ~ sqrt(λ)
+        scale = 0.5 * self.reference / float(here.squared.min())  # f ~ sqrt(λ)
+        multipliers = np.zeros(len(self.limits.values))
+        multipliers[model.keep] = step.multipliers[: len(model.keep)]
         # a limit that no variable moves has no price, whatever the solver's multiplier says
-        moved = np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)
-        multipliers = np.where(moved, step.multipliers, 0.0)
+        multipliers[~np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)] = 0.0
         gains: dict[str, float] = {}
         for name, gain in zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True):
             gains[name] = gains.get(name, 0.0) + float(gain)
         at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(
             low > -0.05 + 1e-9, step.low_multipliers, 0
         )
-        for v, gain in zip(self.problem.variables, 0.01 * at_end * scale, strict=True):
+        for v, gain in zip(self.problem.variables, 0.01 * high_x * at_end * scale, strict=True):
             if v.pin is not None:
                 name = f"pin_box.{self.problem.machine.cylinders[v.cylinder].name}.{v.pin}"
                 gains[name] = gains.get(name, 0.0) + float(gain)

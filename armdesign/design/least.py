@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.design.check import cylinder_mass
 from armdesign.design.codesign import Search, hertz
-from armdesign.design.optimum import ALLOWED, STARTS, Design, _defaults, _design, _finished, _multistart
+from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Requirements, cylinder_mass
+from armdesign.design.requirements import Requirements
+from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
@@ -63,11 +65,7 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    unknown = [word for word in vary if word not in ("areas", "pins")]
-    if unknown or not vary:
-        raise ArmDesignError("vary", f"{list(vary)} is not allowed", 'give "areas", "pins" or both')
-    workspace, requirements = _defaults(machine, workspace, requirements)
-    problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
+    problem = posed(machine, workspace, requirements, vary)
     hunt = _Hunt(problem=problem, limit=AMOUNTS[of], today=cylinder_mass(machine) if of == "mass" else 1.0)
     return hunt.rounded(hunt.least(frequency, starts, seed), frequency)
 
@@ -83,7 +81,7 @@ class _Hunt:
 
     def least(self, frequency: float, starts: int, seed: int) -> Search:
         """The search under the smallest amount that reaches a frequency [Hz], before rounding."""
-        search, self.reached = _multistart(self._under(self.today), starts, seed)
+        search, self.reached = multistart(self._under(self.today), starts, seed, workers=1)
         search, low = self._enough(search, frequency)
         slope = 0.5  # of log frequency by log amount: ω² grows with the oil, at first
         for _ in range(SEARCHES):
@@ -108,6 +106,7 @@ class _Hunt:
         amount, low = self.today, self.today / WIDEST**2
         while _frequency(search) < frequency:
             if amount >= WIDEST * self.today:
+                search = met(search)
                 raise InfeasibleError(
                     self.problem.machine.name,
                     f"{frequency:.4g} Hz is out of reach: the other requirements allow {_frequency(search):.4g} Hz",
@@ -122,7 +121,7 @@ class _Hunt:
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
             try:
-                design = _design(self._search(amount * (1 + more), search) if more else search, self.reached)
+                design = Design.of(self._search(amount * (1 + more), search) if more else search, self.reached)
             except InfeasibleError:  # no room to round in
                 continue
             worst = float(design.after.frame["f1_hz"].min())
@@ -134,7 +133,7 @@ class _Hunt:
 
     def _search(self, amount: float, near: Search) -> Search:
         problem = replace(self._under(amount), bars_at=near.problem.bars_at)
-        return _finished(Search(problem=problem, x=near.x, programme=near.programme), trust=0.2)
+        return finished(Search(problem=problem, x=near.x, programme=near.programme), trust=0.2)
 
     def _under(self, amount: float) -> Problem:
         change: dict[str, Any] = {self.limit: amount}
@@ -146,4 +145,4 @@ class _Hunt:
 
 def _frequency(search: Search) -> float:
     """Worst frequency of a search [Hz]; 0 where it misses a requirement."""
-    return hertz(search.squared) if search.violation <= ALLOWED else 0.0
+    return hertz(search.squared) if search.violation <= MISSED else 0.0

@@ -1,23 +1,30 @@
 """Requirements as constraints c(x) ≥ 0 of the design problem, with exact derivatives.
 
-The same requirements as in ``requirements.py``, but relative to today's machine, differentiable, and at few poses.
+What they are is in ``conditions.py``; here a design vector becomes a candidate, complex-stepped along each entry.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
-from armdesign.cylinder import STEEL_MODULUS, estimated_mass, euler_safety
-from armdesign.design.problem import STEP, Problem
+from armdesign.cylinder import euler_safety
+from armdesign.design.candidates import Condition, frame_of
+from armdesign.design.conditions import conditions, rod_area_factor, static_loads_held
+from armdesign.design.problem import RANGE_POSES, STEP, Problem
 from armdesign.errors import InfeasibleError
+from armdesign.linkage import BARS, OF_FOUR_BAR, PINS, Linkage
+from armdesign.machine import Machine
 from armdesign.poses import static_forces
 
 HOLDING_POSES = 6  # per cylinder, load case and direction
-ROUNDING_LENGTH = 3e-4  # [m] what rounding to 0.1 mm may cost the dead length
+CURVED = ("buckling", "clearance")  # not linear, and not below their tangents, in the areas
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,125 +37,134 @@ class Limits:
     relaxation: Array  # (m,)
 
 
-class _Stack:
-    """Collects constraints; each value is complex-stepped along every entry of x: (nx,) or (nx, k)."""
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """The design at x as a candidate: a variant for each entry of x, with a complex step along it."""
 
-    def __init__(self) -> None:
-        self.names: list[str] = []
-        self.values: list[Array] = []
-        self.relaxation: list[float] = []
+    problem: Problem
+    x: Array
 
-    def add(self, name: str, value: Array, relaxation: float) -> None:
-        value = value[:, None] if value.ndim == 1 else value
-        self.names += [name] * value.shape[1]
-        self.relaxation += [relaxation] * value.shape[1]
-        self.values.append(value)
+    @property
+    def machine(self) -> Machine:
+        """See ``Candidate``; its own masses are those of the problem's rows."""
+        return self.problem.with_bars_moved
 
-    def limits(self) -> Limits:
-        stacked = np.concatenate(self.values, axis=1)
-        return Limits(self.names, stacked[0].real, stacked.imag.T / STEP, np.array(self.relaxation))
+    @cached_property
+    def areas(self) -> Array:
+        """See ``Candidate``."""
+        return self.problem.stepped_areas(self.x)
+
+    @cached_property
+    def _lengths(self) -> tuple[Array, Array]:
+        return self.problem.stepped_strokes(self.x)
+
+    @property
+    def closed(self) -> Array:
+        """See ``Candidate``."""
+        return self._lengths[0]
+
+    @property
+    def stroke(self) -> Array:
+        """See ``Candidate``."""
+        return self._lengths[1]
+
+    @cached_property
+    def linkages(self) -> list[Linkage]:
+        """Every cylinder's pins at x."""
+        return self.problem.linkages(self.x)
+
+    @cached_property
+    def sweeps(self) -> list[tuple[Array, Array] | None]:
+        """See ``Candidate``."""
+        found: list[tuple[Array, Array] | None] = []
+        for i, (linkage, poses) in enumerate(zip(self.linkages, self.problem.ranges, strict=True)):
+            if poses is None:
+                found.append(None)
+                continue
+            actuation, joint = linkage.actuation(poses), linkage.joints[0]
+            length, arm = (
+                np.tile(value.astype(complex), (len(self.x), 1))
+                for value in (actuation.length, actuation.moment_arm[:, joint])
+            )
+            for index, moved in self.problem.sensitivities(i, linkage, poses):
+                length[index] += 1j * STEP * moved.length * self.problem.box
+                arm[index] += 1j * STEP * moved.moment_arm[:, joint] * self.problem.box
+            found.append((length, arm))
+        return found
+
+    def place(self, i: int, name: str) -> Array | None:
+        """See ``Candidate``."""
+        place = self.linkages[i].place(name)
+        if place is None:
+            return None
+        at = np.tile(np.array(place, dtype=complex), (len(self.x), 1))
+        for index, move in self.problem.moves(i).items():
+            if move[0] == name:
+                at[index, move[1]] += 1j * STEP * self.problem.box
+        return at
+
+    def transmission(self, i: int) -> Array:
+        """See ``Candidate``."""
+        poses, moves = self.problem.ranges[i], self.problem.moves(i)
+        assert poses is not None
+        of_four_bar = {index: move for index, move in moves.items() if move[0] in OF_FOUR_BAR}
+        cosine, slopes = self.linkages[i].transmission(poses, list(of_four_bar.values()))
+        stepped = np.tile(cosine.astype(complex), (len(self.x), 1))
+        for index, slope in zip(of_four_bar, slopes, strict=True):
+            stepped[index] += 1j * STEP * slope * self.problem.box
+        return stepped
+
+    def moment_arms(self, rigid: RigidPoses) -> Array:
+        """See ``Candidate``."""
+        return self.problem.geometry(self.x, rigid, derivatives=True).stepped()[1]
+
+    def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
+        """See ``Candidate``."""
+        ends = np.tile(np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex), (1, len(self.x), 1, 1))
+        for index in self.problem.moves(i):
+            ends[:, index] = np.stack(self._variant(i, index).pins(rigid)[:2])
+        return ends[0], ends[1]
+
+    def _variant(self, i: int, index: int) -> Linkage:
+        """A linkage with the places of one variant, complex-stepped."""
+        linkage = self.linkages[i]
+        for name in (*PINS, *BARS):
+            place = self.place(i, name)
+            if place is not None:
+                linkage = linkage.with_place(name, place[index].tolist())
+        return linkage
 
 
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
-    stack = _Stack()
-    areas, (closed, stroke) = problem.stepped_areas(x), problem.stepped_strokes(x)
-    _oil(problem, areas, stroke, stack)
-    _sizes(problem, areas, closed, stroke, stack)
-    if problem.requirements.cylinder_mass is not None:
-        _mass(problem, areas, stroke, problem.requirements.cylinder_mass, stack)
-    _moment_arms(problem, x, areas, stack)
-    _holding(problem, x, areas, holding_rows(problem, x) if holding is None else holding, stack)
-    return stack.limits()
+    found = list(conditions_at(problem, x, holding))
+    room = np.concatenate([c.room for c in found], axis=1)
+    easing = np.concatenate([np.broadcast_to(c.easing, c.room.shape) for c in found], axis=1)
+    if problem.tightening:
+        drawn_in = [np.broadcast_to(problem.tightening * c.care * c.easing + c.rounding, c.room.shape) for c in found]
+        moves = np.any(room.imag != 0, axis=0)  # what no variable moves, no rounding changes either
+        room = room - np.where(moves, np.concatenate(drawn_in, axis=1), 0.0)
+    names = [c.name for c in found for _ in range(c.room.shape[1])]
+    kept = np.array([problem.reserve.get(name, 0.0) for name in names])
+    return Limits(names, room[0].real - kept, room.imag.T / STEP, 0.01 * easing[0].real)
 
 
-def _oil(problem: Problem, areas: Array, stroke: Array, stack: _Stack) -> None:
-    """Swept volumes of both sides, summed and of each cylinder."""
-    r, tight, cylinders = problem.requirements, problem.tightening, problem.machine.cylinders
-    for side, label in enumerate(("cap", "annulus")):
-        volume = areas[:, :, side] * stroke
-        today = problem.areas_today[:, side] * np.array([c.stroke for c in cylinders])
-        share = r.oil_total_share * (1 - tight)
-        stack.add(f"oil.{label}.total", share - volume.sum(axis=1) / today.sum(), 0.01 * share)
-        share = r.oil_each_share * (1 - tight)
-        for i, cylinder in enumerate(cylinders):
-            stack.add(f"oil.{label}.{cylinder.name}", share - volume[:, i] / today[i], 0.01 * share)
-
-
-def _sizes(problem: Problem, areas: Array, closed: Array, stroke: Array, stack: _Stack) -> None:
-    """Thrust, dead length and buckling of each cylinder."""
-    tight = problem.tightening
-    share = problem.requirements.thrust_share * (1 - tight)
-    moving = {v.cylinder for v in problem.variables if v.pin is not None}
-    for i, cylinder in enumerate(problem.machine.cylinders):
-        today = problem.areas_today[i, 0]
-        stack.add(f"thrust.{cylinder.name}", share - areas[:, i, 0] / today, 0.01 * share)
-        room = ROUNDING_LENGTH if tight and i in moving else 0.0
-        dead = closed[:, i] - stroke[:, i] - cylinder.dead_length - room
-        relaxation = 0.01 * abs(cylinder.dead_length) / cylinder.stroke
-        stack.add(f"dead_length.{cylinder.name}", dead / cylinder.stroke, relaxation)
-        open_length = closed[:, i] + stroke[:, i]
-        needed = open_length * np.sqrt(buckling_factor(problem, i) * (1 + 4 * tight) * areas[:, i, 0])
-        rod_area = areas[:, i, 0] - areas[:, i, 1]
-        stack.add(f"buckling.{cylinder.name}", (rod_area - needed) / today, 0.005 * float(needed[0].real) / today)
-
-
-def _mass(problem: Problem, areas: Array, stroke: Array, limit: float, stack: _Stack) -> None:
-    """Estimated mass of all cylinders together."""
-    counts = np.array([c.count for c in problem.machine.cylinders]) * math.pi / 4
-    bores, rods = np.sqrt(areas[:, :, 0] / counts), np.sqrt((areas[:, :, 0] - areas[:, :, 1]) / counts)
-    each = estimated_mass(bores, rods, stroke, problem.machine.supply.pressure)
-    mass = (each * counts * 4 / math.pi).sum(axis=1)
-    stack.add("cylinder_mass", 1 - problem.tightening - mass / limit, 0.01)
+def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> Iterator[Condition]:
+    """Every requirement at x as its condition; holding at the rows given, or at ``holding_rows``."""
+    rows = holding_rows(problem, x) if holding is None else holding
+    new, frame = Stepped(problem, x), frame_of(problem.machine, problem.requirements, RANGE_POSES)
+    yield from conditions(new, frame)
+    arm = new.moment_arms(problem.workspace.rigid[problem.rows.pose[rows]])
+    gravity = problem.rows.gravity[rows]
+    forces = np.stack([static_forces(arm[v], gravity, new.areas[v, :, 0]) for v in range(len(x))])
+    yield from static_loads_held(new, frame, forces)
 
 
 def buckling_factor(problem: Problem, i: int) -> float:
-    """C in rod area ≥ L √(c A1), which keeps today's Euler safety: π E (A1 − A2)²/(4 n L² p A1) of all n cylinders."""
+    """C in rod area ≥ L √(c A1), which keeps the share asked of today's Euler safety."""
     cylinder, pressure = problem.machine.cylinders[i], problem.machine.supply.pressure
     safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
-    return float(safety * 4 * cylinder.count * pressure / (math.pi * STEEL_MODULUS))
-
-
-def _moment_arms(problem: Problem, x: Array, areas: Array, stack: _Stack) -> None:
-    """Smallest moment arm over the joint range; digging torque at the best pose."""
-    r, tight = problem.requirements, problem.tightening
-    linkages = problem.linkages(x)
-    for i, (cylinder, poses) in enumerate(zip(problem.machine.cylinders, problem.ranges, strict=True)):
-        if poses is None:
-            continue
-        joint, sign = linkages[i].joints[0], np.sign(problem.arms_today[i][0])
-        today = np.abs(problem.arms_today[i])
-        arm = np.tile(linkages[i].actuation(poses).moment_arm[:, joint].astype(complex), (len(x), 1))
-        for index, moved in problem.sensitivities(i, linkages[i], poses):
-            arm[index] += 1j * STEP * moved.moment_arm[:, joint] * problem.box
-        least = r.moment_arm_share * (1 + tight)
-        stack.add(f"moment_arm.{cylinder.name}", sign * arm / today.min() - least, 0.01 * least)
-        if cylinder.name in r.digging:
-            best = int((sign * arm[0].real).argmax())
-            torque = areas[:, i, 0] * sign * arm[:, best] / (problem.areas_today[i, 0] * today.max())
-            least = r.digging_share * (1 + tight)
-            stack.add(f"digging.{cylinder.name}", torque - least, 0.01 * least)
-
-
-def _holding(problem: Problem, x: Array, areas: Array, rows: Array, stack: _Stack) -> None:
-    """Static force within a share of what the supply holds, at some rows."""
-    supply = problem.machine.supply
-    least = problem.requirements.holding_share * (1 - problem.tightening)
-    arm = problem.geometry(x, problem.workspace.rigid[problem.rows.pose[rows]], derivatives=True).stepped()[1]
-    gravity = problem.rows.gravity[rows]
-    forces = np.stack([static_forces(arm[v], gravity, areas[v, :, 0]) for v in range(len(x))])
-    for i, cylinder in enumerate(problem.machine.cylinders):
-        pushes = forces[0, :, i].real > 0
-        a1, a2 = areas[:, i, None, 0], areas[:, i, None, 1]
-        held = np.where(
-            pushes,
-            supply.pressure * a1 - supply.return_pressure * a2,
-            supply.pressure * a2 - supply.return_pressure * a1,
-        )
-        scale = supply.pressure * problem.areas_today[i, 0]
-        used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
-        relaxation = float(0.01 * least * held[0].real.max() / scale)
-        stack.add(f"holding.{cylinder.name}", (least * held - used) / scale, relaxation)
+    return rod_area_factor(cylinder.count, pressure, problem.requirements.buckling_share * safety)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:
@@ -178,14 +194,14 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
     Constraints are given at the box's lower end. Buckling, A1 − A2 ≥ L √(c A1), is reverse-convex: the root is replaced
     by its chord over the box, which lies below it. None where stiffness is not a sum of convex functions of one area
-    each (air, compliance, more cylinders than joints) or pins vary.
+    each (air, compliance, more cylinders than joints) or something moves.
     """
-    plain = problem.machine.fluid.air == 0 and all(c.compliance == 0 for c in problem.machine.cylinders)
-    if not plain or "pins" in problem.vary or len(problem.machine.cylinders) != len(problem.machine.joints):
+    plain = problem.machine.fluid.air == 0 and all(f.compliance == 0 for f in problem.machine.functions)
+    if not plain or problem.moving or len(problem.machine.functions) != len(problem.machine.joints):
         return None
     x = problem.start
     exact = limits(problem, x)
-    linear = np.array([not name.startswith("buckling") for name in exact.names])
+    linear = np.array([not name.startswith(CURVED) for name in exact.names])
     names = [name for name, keep in zip(exact.names, linear, strict=True) if keep]
     names += [f"buckling.{cylinder.name}" for cylinder in problem.machine.cylinders]
     low, high = problem.bounds
@@ -199,12 +215,15 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
 
 def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[float, Array]:
     """Constant and slopes by x of A1 − A2 − L·chord(√(c A1)) ≥ 0 over the box, relative to today's bore area."""
-    cylinder, (a1, a2) = problem.machine.cylinders[i], problem.areas_today[i]
-    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / a1)
+    cylinder, today = problem.machine.cylinders[i], problem.areas_today[i, 0]
+    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / today)
     slope = (math.sqrt(high) - math.sqrt(low)) / (high - low) if high > low else 0.5 / math.sqrt(low)
-    row = np.zeros(len(problem.start))
-    row[2 * i], row[2 * i + 1] = 1 - factor * slope, -a2 / a1
-    return -factor * (math.sqrt(low) - slope * low), row
+    areas = problem.stepped_areas(problem.start)[:, i]
+    rod = (areas[:, 0] - areas[:, 1]) / today  # linear in x
+    row = rod.imag / STEP
+    constant = float(rod[0].real - row @ problem.start)
+    row[2 * i] -= factor * slope
+    return constant - factor * (math.sqrt(low) - slope * low), row
 
 
 def _box_of(values: Array, jacobian: Array, low: Array, high: Array) -> tuple[Array, Array]:

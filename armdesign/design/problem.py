@@ -1,25 +1,30 @@
 """The design problem in arrays: stiffness and strokes with exact derivatives at a vector of design variables.
 
 The vector x holds for every cylinder its bore and annulus area (relative to today's) and the moves of its pins
-(relative to the pin box), 1 and 0 for today's machine. Rigid bodies do not depend on x; the cylinders' own masses,
-where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: pins by the analytic
+and four-bars (relative to the pin box), 1 and 0 for today's machine. Where a bore varies and its rod does not, the
+annulus follows the bore. Rigid bodies do not depend on x; the cylinders' own masses,
+where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: places by the analytic
 sensitivities of the linkage, everything after them (oil, statics, sums) by a complex step.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.cylinder import stiffness
 from armdesign.design.catalogue import relative_areas
 from armdesign.design.requirements import Requirements
-from armdesign.linkage import Actuation, Linkage
+from armdesign.design.still import Still, lowest
+from armdesign.design.variables import Variable, variables
+from armdesign.linkage import OF_FOUR_BAR, Actuation, Linkage, Move
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 from armdesign.ranges import over, sweep
@@ -27,17 +32,6 @@ from armdesign.workspace import Workspace
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
-
-
-@dataclass(frozen=True, kw_only=True)
-class Variable:
-    """One entry of x: an area of a cylinder (``pin`` None; axis 0 bore, 1 annulus) or a coordinate of a pin."""
-
-    cylinder: int
-    pin: str | None
-    axis: int
-    lower: float
-    upper: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,45 +71,11 @@ class Rows:
     slope: Array
 
 
-@dataclass(eq=False)
-class Still:
-    """What areas leave alone when no pin moves, of all rows: lengths, static forces, and L⁻¹r and L⁻¹K L⁻ᵀ without oil.
-
-    length, force (n, nc), arm (n, nc, nq), rest (n, nq, nq). It remembers the last look at all rows.
-    """
-
-    length: Array
-    force: Array
-    arm: Array
-    rest: Array
-    seen: tuple[bytes, Array] | None = None
-
-    def look(self, problem: Problem, x: Array, rows: Array | None) -> tuple[Array, Array]:
-        """As ``Problem.look``."""
-        if rows is not None:
-            return self._squared(problem, x, rows), self.force[rows]
-        if self.seen is None or self.seen[0] != x.tobytes():
-            self.seen = (x.tobytes(), self._squared(problem, x, slice(None)))
-        return self.seen[1], self.force
-
-    def _squared(self, problem: Problem, x: Array, rows: Array | slice) -> Array:
-        arm, cylinders = self.arm[rows], problem.machine.cylinders
-        closed, stroke = (np.array([getattr(c, name) for c in cylinders]) for name in ("closed_length", "stroke"))
-        oil = problem.oil(self.length[rows], closed, stroke, problem.areas(x), self.force[rows])
-        return _lowest(self.rest[rows] + np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None]))
-
-
-def _lowest(scaled: Array) -> Array:
-    """Lowest eigenvalues (n,), 0 where a matrix is not finite."""
-    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
-    return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """Cylinders and pins of ``machine`` over ``workspace`` under ``requirements``; ``vary`` some of "areas" and "pins".
+    """Cylinders and linkages of ``machine`` over ``workspace`` under ``requirements``.
 
-    Rows are pairs of a pose and a load case that exists there.
+    ``vary`` are the words and key paths of ``variables.py``. Rows are pairs of a pose and a load case of that pose.
     """
 
     machine: Machine
@@ -123,6 +83,7 @@ class Problem:
     requirements: Requirements
     vary: tuple[str, ...]
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
+    reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
     sizes: tuple[tuple[float, float] | None, ...] = ()  # bore and rod of cylinders for which they are chosen [m]
@@ -131,28 +92,47 @@ class Problem:
 
     @cached_property
     def box(self) -> float:
-        """How far a pin coordinate may move [m]."""
-        return self.requirements.box(self.machine, self.workspace)
+        """How far any pin coordinate may move [m]."""
+        common = self.requirements.box(self.machine, self.workspace)
+        names = [cylinder.name for cylinder in self.machine.cylinders]
+        return max(self.requirements.box_of(name, pin, common) for name in names for pin in ("base", "rod_end"))
 
     @cached_property
     def variables(self) -> list[Variable]:
-        """Entries of x: all areas (fixed unless they vary), then the pins that move."""
-        made = []
-        for i, cylinder in enumerate(self.machine.cylinders):
-            size = self.sizes[i] if self.sizes else None
-            for axis in (0, 1):
-                low, high = (0.1, max(2.0, self.requirements.thrust_share)) if "areas" in self.vary else (1.0, 1.0)
-                if size is not None:
-                    low = high = relative_areas(cylinder, *size)[axis]
-                made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
-        if "pins" in self.vary and self.box > 0:
-            for i, linkage in enumerate(self.machine.linkages):
-                if len(linkage.joints) != 1:
-                    continue  # its range hangs on other cylinders too: strokes would not follow from its pins alone
-                for pin in ("base", "rod_end"):
-                    if getattr(linkage, pin) is not None:
-                        made += [Variable(cylinder=i, pin=pin, axis=a, lower=-1.0, upper=1.0) for a in (0, 2)]
-        return made
+        """Entries of x: all areas (fixed unless they vary), then the coordinates of pins and bars that move."""
+        return [self._as_chosen(v) for v in self._asked]
+
+    @cached_property
+    def _asked(self) -> list[Variable]:
+        return variables(self.machine, self.vary, self.box, self.requirements.thrust_share)
+
+    def _as_chosen(self, v: Variable) -> Variable:
+        """A variable, fixed if it is an area of a cylinder whose size is chosen."""
+        size = self.sizes[v.cylinder] if v.pin is None and v.cylinder < len(self.sizes) else None
+        if size is None:
+            return v
+        area = relative_areas(self.machine.cylinders[v.cylinder], *size)[v.axis]
+        return dataclasses.replace(v, lower=area, upper=area)
+
+    @cached_property
+    def moving(self) -> list[int]:
+        """Cylinders of whose linkage something moves."""
+        return sorted({v.cylinder for v in self.variables if v.pin is not None})
+
+    @cached_property
+    def moves_masses(self) -> bool:
+        """Whether a bar that weighs (barrel, rod, rocker, coupler) follows what moves: inertia then hangs on x."""
+        for i in self.moving:
+            heavy, places = set(self.machine.cylinders[i].moving_masses), {name for name, _ in self.moves(i).values()}
+            if heavy & {"barrel", "rod"} or (heavy and places & set(OF_FOUR_BAR)):
+                return True
+        return False
+
+    @cached_property
+    def resized(self) -> tuple[tuple[bool, bool], ...]:
+        """For each function, whether its bore and whether its rod may change, in ``sizes`` too."""
+        free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.functions)]]
+        return tuple(zip(free[::2], free[1::2], strict=True))
 
     @cached_property
     def start(self) -> Array:
@@ -161,35 +141,58 @@ class Problem:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper end of every entry of x."""
-        return np.array([v.lower for v in self.variables]), np.array([v.upper for v in self.variables])
+        """Lower and upper end of every entry of x; a pin with a smaller box of its own keeps to that."""
+        common, ends = self.requirements.box(self.machine, self.workspace), []
+        for v in self.variables:
+            share = 1.0
+            if v.pin is not None:
+                share = self.requirements.box_of(self.machine.cylinders[v.cylinder].name, v.pin, common) / self.box
+            ends.append((v.lower * share, v.upper * share))
+        low, high = np.array(ends).T
+        return low, high
 
     def placed(self, x: Array) -> Machine:
-        """Today's machine with the pins, closed lengths and strokes of x; bores and rods are today's."""
-        places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=True)
+        """Today's machine with the pins, bars, closed lengths and strokes of x; bores and rods are today's."""
+        places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=False)  # motors stay
         cylinders = tuple(
             dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke)) for c, closed, stroke in places
         )
         return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(x)))
 
     def areas(self, x: Array) -> Array:
-        """Bore and annulus areas of all parallel cylinders together (nc, 2) [m²]."""
-        return np.asarray(x[: 2 * len(self.machine.cylinders)].reshape(-1, 2) * self.areas_today)
+        """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
+        areas = x[: 2 * len(self.machine.functions)].reshape(-1, 2) * self.areas_today
+        return np.asarray(np.where(self._rod_stays, (areas[:, 0] - self._rod_areas)[:, None], areas))
+
+    @cached_property
+    def _rod_stays(self) -> Flags:
+        """Which areas are the bore's less today's rod (nc, 2): annuli of cylinders whose bore alone varies."""
+        return np.array([[False, bore and not rod] for bore, rod in self.resized])
+
+    @cached_property
+    def _rod_areas(self) -> Array:
+        """Today's rods (nc,) [m²]."""
+        return np.asarray(self.areas_today[:, 0] - self.areas_today[:, 1])
 
     def linkages(self, x: Array) -> list[Linkage]:
-        """Every cylinder's pins at x."""
+        """Every cylinder's pins and bars at x."""
         made = list(self.machine.linkages)
         for value, v in zip(x, self.variables, strict=True):
             if v.pin is not None:
-                at = np.array(getattr(made[v.cylinder], v.pin).at)
-                at[v.axis] += value * self.box
-                made[v.cylinder] = made[v.cylinder].with_pin(v.pin, (float(at[0]), float(at[1]), float(at[2])))
+                at = list(made[v.cylinder].place(v.pin) or ())
+                at[v.axis] += float(value) * self.box
+                made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
         return made
+
+    def closes(self, x: Array) -> bool:
+        """Whether every four-bar closes over its joint's range."""
+        pairs = zip(self.linkages(x), self.ranges, strict=True)
+        return all(poses is None or bool(linkage.closes(poses).all()) for linkage, poses in pairs)
 
     @cached_property
     def areas_today(self) -> Array:
-        """Bore and annulus areas of today's machine (nc, 2) [m²]."""
-        return np.array([[c.bore_area, c.annulus_area] for c in self.machine.cylinders])
+        """Areas of today's machine (nc, 2) [m², of a motor m³/rad]."""
+        return np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
 
     # ----------------------------------------------------------------------------------------------------- rows
 
@@ -198,15 +201,15 @@ class Problem:
         """Every pair of a pose and a load case that exists there."""
         parts = []
         for k, payload in enumerate(self.machine.payloads):
-            case = self._with_bars_moved.with_payload(payload.name)
+            case = self.with_bars_moved.with_payload(payload.name)
             pose = np.flatnonzero(case.holds(self.workspace.rigid))
             parts.append((pose, np.full(len(pose), k), *case.loaded(self.workspace.rigid[pose])))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     @property
-    def _with_bars_moved(self) -> Machine:
+    def with_bars_moved(self) -> Machine:
         """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
-        if self.bars_at is None or not self.machine.has_bars:
+        if self.bars_at is None or not self.moves_masses:
             return self.machine
         return self.placed(self.bars_at)
 
@@ -229,7 +232,7 @@ class Problem:
     def geometry(self, x: Array, poses: RigidPoses, derivatives: bool = False) -> Geometry:
         """Every linkage at some poses, with derivatives by x when asked."""
         linkages = self.linkages(x)
-        parts = [linkage.actuation(poses) for linkage in linkages]
+        parts = [drive.actuation(poses) for drive in (*linkages, *self.machine.drives[len(linkages) :])]
         length = np.stack([p.length for p in parts], axis=1)
         arm = np.stack([p.moment_arm for p in parts], axis=1)
         curve = np.stack([p.moment_arm_derivative for p in parts], axis=1)
@@ -244,10 +247,13 @@ class Problem:
         return Geometry(length, arm, curve, *changes)
 
     def sensitivities(self, i: int, linkage: Linkage, poses: RigidPoses) -> list[tuple[int, Actuation]]:
-        """Entries of x that move pins of cylinder ``i``, each with its actuation's derivative by that pin."""
-        entries = [(index, v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin]
-        moved = linkage.sensitivities(poses, [(pin, axis) for _, pin, axis in entries])
-        return [(index, part) for (index, _, _), part in zip(entries, moved, strict=True)]
+        """Entries of x that move places of cylinder ``i``, each with its actuation's derivative by that coordinate."""
+        entries = self.moves(i)
+        return list(zip(entries, linkage.sensitivities(poses, list(entries.values())), strict=True))
+
+    def moves(self, i: int) -> dict[int, Move]:
+        """Entries of x that move places of cylinder ``i``, each with its place and coordinate."""
+        return {index: (v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin}
 
     def frequencies(self, x: Array, rows: Array | None = None) -> Array:
         """Lowest coupled ω² of rows [rad²/s²] at x (all rows if None)."""
@@ -256,29 +262,38 @@ class Problem:
     def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
         if self._still is not None:
-            return self._still.look(self, x, rows)
+            strokes = self._strokes(x, self._range_lengths(x)[0])
+            return self._still.look(x, rows, lambda length, force: self._oil(length, *strokes, self.areas(x), force))
         rows = np.arange(len(self)) if rows is None else rows
-        poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            g = self.geometry(x, self.workspace.rigid[poses])
+        if self._fixed is not None:
+            g, back = self._fixed, self.rows.pose[rows]
+        else:
+            poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                g = self.geometry(x, self.workspace.rigid[poses])
         strokes = self._strokes(x, self._range_lengths(x)[0])
         arm = g.arm[back]
         forces = static_forces(arm, self.rows.gravity[rows], self.areas(x)[:, 0])
         matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, self.areas(x), rows, forces)
         lower = self._inverse_cholesky[rows]
-        scaled = lower @ matrix @ np.swapaxes(lower, 1, 2)
-        return _lowest(scaled), forces
+        return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
+
+    @cached_property
+    def _fixed(self) -> Geometry | None:
+        """Today's geometry at all poses where no pin varies."""
+        if self.moving:
+            return None
+        return self.geometry(self.start, self.workspace.rigid)
 
     @cached_property
     def _still(self) -> Still | None:
         """What areas leave alone, where no pin varies and static forces do not hang on the areas."""
-        if any(v.pin is not None for v in self.variables) or len(self.machine.cylinders) != len(self.machine.joints):
+        if self._fixed is None or len(self.machine.functions) != len(self.machine.joints):
             return None
-        g, pose = self.geometry(self.start, self.workspace.rigid), self.rows.pose
-        arm, lower = g.arm[pose], self._inverse_cholesky
+        g, pose, lower = self._fixed, self.rows.pose, self._inverse_cholesky
+        arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
         forces = static_forces(arm, self.rows.gravity, self.areas_today[:, 0])
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
-        turned = np.swapaxes(lower, 1, 2)
         return Still(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
     @cached_property
@@ -291,8 +306,15 @@ class Problem:
         return float(max(squared.min(), 0.01 * np.median(np.abs(squared))))
 
     def tightened(self, share: float) -> Problem:
-        """The same problem with limits drawn in by a share; what does not hang on it is not computed again."""
-        other = dataclasses.replace(self, tightening=share)
+        """The same problem with limits drawn in by a share."""
+        return self._like(dataclasses.replace(self, tightening=share))
+
+    def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
+        """The same problem with room kept at named limits."""
+        return self._like(dataclasses.replace(self, reserve=reserve))
+
+    def _like(self, other: Problem) -> Problem:
+        """A problem that differs in its limits alone: what does not hang on them is not computed again."""
         fields = {f.name for f in dataclasses.fields(self)}
         vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
         return other
@@ -321,12 +343,13 @@ class Problem:
             moved = low.copy()
             moved[v] = high[v]
             ends.append(moved)
-        base = self._scaled(low, rows)
+        base = self.scaled(low, rows)
         width = np.where(high > low, high - low, 1.0)
-        slopes = np.stack([(self._scaled(end, rows) - base) / w for end, w in zip(ends, width, strict=True)])
+        slopes = np.stack([(self.scaled(end, rows) - base) / w for end, w in zip(ends, width, strict=True)])
         return base, slopes
 
-    def _scaled(self, x: Array, rows: Array) -> Array:
+    def scaled(self, x: Array, rows: Array) -> Array:
+        """L⁻¹K L⁻ᵀ of rows (n, nq, nq)."""
         g = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]])
         strokes = self._strokes(x, self._range_lengths(x)[0])
         lower = self._inverse_cholesky[rows]
@@ -347,24 +370,24 @@ class Problem:
         """K of rows: hydraulic + gravity + geometric (n, nq, nq); complex-safe."""
         if forces is None:
             forces = static_forces(arm, self.rows.gravity[rows], areas[:, 0])
-        weighted = arm * self.oil(length, closed, stroke, areas, forces)[:, :, None]
+        weighted = arm * self._oil(length, closed, stroke, areas, forces)[:, :, None]
         return np.swapaxes(arm, 1, 2) @ weighted + self.rows.slope[rows] - np.einsum("nc,ncij->nij", forces, curve)
 
-    def oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
-        """Oil stiffness of every cylinder (n, nc) [N/m] at its lengths, areas (nc, 2) and static forces."""
+    def _oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
+        """Oil stiffness of every function (n, nc) at its lengths, areas (nc, 2) and static forces [N/m, N m/rad]."""
         fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
         oil = []
-        for i, cylinder in enumerate(self.machine.cylinders):
+        for i, function in enumerate(self.machine.functions):
             a1, a2 = areas[i]
             if self.proportional:
                 old = self.areas_today[i]
-                cylinder = dataclasses.replace(
-                    cylinder,
-                    cap_dead_volume=cylinder.cap_dead_volume * a1 / old[0],
-                    annulus_dead_volume=cylinder.annulus_dead_volume * a2 / old[1],
+                function = dataclasses.replace(
+                    function,
+                    cap_dead_volume=function.cap_dead_volume * a1 / old[0],
+                    annulus_dead_volume=function.annulus_dead_volume * a2 / old[1],
                 )
             extension = length[:, i] - closed[i]
-            oil.append(stiffness(cylinder, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
+            oil.append(stiffness(function, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
         return np.stack(oil, axis=1)
 
     # -------------------------------------------------------------------------------------------------- strokes
@@ -380,22 +403,21 @@ class Problem:
 
     def _range_lengths(self, x: Array) -> tuple[list[Array | None], list[Linkage]]:
         linkages = self.linkages(x)
-        moving = {v.cylinder for v in self.variables if v.pin is not None}
         found: list[Array | None] = []
         with np.errstate(invalid="ignore"):
             for i, (linkage, poses) in enumerate(zip(linkages, self.ranges, strict=True)):
-                found.append(linkage.length(poses) if poses is not None and i in moving else None)
+                found.append(linkage.length(poses) if poses is not None and i in self.moving else None)
         return found, linkages
 
     def _strokes(self, x: Array, lengths: list[Array | None]) -> tuple[Array, Array]:
-        """Closed length and stroke of each cylinder [m]: least length and span over its joint's range.
+        """Closed length and stroke of each function [m]: least length and span over its joint's range.
 
-        Today's for a cylinder whose pins stay.
+        Today's for a motor and for a cylinder whose pins stay.
         """
         closed, stroke = [], []
-        for cylinder, length in zip(self.machine.cylinders, lengths, strict=True):
-            closed.append(cylinder.closed_length if length is None else length.min())
-            stroke.append(cylinder.stroke if length is None else np.ptp(length))
+        for function, length in zip_longest(self.machine.functions, lengths):
+            closed.append(function.closed_length if length is None else length.min())
+            stroke.append(function.stroke if length is None else np.ptp(length))
         return np.array(closed), np.array(stroke)
 
     def stepped_strokes(self, x: Array) -> tuple[Array, Array]:
@@ -416,8 +438,10 @@ class Problem:
         """Areas with a complex step along each entry of x (nx, nc, 2)."""
         areas = np.tile(self.areas(x).astype(complex), (len(x), 1, 1))
         for index, v in enumerate(self.variables):
-            if v.pin is None:
+            if v.pin is None and not self._rod_stays[v.cylinder, v.axis]:
                 areas[index, v.cylinder, v.axis] += 1j * STEP * self.areas_today[v.cylinder, v.axis]
+                if v.axis == 0 and self._rod_stays[v.cylinder, 1]:
+                    areas[index, v.cylinder, 1] += 1j * STEP * self.areas_today[v.cylinder, 0]
         return areas
 
     @cached_property

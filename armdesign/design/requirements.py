@@ -1,32 +1,90 @@
-"""Requirements: what a new design must keep of today's machine, and the check of a machine against them.
+"""Requirements: what a new design must keep of today's machine, and what else its designer asks of it.
 
-The check uses two machines as their files describe them and nothing of the optimiser, so it also judges its answer.
+The settings alone, in SI; ``conditions.py`` says what each means for a design, ``check.py`` judges machines by them.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
-from armdesign.arm import Arm
-from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, estimated_mass, euler_safety, holding_force
-from armdesign.errors import ArmDesignError
-from armdesign.linkage import Linkage
+from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.machine import Machine
-from armdesign.ranges import over, sweep
-from armdesign.units import deg, mm
+from armdesign.schema import ClearanceSection, LiftSection, OutlineSection, RequirementsSection, SpeedSection
+from armdesign.units import deg, kN, mm
 from armdesign.workspace import Workspace
 
-SWEEP = 181  # poses over a joint's range at which moment arms and transmission angles are looked at
+Outlined = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Speed:
+    """Functions that move together at pump flow, at least this fast.
+
+    Attributes:
+        name: of the motion.
+        joints: speed of joints [rad/s, m/s]; positive in the joint's own direction, negative against it.
+        cylinders: speed of cylinders [m/s]; positive extends.
+        at: "mean": over the joint's range, so that the whole range takes range/speed, the stroke time that data sheets
+            and cycle times speak of; "every": at every pose of the range.
+    """
+
+    name: str
+    joints: Mapping[str, float] = field(default_factory=dict)
+    cylinders: Mapping[str, float] = field(default_factory=dict)
+    at: Literal["mean", "every"] = "mean"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lift:
+    """A mass that every cylinder must hold within ``holding_share`` of what the supply gives, at one pose.
+
+    Attributes:
+        name: of the lift.
+        mass: [kg], in place of any load case; hook and sling included.
+        link: that carries it; None: the tool's.
+        at: its place in the link [m]; None: the tool.
+        joints: where the joints stand [rad, m]. All of them; or all but two, which then bring the mass to ``reach`` and
+            ``height``, of several ways in that in which today's machine lifts most.
+        reach: of the mass from the root's vertical axis [m].
+        height: of the mass over the root [m].
+    """
+
+    name: str
+    mass: float
+    link: str | None = None
+    at: tuple[float, float, float] | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
+    reach: float | None = None
+    height: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """The outline (x, z) [m] of a link, within which cylinder pins on it must lie by their radius [m]."""
+
+    link: str
+    points: Outlined
+    pin_radius: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """A distance [m] that the barrels of some cylinders keep from a part of a link, outlined by (x, z) [m] in it."""
+
+    name: str
+    cylinders: tuple[str, ...]
+    link: str
+    points: Outlined
+    distance: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """Limits of a new design, shares of what today's machine has.
+    """Limits of a new design, shares of what today's machine has, and absolute ones where they are given.
 
     Attributes:
         end_margin: share of the stroke that every cylinder keeps free at both ends, in today's workspace.
@@ -37,10 +95,21 @@ class Requirements:
         moment_arm_share: smallest moment arm over the joint range, at least.
         transmission: angle between rocker and coupler [rad], at least; or today's smallest, if that is lower.
         digging: names of the cylinders whose digging force counts, extending.
-        digging_share: their digging force, at least.
+        digging_share: their digging torque, at least.
+        digging_force: force of cylinders at the tool [N], at least: one alone, extending, supply pressure, best angle
+            (ISO 6015).
+        buckling_share: Euler safety of each rod, at least.
+        buckling_factor: buckling load over the thrust of one cylinder, at least; None: no such limit.
+        buckling_column: what buckles then: "rod", all of the open cylinder as thick as the rod (Euler); "stepped",
+            barrel and rod.
         pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest distance from the
             first joint to the tool.
+        pin_boxes: other boxes [m] for pins, by cylinder and pin (``base``, ``rod_end``).
         cylinder_mass: estimated mass of all cylinders together [kg], at most; None: no such limit.
+        speeds: motions at pump flow.
+        lifts: masses to hold at given poses or places.
+        outlines: of links, for the pins on them.
+        clearances: of barrels from links.
     """
 
     end_margin: float = 0.02
@@ -52,15 +121,37 @@ class Requirements:
     transmission: float = 20 * deg
     digging: tuple[str, ...] = ()
     digging_share: float = 0.95
+    digging_force: Mapping[str, float] = field(default_factory=dict)
+    buckling_share: float = 1.0
+    buckling_factor: float | None = None
+    buckling_column: Literal["rod", "stepped"] = "rod"
     pin_box: float | None = None
+    pin_boxes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     cylinder_mass: float | None = None
+    speeds: tuple[Speed, ...] = ()
+    lifts: tuple[Lift, ...] = ()
+    outlines: tuple[Outline, ...] = ()
+    clearances: tuple[Clearance, ...] = ()
 
     def __post_init__(self) -> None:
+        for path, value in _numbers("requirements", vars(self)):
+            if not np.isfinite(value):
+                raise ArmDesignError(path, f"{value!r} is not allowed", "give a finite number")
         for name, value in vars(self).items():
-            if name == "digging" or (name in ("pin_box", "cylinder_mass") and value is None):
-                continue
-            if not (np.isfinite(value) and value >= 0):
+            if isinstance(value, float | int) and value < 0:
                 raise ArmDesignError(f"requirements.{name}", f"{value!r} is not allowed", "give a number ≥ 0")
+        _one_of("buckling_column", self.buckling_column, ("rod", "stepped"))
+        for speed in self.speeds:
+            _one_of(f"speed.{speed.name}.at", speed.at, ("mean", "every"))
+        for link, points in (
+            *((outline.link, outline.points) for outline in self.outlines),
+            *((clearance.link, clearance.points) for clearance in self.clearances),
+        ):
+            if len(points) < 3:
+                raise ArmDesignError(f"requirements: outline on {link}", f"has {len(points)} points", "give at least 3")
+
+    def __hash__(self) -> int:
+        return hash(repr(self))
 
     @classmethod
     def of(cls, machine: Machine) -> Requirements:
@@ -76,217 +167,138 @@ class Requirements:
             transmission=section.transmission_deg * deg,
             digging=tuple(section.digging.cylinders) if section.digging else (),
             digging_share=section.digging.share if section.digging else 0.95,
+            digging_force={name: force * kN for name, force in section.digging_kN.items()},
+            buckling_share=section.buckling_share,
+            buckling_factor=section.buckling_factor,
+            buckling_column=section.buckling_column,
             pin_box=None if section.pin_box_mm is None else section.pin_box_mm * mm,
+            pin_boxes=_pin_boxes(section),
+            cylinder_mass=section.cylinder_mass_kg,
+            speeds=tuple(_speed(machine, name, speed) for name, speed in section.speed.items()),
+            lifts=tuple(_lift(machine, name, lift) for name, lift in section.lift.items()),
+            outlines=tuple(_outline(link, outline) for link, outline in section.outline.items()),
+            clearances=tuple(_clearance(name, clearance) for name, clearance in section.clearance.items()),
         )
 
     def box(self, machine: Machine, workspace: Workspace) -> float:
-        """How far each pin coordinate may move [m]."""
+        """How far pin coordinates may move where no box of their own is given [m]."""
         if self.pin_box is not None:
             return self.pin_box
         tool = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
         return float(0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max())
 
+    def box_of(self, cylinder: str, pin: str, common: float) -> float:
+        """How far the coordinates of one pin may move [m]; ``common`` where no box of its own is given."""
+        return self.pin_boxes.get(cylinder, {}).get(pin, common)
 
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """One requirement, judged: ``value`` against ``limit`` in ``unit``; ``slack`` ≥ 0 where it is met.
+    def refuse_unknown(self, machine: Machine) -> None:
+        """Raise where a requirement names a cylinder, joint or link that the machine does not have.
 
-    The slack is the distance to the limit over the limit (over the pin box, the stroke or today's value where the
-    limit is a length that may be zero). ``words`` say what it is about.
-    """
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    slack: float
-    words: str
-
-
-def _at_most(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
-    slack = _slack(limit - value, scale or limit or 1.0)
-    return Check(name=name, value=value, limit=limit, unit=unit, slack=slack, words=words)
-
-
-def _at_least(name: str, value: float, limit: float, unit: str, words: str, scale: float | None = None) -> Check:
-    slack = _slack(value - limit, scale or limit or 1.0)
-    return Check(name=name, value=value, limit=limit, unit=unit, slack=slack, words=words)
-
-
-def _slack(room: float, scale: float) -> float:
-    """Room over scale; exactly on the limit where only the rounding of the arithmetic is left."""
-    slack = room / scale
-    return 0.0 if abs(slack) < 1e-12 else slack
-
-
-def check(
-    machine: Machine,
-    today: Machine,
-    workspace: Workspace,
-    requirements: Requirements,
-    loads: tuple[Array, Array] | None = None,
-) -> tuple[Check, ...]:
-    """Judge a machine by every requirement, relative to today's machine on today's workspace.
-
-    Args:
-        machine: the new machine.
-        today: the machine that the limits refer to.
-        workspace: today's workspace.
-        requirements: the limits.
-        loads: ``static_loads`` of the machine on the workspace, if known.
-    """
-    checks = [
-        *_oil(machine, today, requirements),
-        *_holding(machine, loads or static_loads(machine, workspace), requirements),
-    ]
-    pairs = zip(machine.cylinders, today.cylinders, machine.linkages, today.linkages, strict=True)
-    for new, old, linkage, old_linkage in pairs:
-        checks += _cylinder(new, old, requirements, machine)
-        checks += _geometry(new, old, linkage, old_linkage, today, requirements)
-        checks += _box(new, linkage, old_linkage, requirements.box(today, workspace))
-    if requirements.cylinder_mass is not None:
-        mass, words = cylinder_mass(machine), "estimated mass of all cylinders"
-        checks.append(_at_most("cylinder_mass", mass, requirements.cylinder_mass, "kg", words))
-    return tuple(checks)
+        Raises:
+            ArmDesignError: such a name.
+        """
+        cylinders = [cylinder.name for cylinder in machine.cylinders]
+        named: list[tuple[str, str, Collection[str], Collection[str]]] = [
+            ("digging", "cylinder", self.digging, cylinders),
+            ("digging_force", "cylinder", self.digging_force, cylinders),
+            ("pin_boxes", "cylinder", self.pin_boxes, cylinders),
+            *((f"pin_boxes.{name}", "pin", box, ("base", "rod_end")) for name, box in self.pin_boxes.items()),
+            ("outline", "link", [outline.link for outline in self.outlines], machine.arm.links),
+        ]
+        for speed in self.speeds:
+            named += [(f"speed.{speed.name}", "joint", speed.joints, machine.joints)]
+            named += [(f"speed.{speed.name}", "cylinder", speed.cylinders, cylinders)]
+        for lift in self.lifts:
+            named += [(f"lift.{lift.name}", "joint", lift.joints, machine.joints)]
+            named += [(f"lift.{lift.name}", "link", [lift.link] if lift.link else [], machine.arm.links)]
+        for clearance in self.clearances:
+            named += [(f"clearance.{clearance.name}", "cylinder", clearance.cylinders, cylinders)]
+            named += [(f"clearance.{clearance.name}", "link", [clearance.link], machine.arm.links)]
+        for path, kind, names, known in named:
+            for name in names:
+                if name not in known:
+                    raise ArmDesignError(f"requirements.{path}", f'no {kind} "{name}"', choose(name, known))
 
 
-def cylinder_mass(machine: Machine) -> float:
-    """Estimated mass of all cylinders together [kg]."""
-    pressure = machine.supply.pressure
-    return float(sum(c.count * estimated_mass(c.bore, c.rod, c.stroke, pressure) for c in machine.cylinders))
+def _one_of(name: str, word: str, known: tuple[str, ...]) -> None:
+    if word not in known:
+        raise ArmDesignError(
+            f"requirements.{name}", f"{word!r} is not allowed", f"give {' or '.join(map(repr, known))}"
+        )
 
 
-def _oil(machine: Machine, today: Machine, requirements: Requirements) -> list[Check]:
-    checks = []
-    for side, area in (("cap", "bore_area"), ("annulus", "annulus_area")):
-        volumes = [[getattr(c, area) * c.stroke for c in m.cylinders] for m in (machine, today)]
-        limit = requirements.oil_total_share * sum(volumes[1])
-        checks.append(_at_most(f"oil.{side}.total", sum(volumes[0]), limit, "m³", f"oil of all {side} sides"))
-        for cylinder, new, old in zip(machine.cylinders, *volumes, strict=True):
-            limit = requirements.oil_each_share * old
-            words = f"oil of the {cylinder.name} cylinder's {side} side"
-            checks.append(_at_most(f"oil.{side}.{cylinder.name}", new, limit, "m³", words))
-    return checks
+def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Every number within settings, with its path."""
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        yield path, value
+    elif isinstance(value, Mapping):
+        for name, part in value.items():
+            yield from _numbers(f"{path}.{name}", part)
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from _numbers(path, part)
+    elif isinstance(value, Speed | Lift | Outline | Clearance):
+        yield from _numbers(path, vars(value))
 
 
-def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
-    """Largest push and largest pull that each cylinder must hold, all poses and load cases (nc,) [N, ≥ 0]."""
-    push = pull = np.zeros(len(machine.cylinders))
-    for payload in machine.payloads:
-        case = machine.with_payload(payload.name)
-        forces = case.evaluate(workspace.rigid[case.holds(workspace.rigid)]).cylinder_forces
-        push = np.maximum(push, forces.max(axis=0, initial=0.0))
-        pull = np.maximum(pull, -forces.min(axis=0, initial=0.0))
-    return push, pull
+def _pin_boxes(section: RequirementsSection) -> dict[str, dict[str, float]]:
+    return {
+        name: {pin: box * mm for pin, box in boxes.model_dump().items() if box is not None}
+        for name, boxes in section.pin_boxes_mm.items()
+    }
 
 
-def digging_forces(machine: Machine) -> dict[str, float]:
-    """Largest force of each cylinder at the tool [N]: it alone, extending, supply pressure, best pose (ISO 6015).
-
-    The force is tangential to the tool's arc about the joint that the cylinder turns; joints further out stand where
-    their own cylinders dig best. Cylinders that turn no single joint between root and tool are left out.
-    """
-    arm = machine.arm
-    best = arm.limits.mean(axis=1)
-    torque: dict[int, tuple[str, float]] = {}
-    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
-        if len(linkage.joints) == 1 and arm.joints[linkage.joints[0]].revolute:
-            joint = linkage.joints[0]
-            poses = sweep(arm, joint, over(machine.ranges[joint], 4 * SWEEP))
-            moment_arm = np.abs(linkage.actuation(poses).moment_arm[:, joint])
-            best[joint] = poses.q[moment_arm.argmax(), joint]
-            torque[joint] = (cylinder.name, machine.supply.pressure * cylinder.bore_area * float(moment_arm.max()))
-    poses = arm.kinematics(best[None])
-    tool = arm.point(poses, machine.tool.link, np.array(machine.tool.at))[0]
-    forces = {}
-    for joint in set(torque) & set(arm.chain(machine.tool.link)):
-        axis, lever = poses.axis[0, joint], tool - poses.translation[0, joint]
-        distance = float(np.linalg.norm(lever - axis * (axis @ lever)))
-        if distance > 0:
-            forces[torque[joint][0]] = torque[joint][1] / distance
-    return forces
+def _joints(
+    machine: Machine, path: str, turning: Mapping[str, float], sliding: Mapping[str, float]
+) -> dict[str, float]:
+    """Numbers by joint [rad, m], from those in degrees and those in millimetres."""
+    for key, given, revolute in (("deg", turning, True), ("mm", sliding, False)):
+        for name in given:
+            if machine.arm.joints[machine.joints.index(name)].revolute != revolute:
+                kind, other = ("slides", "mm") if revolute else ("turns", "deg")
+                raise MachineFileError(
+                    f"{machine.source.name}: requirements.{path}",
+                    f'"{name}" {kind}, so nothing of it is in {key}',
+                    f"give it in {other}",
+                )
+    return {name: value * deg for name, value in turning.items()} | {n: value * mm for n, value in sliding.items()}
 
 
-def _holding(machine: Machine, loads: tuple[Array, Array], requirements: Requirements) -> list[Check]:
-    checks = []
-    for cylinder, push, pull in zip(machine.cylinders, *loads, strict=True):
-        held = [holding_force(cylinder.bore_area, cylinder.annulus_area, machine.supply, way) for way in (True, False)]
-        use = max(float(push / held[0]), float(pull / held[1]))
-        words = f"static load of the {cylinder.name} cylinder"
-        checks.append(_at_most(f"holding.{cylinder.name}", use, requirements.holding_share, "", words))
-    return checks
+def _speed(machine: Machine, name: str, section: SpeedSection) -> Speed:
+    return Speed(
+        name=name,
+        joints=_joints(machine, f"speed.{name}", section.joint_deg_per_s, section.joint_mm_per_s),
+        cylinders={cylinder: value * mm for cylinder, value in section.cylinder_mm_per_s.items()},
+        at=section.at,
+    )
 
 
-def _cylinder(new: Cylinder, old: Cylinder, requirements: Requirements, machine: Machine) -> list[Check]:
-    pressure, name = machine.supply.pressure, new.name
-    safety = [euler_safety(c.bore, c.rod, c.open_length, pressure) for c in (new, old)]
-    thrust = [pressure * c.bore_area for c in (new, old)]
-    limit = requirements.thrust_share * thrust[1]
-    return [
-        _at_most(f"thrust.{name}", thrust[0], limit, "N", f"thrust of the {name} cylinder"),
-        _at_least(f"buckling.{name}", safety[0], safety[1], "", f"Euler safety of the {name} rod"),
-        _at_least(
-            f"dead_length.{name}",
-            new.dead_length,
-            old.dead_length,
-            "m",
-            f"closed length less stroke, {name}",
-            old.stroke,
-        ),
-    ]
+def _lift(machine: Machine, name: str, section: LiftSection) -> Lift:
+    x, y, z = (value * mm for value in section.at_mm or (0.0, 0.0, 0.0))
+    return Lift(
+        name=name,
+        mass=section.mass_kg,
+        link=section.link,
+        at=None if section.at_mm is None else (x, y, z),
+        joints=_joints(machine, f"lift.{name}", section.joint_deg, section.joint_mm),
+        reach=None if section.reach_mm is None else section.reach_mm * mm,
+        height=None if section.height_mm is None else section.height_mm * mm,
+    )
 
 
-def _geometry(
-    new: Cylinder, old: Cylinder, linkage: Linkage, old_linkage: Linkage, today: Machine, requirements: Requirements
-) -> list[Check]:
-    """Stroke, moment arm, digging and transmission of a cylinder over the range of its joint."""
-    if len(linkage.joints) != 1:
-        return []
-    joint = linkage.joints[0]
-    ends = (float(today.ranges[joint, 0]), float(today.ranges[joint, 1]))
-    swept = [_swept(k, today.arm, ends) for k in (linkage, old_linkage)]
-    length = swept[0][0]
-    name, where = new.name, today.arm.joints[joint].name
-    arms = [arm for _, arm, _ in swept]
-    checks = [
-        _at_least(f"range.open.{name}", new.open_length, length.max(), "m", f"stroke covers {where}", old.stroke),
-        _at_most(f"range.closed.{name}", new.closed_length, length.min(), "m", f"stroke covers {where}", old.stroke),
-        _at_least(
-            f"moment_arm.{name}", arms[0].min(), requirements.moment_arm_share * arms[1].min(), "m/rad",
-            f"smallest moment arm of the {name} cylinder",
-        ),
-    ]  # fmt: skip
-    if name in requirements.digging:
-        torque = [today.supply.pressure * c.bore_area * a.max() for c, a in ((new, arms[0]), (old, arms[1]))]
-        limit = requirements.digging_share * torque[1]
-        checks.append(_at_least(f"digging.{name}", torque[0], limit, "N m", f"digging torque of the {name} cylinder"))
-    if linkage.four_bar is not None:
-        angle = [angle for _, _, angle in swept]
-        limit = min(requirements.transmission, angle[1])
-        checks.append(_at_least(f"transmission.{name}", angle[0], limit, "rad", f"rocker–coupler angle, {name}"))
-    return checks
+def _outlined(points: list[list[float]]) -> Outlined:
+    return tuple((x * mm, z * mm) for x, z in points)
 
 
-@lru_cache(maxsize=64)
-def _swept(linkage: Linkage, arm: Arm, ends: tuple[float, float]) -> tuple[Array, Array, float]:
-    """Length, size of the moment arm and smallest transmission angle (π/2 without a four-bar) over its joint's range.
-
-    Remembered, because many sizes are tried on the same pins.
-    """
-    joint = linkage.joints[0]
-    poses = sweep(arm, joint, over(np.array(ends), SWEEP))
-    actuation = linkage.actuation(poses)
-    angle = float(linkage.transmission_angle(poses).min()) if linkage.four_bar else math.pi / 2
-    return actuation.length, np.abs(actuation.moment_arm[:, joint]), angle
+def _outline(link: str, section: OutlineSection) -> Outline:
+    return Outline(link=link, points=_outlined(section.points_mm), pin_radius=section.pin_radius_mm * mm)
 
 
-def _box(new: Cylinder, linkage: Linkage, old: Linkage, box: float) -> list[Check]:
-    checks = []
-    for pin in ("base", "rod_end"):
-        here, before = getattr(linkage, pin), getattr(old, pin)
-        if here is None:
-            continue
-        moved = float(np.abs(np.subtract(here.at, before.at)).max())
-        name = f"pin_box.{new.name}.{pin}"
-        checks.append(_at_most(name, moved, box, "m", f"move of the {new.name} cylinder's {pin} pin", box or 1.0))
-    return checks
+def _clearance(name: str, section: ClearanceSection) -> Clearance:
+    return Clearance(
+        name=name,
+        cylinders=tuple(section.cylinders),
+        link=section.link,
+        points=_outlined(section.points_mm),
+        distance=section.distance_mm * mm,
+    )

@@ -1,7 +1,7 @@
 """Rounding: from the optimum in real numbers to a machine file that a drawing office can use.
 
 Pins, bores, rods, strokes and closed lengths go to the 0.1 mm grid; the machine is written, read back, and judged by
-``requirements.check``, which knows nothing of the optimiser.
+``check``, which knows nothing of the optimiser.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
+from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
-from armdesign.design.requirements import Check, check, static_loads
+from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import InfeasibleError
+from armdesign.linkage import BARS
 from armdesign.machine import Machine, load
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
@@ -29,40 +32,107 @@ from armdesign.workspace import Workspace
 
 GRID = 0.1  # [mm] what a drawing can say
 COMBINATIONS = 128  # of rounded bores and rods that are tried
+FORESEEN = 16  # of them whose pins are tuned in thought
+TUNED = 3  # and in earnest
+TIGHTENING = 1e-4  # share by which limits are drawn in for that
+RETUNED = 4  # times that pins are tuned again, with more in reserve each time
 TOLERANCE = 1e-9  # of a slack
 
 
 def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
-    """The nearest machine that can be written and meets every requirement; today's if rounding leaves none better.
+    """The best machine near the optimum that can be written and meets every requirement; today's if none is better.
 
-    Limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made to cover the joint ranges,
-    and of the bores and rods around it the best that pass are taken; if none passes, the limits are drawn in more.
+    Where pins vary, bores and rods, the coarser ones, are rounded first and the pins follow, see ``_tuned``. Where that
+    fails, or no pin varies, limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made
+    to cover the joint ranges, and of the bores and rods around it the best that pass are taken; if none passes, the
+    limits are drawn in more.
     """
-    today, workspace, requirements = search.problem.machine, search.problem.workspace, search.problem.requirements
+    today, workspace = search.problem.machine, search.problem.workspace
     failed: list[Check] = []
-    for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3):
-        problem = search.problem.tightened(tightening)
-        inner = Search(problem=problem, x=search.x, programme=search.programme)
-        inner.rows, inner.holding = search.rows, search.holding
-        inner.run(trust=0.02, tolerance=1e-4)
+    passed = [machine for machine in _tuned(search) if not _failed(machine, search)]
+    for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3) if not passed else ():
+        inner = _near(search, search.problem.tightened(tightening), search.x, search.bounds).run(0.02, 1e-5)
         for changes in _candidates(inner):
             machine = _through_file(today, changes)
-            checks = check(machine, today, workspace, requirements)
-            failed = [c for c in checks if c.slack < -TOLERANCE] or failed
-            if min(c.slack for c in checks) >= -TOLERANCE:
-                return _better(machine, checks, search)
+            failed = _failed(machine, search)
+            if not failed:
+                passed.append(machine)
+                break
+        if passed:
+            break
+    if passed:
+        return _better(max(passed, key=lambda machine: _worst(machine, workspace)), search)
     if not _hardly_gained(search):
         names = ", ".join(c.name for c in failed) or "all requirements"
         raise InfeasibleError(today.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
-    return today, check(today, today, workspace, requirements)
+    return today, _judged(today, search)
 
 
-def _better(machine: Machine, checks: tuple[Check, ...], search: Search) -> tuple[Machine, tuple[Check, ...]]:
+def _judged(machine: Machine, search: Search) -> tuple[Check, ...]:
+    return check(machine, search.problem.machine, search.problem.workspace, search.problem.requirements)
+
+
+def _failed(machine: Machine, search: Search) -> list[Check]:
+    return [c for c in _judged(machine, search) if c.slack < -TOLERANCE]
+
+
+def _near(search: Search, problem: Problem, x: Array, bounds: tuple[Array, Array]) -> Search:
+    """A search of a problem much like that of another, from x within bounds."""
+    other = Search(problem=problem, x=x, programme=search.programme)
+    other.rows, other.holding, other.bounds, other.reference = search.rows, search.holding, bounds, search.reference
+    return other
+
+
+def _tuned(search: Search) -> Iterator[Machine]:
+    """Machines with bores and rods on the grid and pins tuned again for them; for the most promising sizes.
+
+    Sizes a little off cost next to nothing where the pins may follow. What pins and strokes on the grid then miss a
+    limit by is kept in reserve, and the pins are tuned once more.
+    """
+    problem = search.problem
+    if not problem.moving:
+        return
+    today, light = problem.machine, _light_workspace(search)
+    requirements = replace(problem.requirements, pin_box=problem.box)
+    inside = problem.tightened(TIGHTENING)
+    inner = _near(search, inside, search.x, search.bounds).refine(0.02, 1e-5)
+    for choice, x, bounds in _promising(inner):
+        reserve: dict[str, float] = {}
+        for _ in range(RETUNED):
+            near = _near(search, inside.with_reserve(reserve), x, bounds).refine(0.02, 1e-5)
+            if near.violation > 1e-5:  # not with these sizes
+                break
+            x = near.x
+            changes = _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x)
+            slacks = {c.name: c.slack for c in check(today.replace(changes), today, light, requirements)}
+            missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
+            if not missed:
+                yield _through_file(today, changes)
+                break
+            reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
+
+
+def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Array, Array]]]:
+    """Bores and rods on the grid from which most is hoped: in a row [mm], as x, and as bounds that hold them."""
+    problem = search.problem
+    choices = _choices(search, FORESEEN)
+    designs = [_with_sizes(problem, search.x, _resized(problem.machine, choice)) for choice in choices]
+    sizes = slice(0, problem.areas_today.size)
+    promised = search.foresee(designs, sizes)
+    found = []
+    for k in np.argsort(promised)[::-1][:TUNED]:
+        low, high = (end.copy() for end in search.bounds)
+        low[sizes] = high[sizes] = designs[k][sizes]
+        found.append((choices[k], designs[k], (low, high)))
+    return found
+
+
+def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...]]:
     """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
     today, workspace = search.problem.machine, search.problem.workspace
-    if not _hardly_gained(search) or _worst(machine, workspace) > _worst(today, workspace):
-        return machine, checks
-    return today, check(today, today, workspace, search.problem.requirements)
+    if _hardly_gained(search) and _worst(machine, workspace) <= _worst(today, workspace):
+        machine = today
+    return machine, _judged(machine, search)
 
 
 def _hardly_gained(search: Search) -> bool:
@@ -89,38 +159,54 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     today = problem.machine
     changes = _pin_changes(problem, search.x)
     frame = today.replace(changes) if changes else today  # pins and strokes as they will be, sizes of today
-    options, wanted = [], []
-    for cylinder, (a1, a2) in zip(today.cylinders, problem.areas(search.x), strict=True):
-        bore = 2 * math.sqrt(a1 / cylinder.count / math.pi) / mm
-        rod = 2 * math.sqrt((a1 - a2) / cylinder.count / math.pi) / mm
-        wanted += [bore, rod]
-        options += [_neighbours(bore), _neighbours(rod)] if "areas" in problem.vary else [[bore], [rod]]
-    if problem.sizes:
-        wanted = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
-        options = [[size] for size in wanted]
-    choices = sorted(
-        itertools.islice(itertools.product(*options), 20_000), key=lambda c: float(np.abs(np.subtract(c, wanted)).sum())
-    )[:COMBINATIONS]
     low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
     found = []
-    for choice in choices:
-        sizes = [(bore * mm, rod * mm) for bore, rod in zip(choice[::2], choice[1::2], strict=True)]
-        cylinders = tuple(replace(c, bore=b, rod=r) for c, (b, r) in zip(frame.cylinders, sizes, strict=True))
-        x = search.x.copy()
-        areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
-        x[: areas.size] = (areas / problem.areas_today).ravel()
+    for choice in _choices(search, COMBINATIONS):
+        cylinders = _resized(frame, choice)
+        x = _with_sizes(problem, search.x, cylinders)
         found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
     found.sort(key=lambda entry: -entry[0])
-    light, limits = _light_workspace(search), replace(problem.requirements, pin_box=problem.box)
-    loads = static_loads(frame, light) if len(frame.cylinders) == len(frame.joints) else None  # else they hang on areas
+    light = _light_workspace(search)
+    limits = replace(problem.requirements, pin_box=problem.requirements.box(today, problem.workspace))
+    loads = static_loads(frame, light) if len(frame.functions) == len(frame.joints) else None  # else they hang on areas
     passed = 0
     for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)
-        if min(c.slack for c in check(trial, today, light, limits, loads)) >= -TOLERANCE:
+        if meets(trial, today, light, limits, loads, TOLERANCE):
             yield changes | _size_changes(problem, choice, x)
             passed += 1
         if passed == 5:
             return
+
+
+def _choices(search: Search, count: int) -> list[tuple[float, ...]]:
+    """Bore and rod of every cylinder in a row [mm], rounded up or down where they vary, the nearest first.
+
+    Those of a catalogue stay what they are.
+    """
+    problem = search.problem
+    if problem.sizes:
+        return [tuple(size_in_mm(size) for pair in problem.sizes if pair for size in pair)]
+    options, wanted = [], []
+    pairs = zip(problem.machine.cylinders, problem.areas(search.x), problem.resized, strict=False)  # motors stay
+    for cylinder, (a1, a2), free in pairs:
+        real = [2 * math.sqrt(area / cylinder.count / math.pi) / mm for area in (a1, a1 - a2)]
+        wanted += real
+        options += [_neighbours(size) if may else [size] for size, may in zip(real, free, strict=True)]
+    some = itertools.islice(itertools.product(*options), 20_000)
+    return sorted(some, key=lambda c: float(np.abs(np.subtract(c, wanted)).sum()))[:count]
+
+
+def _resized(machine: Machine, choice: Sequence[float]) -> tuple[Cylinder, ...]:
+    """The cylinders of a machine with other bores and rods [mm]."""
+    sizes = zip(machine.cylinders, choice[::2], choice[1::2], strict=True)
+    return tuple(replace(c, bore=bore * mm, rod=rod * mm) for c, bore, rod in sizes)
+
+
+def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Array:
+    """The design x with the areas of cylinders."""
+    areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders]) / problem.areas_today[: len(cylinders)]
+    return np.concatenate([areas.ravel(), x[areas.size :]])
 
 
 def _light_workspace(search: Search) -> Workspace:
@@ -137,26 +223,25 @@ def _neighbours(value: float) -> list[float]:
 
 
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
-    """Rounded pins of the cylinders whose pins vary, with strokes and closed lengths that cover the joint ranges."""
+    """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
-    moved = {(v.cylinder, v.pin) for v in problem.variables if v.pin is not None}
     linkages = problem.linkages(x)
-    today = problem.machine
-    for i, pin in sorted(moved, key=str):
-        place = getattr(linkages[i], pin)
-        before = getattr(today.linkages[i], pin)
-        limit = problem.box / mm
-        at = [_within(a / mm, b / mm, limit) for a, b in zip(place.at, before.at, strict=True)]
-        changes[f"cylinder.{today.cylinders[i].name}.{pin}.at_mm"] = at
-        linkages[i] = linkages[i].with_pin(pin, (at[0] * mm, at[1] * mm, at[2] * mm))
-    for i in sorted({i for i, _ in moved}):
+    today, requirements = problem.machine, problem.requirements
+    common = requirements.box(today, problem.workspace)
+    for i in problem.moving:
+        name = f"cylinder.{today.cylinders[i].name}"
+        for place in sorted({place for place, _ in problem.moves(i).values()}):
+            limit = requirements.box_of(today.cylinders[i].name, place, common) / mm
+            pairs = zip(linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True)
+            at = [_within(value / mm, before / mm, limit) for value, before in pairs]
+            changes[f"{name}.{key_of(place)}"] = at[0] if place in BARS else at
+            linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.ranges[i]
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
         closed = math.floor(length.min() / GRID + 1e-9) * GRID
         stroke = math.ceil((length.max() - closed) / GRID - 1e-9) * GRID
-        name = f"cylinder.{today.cylinders[i].name}"
         changes |= {f"{name}.closed_length_mm": round(closed, 1), f"{name}.stroke_mm": round(stroke, 1)}
     return changes
 
@@ -171,13 +256,13 @@ def _within(value: float, before: float, limit: float) -> float:
 
 def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[str, Any]:
     changes: dict[str, Any] = {}
-    if "areas" not in problem.vary:
-        return changes
-    for i, cylinder in enumerate(problem.machine.cylinders):
+    for i, (cylinder, free) in enumerate(zip(problem.machine.cylinders, problem.resized, strict=False)):
         name = f"cylinder.{cylinder.name}"
-        changes |= {f"{name}.bore_mm": choice[2 * i], f"{name}.rod_mm": choice[2 * i + 1]}
-        if problem.proportional:
-            volumes = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]) * x[2 * i : 2 * i + 2] / litre
+        sizes = zip(SIZES, choice[2 * i : 2 * i + 2], free, strict=True)
+        changes |= {f"{name}.{key}": size for key, size, may in sizes if may}
+        if problem.proportional and any(free):
+            today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
+            volumes = today * problem.areas(x)[i] / problem.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes

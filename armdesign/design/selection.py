@@ -1,8 +1,9 @@
 """The best sizes of a catalogue for given pins, and the proof that no combination is better.
 
-Stiffness is a sum over the cylinders, K = K_0 + Σ_i k_i r_i r_iᵀ, whose k_i is a number of the chosen size. Letting the
-choice be a mixture of sizes (weights that add up to 1) makes it a semidefinite programme. Its multipliers, Z_j ⪰ 0 with
-Σ tr Z_j = 1 for the poses and y ≥ 0 for the shared requirements, bound the lowest ω² of all allowed combinations by
+Stiffness is a sum over the cylinders, K = K_0 + Σ_i k_i r_i r_iᵀ, whose k_i is a number of the chosen size; motors are
+in K_0. Letting the choice be a mixture of sizes (weights that add up to 1) makes it a semidefinite programme. Its
+multipliers, Z_j ⪰ 0 with Σ tr Z_j = 1 for the poses and y ≥ 0 for the shared requirements, bound the lowest ω² of all
+allowed combinations by
 
     λ ≤ Σ_j ⟨Z_j, K_0j⟩ + y·slack + Σ_i h_i(size i),   h_i = Σ_j k_ij r_ijᵀ Z_j r_ij + y·change_i
 
@@ -13,6 +14,7 @@ is branched on, branches whose bound lies below what is reached are cut, and wha
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +78,7 @@ def select(
     sizes: Sizes,
     proportional: bool = False,
     tolerance: float = TOLERANCE,
+    free: Sequence[tuple[bool, bool]] = (),
 ) -> Selection:
     """The sizes that raise the lowest frequency most, among all combinations that meet the requirements.
 
@@ -87,12 +90,13 @@ def select(
         sizes: bores and rods of the catalogue.
         proportional: dead volumes grow with the areas.
         tolerance: by which a requirement may be missed, for pins that are not final.
+        free: of every cylinder, whether its bore and whether its rod may change; all may if empty.
 
     Raises:
-        ArmDesignError: more cylinders than joints.
+        ArmDesignError: more cylinders and motors than joints; no size with a bore or rod that stays.
         InfeasibleError: no combination meets the requirements.
     """
-    offered = choices(frame, today, workspace, requirements, sizes, proportional, tolerance)
+    offered = choices(frame, today, workspace, requirements, sizes, proportional, tolerance, free)
     loads, reference = _loads(frame, workspace)
     hunt = _Hunt(choices=offered, loads=loads, reference=reference, frame=frame)
     best, bound, chosen = hunt.best()

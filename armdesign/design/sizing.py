@@ -122,7 +122,7 @@ def _solve(problem: Any) -> None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "solution may be inaccurate": every step is judged by its true objective
-            problem.solve(solver=cp.CLARABEL, warm_start=False)  # warm, the answer hangs on what was solved before
+            problem.solve(solver=cp.CLARABEL, warm_start=False)
     except cp.SolverError as error:
         raise InfeasibleError("design step", f"the solver gave up ({error})", "loosen the requirements") from None
     if problem.status not in ("optimal", "optimal_inaccurate"):

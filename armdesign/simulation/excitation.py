@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.plant import Function, Plant
-from armdesign.valve import opening, port_flows, spool_position
+from armdesign.simulation.plant import Plant
+from armdesign.valve import Valve, opening, spool_position
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,34 +46,32 @@ class EvenOpening:
     compensator does.
     """
 
-    function: Function
+    valve: Valve
     speed: float  # [m/s] of the piston with the valve wide open, the mean of both sides
     extend: float
     retract: float
 
     @classmethod
-    def of(cls, function: Function, extension: float, cap: float, annulus: float) -> EvenOpening:
-        """For a cylinder at rest with its piston at an extension [m] and pressures [Pa]."""
-        supply, valve = function.supply, function.valve
-        speeds = []
-        for share in (1.0, -1.0):
-            flows = port_flows(valve, share, cap, annulus, supply.pressure, supply.return_pressure)
-            speeds.append(max(abs(function.free_speed(extension, cap, annulus, flows)), 1e-12))
-        mean = sum(speeds) / 2
-        return cls(function, mean, mean / speeds[0], mean / speeds[1])
-
-    @classmethod
     def all(cls, plant: Plant, rest: Array) -> list[EvenOpening]:
-        """For every cylinder of a plant at rest."""
-        _, _, caps, annuli, _, _ = plant.split(rest)
-        places = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1]
-        return [cls.of(*at) for at in zip(plant.functions, places, caps.tolist(), annuli.tolist(), strict=True)]
+        """For every cylinder of a plant of one machine at rest (size,)."""
+        state, hydraulics = rest[None], plant.hydraulics
+        places, pressures = plant.evaluate(state, np.zeros((1, plant.nc))).extensions, plant.pressures(state)
+        speeds = []
+        for spool in (1.0, -1.0):
+            wide = np.full((1, plant.nc), spool)
+            flows = hydraulics.flows(pressures, wide, plant.supply_pressure(state))
+            free = hydraulics.free_speed(places, pressures, flows.from_supply - flows.to_return)
+            speeds.append(np.maximum(np.abs(free[0]), 1e-12))
+        mean = (speeds[0] + speeds[1]) / 2
+        valves = [function.valve for function in plant.machine.functions]
+        numbers = zip(valves, mean.tolist(), (mean / speeds[0]).tolist(), (mean / speeds[1]).tolist(), strict=True)
+        return [cls(valve, *row) for valve, *row in numbers if valve is not None]
 
     def spool(self, share: float) -> float:
         """Spool position −1…1 for a mean opening."""
-        return spool_position(self.function.valve, share * (self.extend if share > 0 else self.retract))
+        return float(spool_position(self.valve, share * (self.extend if share > 0 else self.retract)))
 
-    def share(self, spool: float) -> float:
-        """Mean opening −1…1 at a spool position: inverse of ``spool``."""
-        wide = opening(self.function.valve, spool)
-        return wide / (self.extend if wide > 0 else self.retract)
+    def share(self, spool: Any) -> Any:
+        """Mean opening −1…1 at spool positions: inverse of ``spool``."""
+        wide = opening(self.valve, spool)
+        return wide / np.where(wide > 0, self.extend, self.retract)

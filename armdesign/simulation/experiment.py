@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Fluid
+from armdesign.cylinder import Fluid, kind
 from armdesign.errors import SimulationError
 from armdesign.fluid import bulk_modulus
 from armdesign.linearization import LinearModel, linearize
@@ -87,7 +87,7 @@ class Experiment:
     @property
     def cylinder(self) -> str:
         """Name of the cylinder that sweeps."""
-        return self.machine.cylinders[self.index].name
+        return self.machine.functions[self.index].name
 
     @property
     def target(self) -> float:
@@ -111,17 +111,17 @@ class Experiment:
     def commands(self, amplitude: float) -> dict[str, Callable[[float], float]]:
         """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
         sweep, trims = self.sweep(amplitude), self.plant.split(self.rest)[4].tolist()
-        centre = self.even.share(trims[self.index])
+        centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
             cylinder.name: partial(_held, trim)
-            for cylinder, trim in zip(self.machine.cylinders, trims, strict=True)
+            for cylinder, trim in zip(self.machine.functions, trims, strict=True)
             if trim != 0
         }
         return commands | {self.cylinder: lambda time: self.even.spool(centre + sweep(time))}
 
     def asked_speed(self, spool: Array) -> Array:
         """Piston speed [m/s] that the spool's positions (n,) ask for, at the pressures of rest."""
-        return self.even.speed * np.array([self.even.share(x) for x in spool.tolist()])
+        return np.asarray(self.even.speed * self.even.share(spool))
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""
@@ -143,8 +143,8 @@ class Experiment:
         system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
         opening = [self.sweep(1.0)(t) for t in time]
         swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
-        edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc])
-        joints, _, cap, annulus, pistons = np.split(swing, edges)
+        edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc, int(plant.has_line)])
+        joints, _, cap, annulus, _, pistons = np.split(swing, edges)
         return joints, cap, annulus, pistons
 
     def _opening_column(self) -> Array:
@@ -153,7 +153,7 @@ class Experiment:
         for sign in (1.0, -1.0):
             state = self.rest.copy()
             plant.split(state)[4][self.index] = self.even.spool(sign)
-            column += sign / 2 * np.array(plant.derivative(state.tolist(), [0.0] * plant.nc)) * plant.units
+            column += sign / 2 * plant.derivative(state[None], np.zeros((1, plant.nc)))[0] * plant.units
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
@@ -163,9 +163,10 @@ class Experiment:
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
 
     def _ends(self) -> Array:
-        """How far the pistons may swing (nc,) [m]."""
-        places = np.array(self.plant.evaluate(self.rest.tolist(), [0.0] * self.plant.nc)[1])
-        return SHARE * np.minimum(places, [c.stroke for c in self.machine.cylinders] - places)
+        """How far the pistons may swing (nc,) [m]; motors without end."""
+        places = self.plant.evaluate(self.rest[None], np.zeros((1, self.plant.nc))).extensions[0]
+        strokes = np.array([function.stroke for function in self.machine.functions])
+        return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:
         """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
@@ -203,13 +204,14 @@ def _band(frequencies: Array, target: float) -> tuple[float, float]:
 def _refuse_limits(plant: Plant, rest: Array) -> None:
     """Where nothing can oscillate freely: a load above supply pressure, a piston on its stop."""
     _, _, caps, annuli, _, _ = plant.split(rest)
-    places, supply = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1], plant.machine.supply.pressure
-    for cylinder, place, pressure in zip(plant.machine.cylinders, places, np.maximum(caps, annuli), strict=True):
-        part, end = f"{plant.machine.name}: {cylinder.name} cylinder", min(place, cylinder.stroke - place)
+    places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
+    supply = plant.machine.supply.pressure
+    for cylinder, place, pressure in zip(plant.machine.functions, places, np.maximum(caps, annuli), strict=True):
+        part, end = f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}", min(place, cylinder.stroke - place)
         if pressure >= supply:
             problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
-        if end < LEAST_END * cylinder.stroke:
+        if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
 
 

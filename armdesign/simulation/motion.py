@@ -1,16 +1,10 @@
-"""A machine's motion in time under spool commands: ``simulate``.
-
-Integrated by LSODA (Petzold 1983), which needs few evaluations, bears the kinks of a valve that passes its middle and
-turns implicit by itself when a fast spool makes the plant stiff.
-"""
+"""A machine's motion in time under spool commands: ``simulate``, and many at once: ``simulate_all``."""
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,15 +12,15 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.machine import Machine
-from armdesign.simulation.excitation import EvenOpening
-from armdesign.simulation.plant import Plant
-from armdesign.valve import opening, spool_position
-
-Command: TypeAlias = Callable[[float], Sequence[float]]
-ByName: TypeAlias = Mapping[str, Callable[[float], float]]
+from armdesign.modes import natural_modes
+from armdesign.simulation.events import events, pump_events
+from armdesign.simulation.integrator import GaveUpError, integrate
+from armdesign.simulation.loop import ByName, Command, Loop
+from armdesign.simulation.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
-MOST_EVALUATIONS = 3_000_000
+MOST_STEPS = 500_000
+FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +40,12 @@ class Simulation:
         tool: position of the tool in the root link (n, 3) [m].
         cylinders: names, in order.
         joints: names, in order.
-        energy: kinetic and potential energy of the links and the payload (n,) [J].
+        energy: kinetic and potential energy of links, bars and payload (n,) [J].
+        supplied: energy since the start that the pump gave, less what oil took back to the tank (n,) [J].
+        stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J].
+        dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
+        supply: pressure of the pump (n,) [Pa].
+        events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
     """
 
     time: Array
@@ -60,13 +59,42 @@ class Simulation:
     speeds: Array
     tool: Array
     energy: Array
+    supplied: Array
+    stored: Array
+    dissipated: Array
+    supply: Array
     joints: tuple[str, ...]
     cylinders: tuple[str, ...]
+    events: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    @property
+    def energy_error(self) -> float:
+        """Largest difference of the balance, supplied = stored + dissipated, over the largest of its terms.
+
+        A closed machine without damping exchanges energy within itself: there it is that of kinetic and potential.
+        """
+        gap = np.abs(self.supplied - self.stored - self.dissipated).max()
+        terms = [np.abs(term).max() for term in (self.supplied, self.stored, self.dissipated)]
+        least = 1e-9 * np.abs(self.energy).max() + 1e-9  # at rest nothing is exchanged
+        return float(gap / max(*terms, np.ptp(self.energy), least))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case:
+    """One run of ``simulate_all``; its fields are the arguments of ``simulate``."""
+
+    machine: Machine
+    q: ArrayLike
+    command: Command | ByName
+    duration: float
+    rate: float = 200.0
+    hold: float | None = None
+    preloaded: bool | None = None
 
 
 def simulate(
@@ -78,6 +106,7 @@ def simulate(
     rate: float = 200.0,
     hold: float | None = None,
     preloaded: bool | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Simulation:
     """Motion of the machine under its payload from rest at one pose, by the nonlinear model of ``Plant``.
 
@@ -94,157 +123,116 @@ def simulate(
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder near its place;
             None: no loop.
         preloaded: chamber pressures at rest, see ``Plant.rest``.
+        tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
 
     Raises:
         PoseError: the pose cannot be taken.
         SimulationError: a valve is missing, or the integration gives up.
     """
-    for name, value in (("duration", duration), ("rate", rate), ("hold", 1.0 if hold is None else hold)):
-        if not (math.isfinite(value) and value > 0):
-            raise SimulationError(f"{machine.name}: {name}", f"{value:g} is not allowed", "give a positive number")
-    plant = Plant(machine)
-    loop = _Loop(plant, plant.rest(q, preloaded), command, hold)
-    time = np.linspace(0.0, duration, max(round(duration * rate), 1) + 1)
-    return _recorded(loop, time, _integrated(loop, time))
+    case = Case(machine=machine, q=q, command=command, duration=duration, rate=rate, hold=hold, preloaded=preloaded)
+    return simulate_all([case], tolerance=tolerance)[0]
 
 
-class _Loop:
-    """Plant, command and the slow loop, as one system.
+def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation]:
+    """Many runs as stacked systems, far faster than one by one and with the same results.
 
-    The loop adds K (s0 − s), low-passed twice at the corner ω_c, to the valve's opening; K makes its crossover ω_c/4.
-    The two lags turn what it does at a resonance above ω_c into a little damping, where a plain proportional loop,
-    K_v < 2 ζ ω_n (Merritt 1967), would drive an undamped arm unstable.
-    """
+    Cases of one shape (the same joints, cylinders between them and motors) make one system, each with steps of its own.
 
-    def __init__(self, plant: Plant, rest: Array, command: Command | ByName, hold: float | None) -> None:
-        names = [cylinder.name for cylinder in plant.machine.cylinders]
-        self.plant, self._command = plant, _by_order(command, names)
-        self._corner = 2 * math.pi * (hold or 0.0)
-        self._place = plant.evaluate(rest.tolist(), [0.0] * plant.nc)[1]
-        held = [name in command for name in names] if isinstance(command, Mapping) else [True] * plant.nc
-        speeds = [even.speed for even in EvenOpening.all(plant, rest)]
-        self._gains = [self._corner / 4 / v if ok else 0.0 for v, ok in zip(speeds, held, strict=True)]
-        self.start = np.concatenate([rest, np.zeros(2 * plant.nc)])
-        self.evaluations = 0
-        if len(self._command(0.0)) != plant.nc:
-            problem = f"gives {len(self._command(0.0))} numbers"
-            raise SimulationError(
-                f"{plant.machine.name}: command", problem, f"give one per cylinder: {', '.join(names)}"
-            )
-
-    def commands(self, time: float, corrections: Sequence[float]) -> list[float]:
-        """Spool commands with the loop's correction of the opening."""
-        wanted = self._command(time)
-        if self._corner == 0:
-            return [float(u) for u in wanted]
-        return [
-            spool_position(f.valve, opening(f.valve, u) + c) if gain else float(u)
-            for f, u, c, gain in zip(self.plant.functions, wanted, corrections, self._gains, strict=True)
-        ]
-
-    def derivative(self, time: float, state: Array) -> list[float]:
-        """Rates of the plant's state and of the loop's two low-passes."""
-        self.evaluations += 1
-        if self.evaluations > MOST_EVALUATIONS:
-            raise _GaveUpError(time, state, f"more than {MOST_EVALUATIONS} evaluations")
-        values, nc = state.tolist(), self.plant.nc
-        body, first, second = values[: -2 * nc], values[-2 * nc : -nc], values[-nc:]
-        try:
-            rates, extensions = self.plant.evaluate(body, self.commands(time, second))
-        except (ValueError, ArithmeticError):
-            raise _GaveUpError(time, state, "a four-bar has opened") from None
-        errors = [gain * (s0 - s) for gain, s0, s in zip(self._gains, self._place, extensions, strict=True)]
-        rates += [self._corner * (e - h) for e, h in zip(errors, first, strict=True)]
-        return rates + [self._corner * (h1 - h2) for h1, h2 in zip(first, second, strict=True)]
-
-
-class _GaveUpError(Exception):
-    """The right-hand side cannot go on, at a time [s] and state."""
-
-    def __init__(self, time: float, state: Array, cause: str) -> None:
-        super().__init__(cause)
-        self.time, self.state = time, state.copy()
-
-
-def _by_order(command: Command | ByName, names: Sequence[str]) -> Command:
-    """The command as one call for all cylinders."""
-    if not isinstance(command, Mapping):
-        return command
-    for name in command:
-        if name not in names:
-            raise SimulationError(f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}")
-    parts = [command.get(name, _shut) for name in names]
-    return lambda time: [part(time) for part in parts]
-
-
-def _shut(_: float) -> float:
-    return 0.0
-
-
-def _integrated(loop: _Loop, time: Array) -> Array:
-    """States (n, size + 2 nc) at the times.
+    Args:
+        cases: the runs; poses, payloads, commands, durations and machines may differ.
+        tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
 
     Raises:
-        SimulationError: with the time, the state there and a likely cause.
+        PoseError: a pose cannot be taken.
+        SimulationError: a valve is missing, or the integration of a case gives up.
     """
-    from scipy.integrate import solve_ivp
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # LSODA warns and fails; the failure is reported below
-        try:
-            run = solve_ivp(
-                loop.derivative,
-                (time[0], time[-1]),
-                loop.start,
-                method="LSODA",
-                t_eval=time,
-                rtol=TOLERANCE,
-                atol=TOLERANCE,
-            )
-        except _GaveUpError as stop:
-            raise _failure(loop.plant, stop.time, stop.state, str(stop)) from None
-    if not run.success or not np.all(np.isfinite(run.y)):
-        raise _failure(loop.plant, float(run.t[-1]), run.y[:, -1], str(run.message))
-    return np.asarray(run.y.T)
+    stacks: dict[Hashable, list[int]] = {}
+    for index, case in enumerate(cases):
+        _refuse(case)
+        stacks.setdefault(stack_shape(case.machine), []).append(index)
+    found: dict[int, Simulation] = {}
+    for rows in stacks.values():
+        found |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
+    return [found[index] for index in range(len(cases))]
 
 
-def _failure(plant: Plant, time: float, state: Array, message: str) -> SimulationError:
-    machine, q = plant.machine, plant.split(state[: plant.size])[0]
+def _refuse(case: Case) -> None:
+    hold = 1.0 if case.hold is None else case.hold
+    for name, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
+        if not (math.isfinite(value) and value > 0):
+            raise SimulationError(f"{case.machine.name}: {name}", f"{value:g} is not allowed", "give a positive number")
+
+
+def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation]:
+    plants = [Plant(case.machine) for case in cases]
+    rests = [plant.rest(case.q, case.preloaded) for plant, case in zip(plants, cases, strict=True)]
+    columns = ([case.command for case in cases], [case.hold for case in cases])
+    loop = Loop.of(plants, rests, *columns)
+    durations = np.array([case.duration for case in cases], dtype=float)
+    fastest = np.array([2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases])
+    counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
+    try:
+        states = integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS)
+    except GaveUpError as stop:
+        raise _failure(plants[stop.case], stop) from None
+    picked = [loop.picked([index]) for index in range(len(cases))]
+    return [_recorded(*row) for row in zip(picked, durations.tolist(), states, strict=True)]
+
+
+def _failure(plant: Plant, stop: GaveUpError) -> SimulationError:
+    machine, body = plant.machine, stop.state[: plant.size]
+    q = plant.split(body)[0]
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     return SimulationError(
         f"{machine.name}: simulation",
-        f"gave up at {time:.4g} s, last known at {where} ({message})",
-        "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm",
+        f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
+        _likely_cause(machine, q),
     )
 
 
-def _recorded(loop: _Loop, time: Array, states: Array) -> Simulation:
+def _likely_cause(machine: Machine, q: Array) -> str:
+    """What to look at when an integration has stopped at a pose."""
+    for cylinder, margin in zip(machine.functions, machine.margins(q)[0], strict=True):
+        if margin == -np.inf:
+            return f"the four-bar of {cylinder.name} does not close there: command it less far"
+        if margin < -FAR_BEYOND:
+            return f"{cylinder.name} is {-100 * margin:.0f} % of its stroke beyond a stop: command it less far"
+    return "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm"
+
+
+def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     plant, machine = loop.plant, loop.plant.machine
-    body, corrections = states[:, : plant.size], states[:, -plant.nc :]
-    q, velocity, cap, annulus, spool, _ = plant.split(body)
-    pressures = np.stack([cap, annulus], axis=2)
-    rows = [plant.lengths(row) for row in body.tolist()]
-    lengths, speeds = (np.array(column) for column in zip(*rows, strict=True))
-    flows, extensions = np.empty_like(pressures), np.empty_like(lengths)
-    for i, function in enumerate(plant.functions):
-        records = zip(lengths[:, i].tolist(), pressures[:, i].tolist(), spool[:, i].tolist(), strict=True)
-        for row, (length, (p1, p2), x) in enumerate(records):
-            extensions[row, i] = function.extension(length, p1, p2)
-            flows[row, i] = function.flows(p1, p2, x)
+    time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
+    commands = loop.commands(np.array([loop.asked[0](t) for t in time.tolist()], dtype=float), states)
+    found = plant.evaluate(body, commands)
+    q, velocity, _, _, spool, _ = plant.split(body)
+    pressures = plant.pressures(body)
+    energy = plant.dynamics.energy(0, q, velocity)
+    springs, supply = (
+        plant.hydraulics.springs(found.extensions, pressures),
+        np.resize(plant.supply_pressure(body), len(body)),
+    )
+    told = [*events(machine, plant.hydraulics, time, found.extensions, pressures, spool, found.flows)]
+    told += pump_events(machine, time, supply, found.flows)
+    supplied, oil, dissipated = loop.energies(states)
     tool = machine.arm.point(machine.arm.kinematics(q), machine.tool.link, np.array(machine.tool.at))
-    pairs = zip(q.tolist(), velocity.tolist(), strict=True)
     return Simulation(
         time=time,
         q=q.copy(),
         velocity=velocity.copy(),
-        pressures=pressures,
+        pressures=np.swapaxes(pressures, 1, 2).copy(),
         spool=spool.copy(),
-        command=np.array([loop.commands(t, c) for t, c in zip(time, corrections.tolist(), strict=True)]),
-        flows=flows,
-        extensions=extensions,
-        speeds=speeds,
+        command=commands,
+        flows=np.swapaxes(found.flows.from_supply - found.flows.to_return, 1, 2).copy(),
+        extensions=found.extensions,
+        speeds=found.speeds,
         tool=np.array(tool),
-        energy=np.array([plant.dynamics.energy(a, b) for a, b in pairs]),
+        energy=energy,
+        supplied=supplied,
+        stored=energy - energy[0] + springs - springs[0] + oil,
+        dissipated=dissipated,
+        supply=supply,
+        events=tuple(words for _, words in sorted(told)),
         joints=machine.joints,
-        cylinders=tuple(cylinder.name for cylinder in machine.cylinders),
+        cylinders=tuple(function.name for function in machine.functions),
     )

@@ -1,264 +1,192 @@
-"""The plant: the nonlinear model of a machine as one function, ẏ = f(y, u).
+"""The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases side by side.
 
-    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)          joints, by Pinocchio
-    C1 ṗ1 = Q1 − A1 ṡ − C_L (p1 − p2),   C2 ṗ2 = Q2 + A2 ṡ + C_L (p1 − p2)   chambers; Q1, Q2 flow into them
+    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)                  joints, by Pinocchio
+    C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ                                      chambers, see ``hydraulics``
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                                          spool, x and its command u in [−1, 1]
+    C_s ṗ_s = Q_pump(p_s) − Σ Q                                            supply line of a flow-limited pump
 
-with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2): the pins' compliance c in series lets the piston run ahead of the pins. The
-capacity C = V/β(p) + V_hose/β_hose grows without bound near a vacuum: there vapour fills the chamber. Supply and return
-pressure are constant (an ideal pump); port reliefs open above 1.1 × supply pressure. A stop is a stiff spring that
-damps by Hunt and Crossley's law (1975), k δ (1 + a δ̇), so that its force begins at 0.
+with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2): the pins' compliance c in series lets the piston run ahead of the pins. An
+ideal pump holds its pressure. Masses of barrels, rods, rockers and couplers are in M and h.
+
+Energy is booked with it: what pumps supply (less what returns to the tank under return pressure), what compresses oil
+(Σ p C ṗ: oil that leaves takes with it the energy of its compression, p/2β of its pressure's work, about 1 %), and what
+edges, leakage, friction and stops dissipate. Kinetic, potential and spring energy are functions of the state.
 
 Units inside the state: pressures in bar, everything else SI, so that all numbers are of one order.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arm import Dynamics
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, Fluid, Supply, static_pressures
-from armdesign.errors import PoseError, SimulationError
-from armdesign.fluid import bulk_modulus
+from armdesign.errors import PoseError
+from armdesign.linkage import Gear
 from armdesign.machine import Machine
-from armdesign.simulation.reach import Reach
+from armdesign.simulation.hydraulics import Flows, Hydraulics, Rates
+from armdesign.simulation.reach import Reach, shape
+from armdesign.simulation.rest import holding_pressures
 from armdesign.units import bar
-from armdesign.valve import Valve, friction_force, opening, orifice_flow, port_flows, spool_position
-
-RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
-VAPOUR_PRESSURE, VAPOUR_WIDTH = -0.7 * bar, 0.02 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
-STOP_SHARE = 1e-3  # of the stroke that supply pressure on the bore presses an end stop in
-STOP_DAMPING = 12.0  # [s/m] of the end stops, a
-LEAST_VOLUME_SHARE = 1e-3  # of a chamber's swept volume, when the piston is beyond its stop and there is no dead volume
+from armdesign.valve import spool_acceleration
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
-    """A cylinder with its valve at work in a machine: everything about one piston, in plain numbers."""
+class Evaluation:
+    """The plant at one instant of n cases.
 
-    cylinder: Cylinder
-    valve: Valve
-    fluid: Fluid
-    supply: Supply
-    areas: tuple[float, float]
-    stop_stiffness: float
+    Attributes:
+        rates: ẏ (n, size).
+        extensions: piston positions s (n, nc) [m].
+        speeds: rates of the pin-to-pin lengths (n, nc) [m/s].
+        flows: of the oil.
+        powers: supplied, into oil compression, dissipated (n, 3) [W].
+    """
 
-    @classmethod
-    def of(cls, machine: Machine, cylinder: Cylinder) -> Function:
-        """The cylinder as it stands in its machine.
-
-        Raises:
-            SimulationError: it has no valve.
-        """
-        if cylinder.valve is None:
-            part = f"{machine.name}: cylinder.{cylinder.name}.valve"
-            raise SimulationError(part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics")
-        thrust = machine.supply.pressure * cylinder.bore_area
-        stop = thrust / (STOP_SHARE * cylinder.stroke)
-        areas = (cylinder.bore_area, cylinder.annulus_area)
-        return cls(cylinder, cylinder.valve, machine.fluid, machine.supply, areas, stop)
-
-    def capacities(self, extension: float, cap: float, annulus: float) -> tuple[float, float]:
-        """C1 and C2 [m³/Pa] at a piston position [m] and pressures [Pa]: oil, its air and vapour, hoses."""
-        cylinder, (bore, ring) = self.cylinder, self.areas
-        v1, v2 = cylinder.volumes(extension)
-        least = LEAST_VOLUME_SHARE * cylinder.stroke
-        return (
-            max(v1, least * bore) / self._modulus(cap) + cylinder.cap_hose_volume / cylinder.hose_modulus,
-            max(v2, least * ring) / self._modulus(annulus) + cylinder.annulus_hose_volume / cylinder.hose_modulus,
-        )
-
-    def _modulus(self, pressure: float) -> float:
-        fluid = self.fluid
-        oil = float(bulk_modulus(pressure, fluid.bulk_modulus, fluid.air)) if fluid.air > 0 else fluid.bulk_modulus
-        void = (VAPOUR_PRESSURE - pressure) / VAPOUR_WIDTH
-        return oil / (1 + math.exp(min(void, 200.0))) if void > -40 else oil
-
-    def flows(self, cap: float, annulus: float, spool: float) -> tuple[float, float]:
-        """Flows [m³/s] into cap and annulus: the valve's and, above their pressure, the port reliefs'."""
-        supply, valve = self.supply, self.valve
-        limit = RELIEF_SHARE * supply.pressure
-        q1, q2 = port_flows(valve, opening(valve, spool), cap, annulus, supply.pressure, supply.return_pressure)
-        if cap > limit:
-            q1 -= orifice_flow(valve, 1.0, cap - limit)
-        if annulus > limit:
-            q2 -= orifice_flow(valve, 1.0, annulus - limit)
-        return q1, q2
-
-    def extension(self, length: float, cap: float, annulus: float) -> float:
-        """Piston position s [m] at a pin-to-pin length [m] and pressures [Pa]."""
-        cylinder, (bore, ring) = self.cylinder, self.areas
-        return length - cylinder.closed_length + cylinder.compliance * (bore * cap - ring * annulus)
-
-    def rates(
-        self, extension: float, speed: float, cap: float, annulus: float, spool: float
-    ) -> tuple[float, float, float]:
-        """Force on the pins [N, + pushes] and rates of both pressures [Pa/s] when the pins part at a speed ℓ̇ [m/s].
-
-        The chambers and the series compliance make three linear equations in ṗ1, ṗ2 and ṡ; ṡ is solved first:
-        ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2, with leakage counted in Q1 and Q2.
-        """
-        (bore, ring), compliance = self.areas, self.cylinder.compliance
-        c1, c2 = self.capacities(extension, cap, annulus)
-        q1, q2 = self.flows(cap, annulus, spool)
-        leak = self.valve.leakage * (cap - annulus)
-        free1, free2 = (q1 - leak) / c1, (q2 + leak) / c2
-        if compliance > 0:
-            stiffness = bore * bore / c1 + ring * ring / c2
-            speed = (speed + compliance * (bore * free1 - ring * free2)) / (1 + compliance * stiffness)
-        friction = self.cylinder.count * friction_force(self.cylinder.friction, speed)
-        force = bore * cap - ring * annulus - friction + self._stop(extension, speed)
-        return force, free1 - bore * speed / c1, free2 + ring * speed / c2
-
-    def _stop(self, extension: float, speed: float) -> float:
-        """Force of the end stops on the piston [N, + pushes out]; they never pull."""
-        if extension < 0:
-            return self.stop_stiffness * -extension * max(1 - STOP_DAMPING * speed, 0.0)
-        beyond = extension - self.cylinder.stroke
-        return -self.stop_stiffness * beyond * max(1 + STOP_DAMPING * speed, 0.0) if beyond > 0 else 0.0
-
-    def free_speed(self, extension: float, cap: float, annulus: float, flows: tuple[Any, Any]) -> Any:
-        """Speed [m/s] that flows into cap and annulus give a piston whose force does not change.
-
-        v = (A1 Q1/C1 − A2 Q2/C2)/(A1²/C1 + A2²/C2).
-        """
-        (bore, ring), (c1, c2) = self.areas, self.capacities(extension, cap, annulus)
-        return (bore * flows[0] / c1 - ring * flows[1] / c2) / (bore * bore / c1 + ring * ring / c2)
-
-    def trim(self, cap: float, annulus: float) -> float:
-        """Spool position that makes up for the leakage across the piston at rest; 0 without leakage.
-
-        At p1 + p2 = supply + return the same opening feeds one chamber and drains the other by the leakage; at other
-        pressures no opening does, and the valve is taken as shut.
-        """
-        supply, leak = self.supply, self.valve.leakage * (cap - annulus)
-        if leak == 0 or abs(cap + annulus - supply.pressure - supply.return_pressure) > 1e-6 * supply.pressure:
-            return 0.0
-        full = port_flows(self.valve, math.copysign(1.0, leak), cap, annulus, supply.pressure, supply.return_pressure)
-        return spool_position(self.valve, leak / abs(full[0]))
-
-    def pressures(self, force: float, preloaded: bool) -> tuple[float, float]:
-        """Pressures of cap and annulus [Pa] that hold a static force [N].
-
-        One more condition is needed. ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve leaves
-        when it moves about its middle (Merritt 1967, ch. 5), with neither chamber below return pressure. Else the
-        chamber without load is at return pressure.
-        """
-        bore, ring = self.areas
-        cap, annulus = (float(p) for p in static_pressures(force, bore, ring, self.supply.return_pressure))
-        if not preloaded:
-            return cap, annulus
-        total = self.supply.pressure + self.supply.return_pressure
-        middle = (force + ring * total) / (bore + ring)
-        return (middle, total - middle) if middle > cap and total - middle > annulus else (cap, annulus)
+    rates: Array
+    extensions: Array
+    speeds: Array
+    flows: Flows
+    powers: Array
 
 
 class Plant:
-    """A machine under its payload as a system of first-order equations.
+    """Machines of one shape under their payloads as one system of first-order equations; axis 0 is the case.
 
-    State y: q, q̇, p1, p2 [bar], spool, spool speed; joints in the order of q, the rest in that of the cylinders.
+    State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed; joints in the order
+    of q, the rest in that of ``Machine.functions``.
+
+    Args:
+        machines: one per case; one alone serves any number of cases.
 
     Raises:
-        SimulationError: a cylinder has no valve.
+        SimulationError: a cylinder or motor has no valve.
     """
 
-    def __init__(self, machine: Machine) -> None:
-        self.machine = machine
-        self.functions = tuple(Function.of(machine, cylinder) for cylinder in machine.cylinders)
-        self.dynamics = machine.dynamics()
-        self._reaches = tuple(Reach(linkage) for linkage in machine.linkages)
-        self.nq, self.nc = len(machine.joints), len(self.functions)
-        edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, self.nc, self.nc])
+    def __init__(self, *machines: Machine) -> None:
+        self.machines, self.machine = machines, machines[0]
+        self.hydraulics = Hydraulics(machines)
+        self.dynamics = Dynamics([machine.loaded_arm for machine in machines])
+        self._reach = Reach([machine.linkages for machine in machines])
+        self.nq, self.nc = len(self.machine.joints), len(self.machine.functions)
+        self._turned = [drive.joint for drive in self.machine.drives[self._reach.count :] if isinstance(drive, Gear)]
+        self.has_line = self.machine.supply.flow_limited
+        edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, int(self.has_line), self.nc, self.nc])
         self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
+        self._chambers = slice(int(edges[2]), int(edges[4]))
         self.size = int(edges[-1])
         self.units = np.ones(self.size)  # SI value of each number of the state
-        self.units[int(edges[2]) : int(edges[4])] = bar
+        self.units[int(edges[2]) : int(edges[5])] = bar
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """What each number of the state is."""
-        joints, cylinders = self.machine.joints, [c.name for c in self.machine.cylinders]
+        joints, cylinders = self.machine.joints, [f.name for f in self.machine.functions]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
-        kinds += [("annulus pressure", cylinders), ("spool", cylinders), ("spool speed", cylinders)]
+        kinds += [("annulus pressure", cylinders), ("pressure", ["supply"] if self.has_line else [])]
+        kinds += [("spool", cylinders), ("spool speed", cylinders)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
 
     def split(self, state: Array) -> tuple[Array, ...]:
         """q, q̇, p1, p2 [Pa], spool and spool speed of states (..., size)."""
-        q, velocity, cap, annulus, spool, spool_speed = (state[..., part] for part in self._parts)
+        q, velocity, cap, annulus, _, spool, spool_speed = (state[..., part] for part in self._parts)
         return q, velocity, cap * bar, annulus * bar, spool, spool_speed
 
+    def spread(self, values: Sequence[float]) -> Array:
+        """One number for each kind of state, in the order of the state, for every number of it (size,)."""
+        return np.repeat(values, [part.stop - part.start for part in self._parts])
+
+    def pressures(self, state: Array) -> Array:
+        """Pressures (n, 2, nc) [Pa] of states (n, size)."""
+        return np.asarray(state[:, self._chambers].reshape(-1, 2, self.nc) * bar)
+
+    def supply_pressure(self, state: Array) -> Array:
+        """Supply pressures (n, 1) [Pa] of states (n, size); (1, 1) where one ideal pump serves all."""
+        return np.asarray(state[:, self._parts[4]] * bar if self.has_line else self.hydraulics.supply.pressure)
+
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
-        """State of static equilibrium at a pose (nq,), the valves shut but for what makes up for leakage.
+        """State (size,) of static equilibrium of one machine at a pose (nq,).
+
+        The valves are shut, but for what makes up for leakage and underlap: see ``rest.holding_pressures``.
 
         Args:
             q: joint positions [rad, m].
-            preloaded: what fixes the chambers' common pressure, see ``Function.pressures``. None: preloaded if the
-                oil has no air. Its stiffness then does not depend on the pressure, and both chambers stay far from
-                cavitation. With air the stiffness does, so the pressures are those of ``Machine.at``.
+            preloaded: what fixes the chambers' common pressure. None: preloaded if the oil has no air. Its stiffness
+                then does not depend on the pressure, and both chambers stay far from cavitation. With air the stiffness
+                does, so the pressures are those of ``Machine.at``.
 
         Raises:
             PoseError: the pose cannot be taken.
         """
-        preloaded = self.machine.fluid.air == 0 if preloaded is None else preloaded
-        poses = self.machine.at(q)
+        machine = self.machine
+        poses = machine.at(q)
         if len(poses) != 1:
-            raise PoseError(f"{self.machine.name}: q", f"holds {len(poses)} poses", "give one")
-        forces = poses.cylinder_forces[0]
-        held = [f.pressures(float(force), preloaded) for f, force in zip(self.functions, forces, strict=True)]
+            raise PoseError(f"{machine.name}: q", f"holds {len(poses)} poses", "give one")
+        preloaded = machine.fluid.air == 0 if preloaded is None else preloaded
+        held = [
+            holding_pressures(function, machine.supply, float(force), preloaded)
+            for function, force in zip(machine.functions, poses.cylinder_forces[0], strict=True)
+        ]
         state = np.zeros(self.size)
         state[self._parts[0]] = poses.q[0]
-        state[self._parts[2]] = [cap / bar for cap, _ in held]
-        state[self._parts[3]] = [annulus / bar for _, annulus in held]
-        state[self._parts[4]] = [f.trim(*pressures) for f, pressures in zip(self.functions, held, strict=True)]
+        state[self._chambers] = (
+            np.array([[cap for cap, _, _ in held], [annulus for _, annulus, _ in held]]).ravel() / bar
+        )
+        state[self._parts[4]] = machine.supply.pressure / bar
+        state[self._parts[5]] = [spool for _, _, spool in held]
         return state
 
-    def derivative(self, state: Sequence[float], command: Sequence[float]) -> list[float]:
-        """ẏ at a state under spool commands −1…1, one per cylinder.
+    def derivative(self, state: Array, command: Array) -> Array:
+        """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN where a four-bar does not close."""
+        return self.evaluate(state, command).rates
 
-        Raises:
-            ValueError: a four-bar does not close.
-        """
-        return self.evaluate(state, command)[0]
+    def evaluate(self, state: Array, command: Array) -> Evaluation:
+        """ẏ, and what it was made from."""
+        q, velocity, _, _, _, spool, spool_speed = (state[:, part] for part in self._parts)
+        pressures, supply = self.pressures(state), self.supply_pressure(state)
+        lengths, moment_arms = self._geometry(q)
+        speeds = (moment_arms @ velocity[:, :, None])[:, :, 0]
+        extensions = self.hydraulics.extension(lengths, pressures)
+        found = self.hydraulics.rates(extensions, speeds, pressures, spool, supply)
+        rates = np.empty_like(state)
+        parts = self._parts
+        rates[:, parts[0]], rates[:, parts[5]] = velocity, spool_speed
+        torque = (found.force[:, None] @ moment_arms)[:, 0]
+        rates[:, parts[1]] = self.dynamics.acceleration(q, velocity, torque)
+        rates[:, self._chambers] = found.pressure_rates.reshape(len(state), -1) / bar
+        taken = found.flows.from_supply.sum(axis=(1, 2))[:, None]
+        pump = self.hydraulics.pump_flow(supply, taken) if self.has_line else taken
+        if self.has_line:
+            rates[:, parts[4]] = (pump - taken) / self.hydraulics.line_capacity / bar
+        rates[:, parts[6]] = spool_acceleration(self.hydraulics.valve, spool, spool_speed, command)
+        powers = self._powers(pressures, supply, pump, taken, found)
+        return Evaluation(rates, extensions, speeds, found.flows, powers)
 
-    def evaluate(self, state: Sequence[float], command: Sequence[float]) -> tuple[list[float], list[float]]:
-        """ẏ, and the piston positions s [m]."""
-        q, velocity, caps, annuli, spools, spool_speeds = (list(state[part]) for part in self._parts)
-        torque = [0.0] * self.nq
-        extensions, cap_rates, annulus_rates = [], [], []
-        frames = self.dynamics.frames(q)
-        for i, function in enumerate(self.functions):
-            length, moments = self._reaches[i](frames)
-            speed = sum(arm * velocity[j] for j, arm in moments)
-            cap, annulus = caps[i] * bar, annuli[i] * bar
-            extensions.append(function.extension(length, cap, annulus))
-            force, cap_rate, annulus_rate = function.rates(extensions[-1], speed, cap, annulus, spools[i])
-            cap_rates.append(cap_rate / bar)
-            annulus_rates.append(annulus_rate / bar)
-            for j, arm in moments:
-                torque[j] += arm * force
-        acceleration = self.dynamics.acceleration(q, velocity, torque)
-        pulls = [
-            _spool_acceleration(f.valve, x, speed, u)
-            for f, x, speed, u in zip(self.functions, spools, spool_speeds, command, strict=True)
-        ]
-        rates = [*velocity, *acceleration, *cap_rates, *annulus_rates, *spool_speeds, *pulls]
-        return rates, extensions
+    def _geometry(self, q: Array) -> tuple[Array, Array]:
+        """Lengths (n, nc) [m] and moment arms (n, nc, nq) at joint positions; of a motor the joint's angle and 1."""
+        lengths, moment_arms = self._reach(self.dynamics.frames(q))
+        if not self._turned:
+            return lengths, moment_arms
+        gears = np.broadcast_to(np.eye(self.nq)[self._turned], (len(q), len(self._turned), self.nq))
+        lengths = np.concatenate([lengths, q[:, self._turned]], axis=1)
+        return lengths, np.concatenate([moment_arms, gears], axis=1)
 
-    def lengths(self, state: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Pin-to-pin lengths [m] and their rates [m/s]."""
-        frames, velocity = self.dynamics.frames(list(state[self._parts[0]])), state[self._parts[1]]
-        found = [reach(frames) for reach in self._reaches]
-        return [length for length, _ in found], [sum(arm * velocity[j] for j, arm in moments) for _, moments in found]
+    def _powers(self, pressures: Array, supply: Array, pump: Array, taken: Array, found: Rates) -> Array:
+        """Supplied, into oil compression and dissipated (n, 3) [W]; orifices dissipate what enters less what leaves."""
+        flows, back = found.flows, self.hydraulics.supply.return_pressure
+        line = (supply * (pump - taken))[:, 0]
+        supplied = (supply * pump)[:, 0] - back[:, 0] * flows.to_return.sum(axis=(1, 2))
+        throttled = supplied - line - (pressures * flows.net).sum(axis=(1, 2))
+        return np.stack([supplied, found.oil_power + line, throttled + found.rubbed_off], axis=1)
 
 
-def _spool_acceleration(valve: Valve, position: float, speed: float, command: float) -> float:
-    omega = 2 * math.pi * valve.natural_frequency
-    wanted = min(max(command, -1.0), 1.0)
-    return omega * (omega * (wanted - position) - 2 * valve.damping_ratio * speed)
+def stack_shape(machine: Machine) -> Hashable:
+    """What machines must have in common to be cases of one plant."""
+    tree = tuple((joint.parent, joint.revolute) for joint in machine.arm.joints)
+    turned = tuple(motor.joint for motor in machine.motors)
+    return tree, shape(machine.linkages), turned, machine.has_bars, machine.supply.flow_limited

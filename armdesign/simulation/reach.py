@@ -1,158 +1,148 @@
-"""Length and moment arm of a cylinder at one pose, in plain numbers: the lean path of a simulation.
+"""Lengths and moment arms of stacked cylinders, lean enough to be asked for ten thousand times.
 
-``Linkage.actuation`` does n poses with second derivatives; here one pose costs a few microseconds. The length is the
-distance of the pins, the moment arms follow from virtual work: what torque a unit force along the cylinder makes in
-every joint between the links that feel it. In a four-bar the unit force at the knee splits along rocker and coupler;
-the rocker pushes on its pivot, the coupler on the lug.
+The same geometry as ``linkage.py`` by another way, which needs no second derivatives: virtual work. A unit force along
+the cylinder and its reaction act on the pins, and r_j is the work they do per unit of joint j, for each joint between
+the links that feel it. In a four-bar the unit force at the knee splits along rocker and coupler; the rocker pushes on
+its pivot, the coupler on the lug.
+
+The plane of a four-bar is the complex plane: right is 1, up is i.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from armdesign.arm import Arm, Frame
-from armdesign.linkage import FourBar, Linkage, Pin
-
-Vector: TypeAlias = tuple[float, float, float]
-Moments: TypeAlias = list[tuple[int, float]]  # (joint, moment arm [m/rad])
-
-
-@dataclass(frozen=True)
-class Point:
-    """A pin on the joint frame that carries its link (−1: the world); the joints on the way to it from an observer."""
-
-    joint: int
-    at: Vector
-    path: tuple[tuple[int, float, bool, Vector], ...]  # joint, sign, revolute, axis in its frame
-
-    @classmethod
-    def of(cls, arm: Arm, pin: Pin, observer: str) -> Point:
-        """The pin as an observer on a link sees it."""
-        body = arm.links[pin.link]
-        place = body.translation + body.rotation @ np.array(pin.at)
-        path = [
-            (j, float(sign), arm.joints[j].revolute, _vector(arm.joints[j].axis))
-            for j, sign in arm.path(observer, pin.link)
-        ]
-        return cls(body.joint, _vector(place), tuple(path))
-
-    def position(self, frames: list[Frame]) -> Vector:
-        """Where it is in the world [m]."""
-        if self.joint < 0:
-            return self.at
-        rotation, (x, y, z) = frames[self.joint]
-        u, v, w = _turned(rotation, self.at)
-        return x + u, y + v, z + w
-
-    def moments(self, frames: list[Frame], position: Vector, force: Vector) -> Moments:
-        """Generalised forces of a force on it: f·(axis × lever) in a revolute joint, f·axis in a prismatic one."""
-        found = []
-        for j, sign, revolute, local in self.path:
-            rotation, origin = frames[j]
-            axis = _turned(rotation, local)
-            motion = _cross(axis, _minus(position, origin)) if revolute else axis
-            found.append((j, sign * _dot(force, motion)))
-        return found
+from armdesign.arm import Arm
+from armdesign.arrays import Array
+from armdesign.linkage import Linkage, Pin
 
 
 class Reach:
-    """Length and moment arms of one cylinder."""
+    """Lengths and moment arms of nc cylinders in machines of one ``shape``: axis 0 is the case.
 
-    def __init__(self, linkage: Linkage) -> None:
-        arm, bars = linkage.arm, linkage.four_bar
-        observer = bars.pivot.link if bars else linkage.base.link
-        self._base = Point.of(arm, linkage.base, observer)
-        far = bars.lug if bars else linkage.rod_end
-        assert far is not None
-        self._far = Point.of(arm, far, observer)
-        self._knee = _Knee(arm, bars) if bars else None
+    Args:
+        linkages: those of each case, or of one that serves all cases.
+    """
 
-    def __call__(self, frames: list[Frame]) -> tuple[float, Moments]:
-        """Pin-to-pin length [m] and moment arms [m/rad] of the joints that change it.
+    def __init__(self, linkages: Sequence[Sequence[Linkage]]) -> None:
+        first, self._bars = linkages[0], [i for i, linkage in enumerate(linkages[0]) if linkage.four_bar]
+        self.count = len(first)
+        self._revolute = np.array([joint.revolute for joint in first[0].arm.joints])
+        self._slides = ~self._revolute
+        axes = np.array([[joint.axis for joint in row[0].arm.joints] for row in linkages])
+        pins = [_pins(row) for row in linkages]
+        places = [[_place(row[0].arm, pin)[1] for pin in own] for row, own in zip(linkages, pins, strict=True)]
+        planes = [_planes(row) for row in linkages]
+        at = np.concatenate([np.array(places), np.array(planes), axes], axis=1)
+        bound = np.repeat([1.0, 0.0], [len(pins[0]), at.shape[1] - len(pins[0])])
+        self._vectors = np.concatenate([at, np.broadcast_to(bound[:, None], (*at.shape[:2], 1))], axis=2)[..., None]
+        frames = [_place(first[0].arm, pin)[0] for pin in pins[0]]
+        pivots = frames[2 * self.count :]
+        self._frames = np.array([*frames, *pivots, *pivots, *range(len(self._revolute))])
+        self._signs = np.array([_signs(first, end) for end in (0, 1)])  # (2, nc, nq)
+        if self._bars:
+            bars = [[row[i].four_bar for i in self._bars] for row in linkages]
+            self._rocker, self._coupler, self._side = (
+                np.array([[float(getattr(b, name)) for b in row] for row in bars])
+                for name in ("rocker", "coupler", "side")
+            )
 
-        Raises:
-            ValueError: the four-bar does not close.
+    def __call__(self, frames: Array) -> tuple[Array, Array]:
+        """Pin-to-pin lengths (n, nc) [m] and moment arms (n, nc, nq) in joint frames; NaN where a four-bar is open."""
+        nc, joints, bars = self.count, len(self._revolute), self._bars
+        vectors = (frames.take(self._frames, axis=1) @ self._vectors)[:, :, :3, 0]
+        end = vectors[:, nc : 2 * nc]
+        if bars:
+            pivot, right, up = vectors[:, 2 * nc : -joints].reshape(len(frames), 3, -1, 3).transpose(1, 0, 2, 3)
+            plane = right + 1j * up
+            lug = _dot(end[:, bars] - pivot, plane)
+            knee = self._knee(lug)
+            end = end.copy()
+            end[:, bars] = pivot + (knee[..., None] * plane.conj()).real
+        span = end - vectors[:, :nc]
+        length = np.sqrt(_dot(span, span))
+        forces = np.empty((len(frames), 2 * nc + joints, 3))
+        forces[:, :nc], forces[:, 2 * nc :] = span / -length[:, :, None], vectors[:, -joints:]
+        forces[:, nc : 2 * nc] = -forces[:, :nc]
+        if bars:
+            at_knee, coupler = _dot(-forces[:, bars], plane), lug - knee
+            share = (knee.conj() * at_knee).imag / (knee.conj() * coupler).imag
+            forces[:, [nc + i for i in bars]] = ((share * coupler)[..., None] * plane.conj()).real
+        work = self._work(frames, vectors[:, : 2 * nc], forces)
+        return length, (work.reshape(-1, 2, nc, joints) * self._signs).sum(axis=1)
+
+    def _work(self, frames: Array, points: Array, forces: Array) -> Array:
+        """What forces f at points P do per unit of each joint (n, 2 nc, nq); the last of ``forces`` are the axes a.
+
+        f·(a × (P − o)) = (f, P × f)·(o × a, a) for a joint that turns at o, f·a for one that slides.
         """
-        base, far = self._base.position(frames), self._far.position(frames)
-        end, bar = self._knee(frames, far) if self._knee else (far, None)
-        span = _minus(end, base)
-        length = math.sqrt(_dot(span, span))
-        push = (span[0] / length, span[1] / length, span[2] / length)
-        force = bar(push) if bar else push
-        moments = self._far.moments(frames, far, force)
-        return length, moments + self._base.moments(frames, base, (-push[0], -push[1], -push[2]))
+        count = points.shape[1]
+        places = np.concatenate([points, frames[:, :-1, :3, 3]], axis=1)
+        moments, axes = _cross(places, forces), forces[:, count:]
+        screws = np.empty((len(frames), self._revolute.size, 6))
+        screws[:, :, :3], screws[:, :, 3:] = moments[:, count:], axes
+        if self._slides.any():
+            screws[:, self._slides, :3], screws[:, self._slides, 3:] = axes[:, self._slides], 0.0
+        wrenches = np.concatenate([forces[:, :count], moments[:, :count]], axis=2)
+        return wrenches @ screws.transpose(0, 2, 1)
+
+    def _knee(self, lug: Array) -> Array:
+        """Knee from the pivot, as ``linkage.knee``: u (½ + (a² − b²)/2e ± i √(a²/e − …²)), e = |u|²."""
+        e = lug.real**2 + lug.imag**2
+        x = 0.5 + (self._rocker**2 - self._coupler**2) / (2 * e)
+        return np.asarray(lug * (x + 1j * self._side * np.sqrt(self._rocker**2 / e - x * x)))
 
 
-class _Knee:
-    """Where rocker and coupler meet (see ``linkage.knee``), and what a force there does to the lug."""
-
-    def __init__(self, arm: Arm, bars: FourBar) -> None:
-        self._bars, self._pivot = bars, Point.of(arm, bars.pivot, bars.pivot.link)
-        rotation = arm.links[bars.pivot.link].rotation
-        self._right, self._up = _vector(rotation[:, 0]), _vector(rotation[:, 2])
-
-    def __call__(self, frames: list[Frame], lug: Vector) -> tuple[Vector, _Coupler]:
-        """Position of the knee [m], and the coupler at work."""
-        right, up = self._right, self._up
-        if self._pivot.joint >= 0:
-            rotation = frames[self._pivot.joint][0]
-            right, up = _turned(rotation, right), _turned(rotation, up)
-        pivot, bars = self._pivot.position(frames), self._bars
-        u = _minus(lug, pivot)
-        ux, uz = _dot(u, right), _dot(u, up)
-        e = ux * ux + uz * uz
-        x = 0.5 + (bars.rocker**2 - bars.coupler**2) / (2 * e)
-        y = bars.side * math.sqrt(bars.rocker**2 / e - x * x)
-        kx, kz = x * ux - y * uz, x * uz + y * ux
-        knee = (
-            pivot[0] + kx * right[0] + kz * up[0],
-            pivot[1] + kx * right[1] + kz * up[1],
-            pivot[2] + kx * right[2] + kz * up[2],
-        )
-        return knee, _Coupler(right, up, (kx, kz), (ux - kx, uz - kz))
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a * b).sum(axis=2))
 
 
-@dataclass(frozen=True)
-class _Coupler:
-    """Rocker a and coupler c, both in the plane of the four-bar; a force n at the knee is α a + γ c: γ = a×n/(a×c)."""
-
-    right: Vector
-    up: Vector
-    rocker: tuple[float, float]
-    coupler: tuple[float, float]
-
-    def __call__(self, push: Vector) -> Vector:
-        """The force γ c on the lug of a force on the knee."""
-        (ax, az), (cx, cz) = self.rocker, self.coupler
-        nx, nz = _dot(push, self.right), _dot(push, self.up)
-        share = (ax * nz - az * nx) / (ax * cz - az * cx)
-        fx, fz = share * cx, share * cz
-        r, u = self.right, self.up
-        return fx * r[0] + fz * u[0], fx * r[1] + fz * u[1], fx * r[2] + fz * u[2]
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
-def _vector(values: object) -> Vector:
-    x, y, z = (float(v) for v in np.asarray(values))
-    return x, y, z
+def _cross(a: Array, b: Array) -> Array:
+    return a.take(_NEXT, axis=2) * b.take(_AFTER, axis=2) - a.take(_AFTER, axis=2) * b.take(_NEXT, axis=2)
 
 
-def _turned(rotation: list[list[float]], v: Vector) -> Vector:
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    x, y, z = v
-    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+def shape(linkages: Sequence[Linkage]) -> Hashable:
+    """What cylinders must have in common to be stacked: their joints, and whether a four-bar lies between."""
+    frames = tuple(_place(linkages[0].arm, pin)[0] for pin in _pins(linkages))
+    signs = tuple(_signs(linkages, end).tobytes() for end in (0, 1))
+    return frames, signs, tuple(linkage.four_bar is not None for linkage in linkages)
 
 
-def _minus(a: Vector, b: Vector | list[float]) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+def _far(linkage: Linkage) -> Pin:
+    pin = linkage.four_bar.lug if linkage.four_bar else linkage.rod_end
+    assert pin is not None
+    return pin
 
 
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _pins(linkages: Sequence[Linkage]) -> list[Pin]:
+    """All bases, then all rod ends or lugs, then the pivots of the four-bars."""
+    pivots = [linkage.four_bar.pivot for linkage in linkages if linkage.four_bar]
+    return [*(linkage.base for linkage in linkages), *(_far(linkage) for linkage in linkages), *pivots]
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+def _place(arm: Arm, pin: Pin) -> tuple[int, Array]:
+    """Joint whose frame carries the pin (−1: the world), and its place there [m]."""
+    body = arm.links[pin.link]
+    return body.joint, np.asarray(body.translation + body.rotation @ np.array(pin.at))
+
+
+def _planes(linkages: Sequence[Linkage]) -> Array:
+    """Right, then up, of every four-bar in the joint frame of its pivot."""
+    pivots = [linkage.four_bar.pivot for linkage in linkages if linkage.four_bar]
+    rotations = [linkages[0].arm.links[pivot.link].rotation for pivot in pivots]
+    return np.array([rotation[:, column] for column in (0, 2) for rotation in rotations]).reshape(-1, 3)
+
+
+def _signs(linkages: Sequence[Linkage], end: int) -> Array:
+    """Sign (nc, nq) with which each joint moves a pin (end 0: base, 1: far), as seen from the observer; 0: not."""
+    signs = np.zeros((len(linkages), len(linkages[0].arm.joints)))
+    for row, linkage in zip(signs, linkages, strict=True):
+        observer = linkage.four_bar.pivot.link if linkage.four_bar else linkage.base.link
+        for joint, sign in linkage.arm.path(observer, (linkage.base, _far(linkage))[end].link):
+            row[joint] = sign
+    return signs

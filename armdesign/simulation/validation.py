@@ -25,13 +25,14 @@ from armdesign.modes import energy_shares, natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification import Fit, fit_modes
-from armdesign.simulation.motion import simulate
+from armdesign.simulation.motion import Case, Simulation, simulate_all
 
 if TYPE_CHECKING:
     import pandas as pd
 
 HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
 AGREES = 0.01  # relative deviation
+TOLERANCE = 1e-7  # of the integration
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,17 +155,20 @@ def validate(
     if amplitude is not None and not 0 < amplitude <= 1:
         raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
     loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
-    runs: list[Run] = []
+    sweeps: list[_Sweep] = []
     for pose in machine.at(q).q:
         for case in loaded:
             for index, mode in _choices(case, case.at(pose), cylinders):
-                runs += _judged(_sweeps(case, pose, index, mode, amplitude), case, index)
-    return Validation(machine.joints, tuple(runs))
+                sweeps += _sweeps(Experiment.of(case, pose, index, mode), amplitude)
+    motions = simulate_all([sweep.case for sweep in sweeps], tolerance=TOLERANCE)
+    runs = [_run(sweep, motion) for sweep, motion in zip(sweeps, motions, strict=True)]
+    pairs = zip(sweeps[::2], runs[::2], runs[1::2], strict=True)
+    return Validation(machine.joints, tuple(run for sweep, *pair in pairs for run in _judged(pair, sweep.experiment)))
 
 
 def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
-    shares, names = energy_shares(poses, natural_modes(poses))[0], [cylinder.name for cylinder in machine.cylinders]
+    shares, names = energy_shares(poses, natural_modes(poses))[0], [function.name for function in machine.functions]
     if cylinders is None:
         return [(int(np.argmax(shares[0])), 0)]
     for name in cylinders:
@@ -174,25 +178,39 @@ def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) ->
     return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
 
 
-def _sweeps(machine: Machine, pose: Array, index: int, mode: int, amplitude: float | None) -> list[Run]:
-    """The runs at full and half amplitude."""
-    experiment = Experiment.of(machine, pose, index, mode)
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """One run to be: an experiment at an amplitude, and the damping ratio of its linear mode."""
+
+    experiment: Experiment
+    amplitude: float
+    damping: float
+
+    @property
+    def case(self) -> Case:
+        experiment = self.experiment
+        return Case(
+            machine=experiment.machine,
+            q=experiment.pose,
+            command=experiment.commands(self.amplitude),
+            duration=experiment.duration,
+            rate=experiment.rate,
+            hold=HOLD_SHARE * experiment.band[0],
+        )
+
+
+def _sweeps(experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
+    """At full and half amplitude."""
     full = amplitude or experiment.default_amplitude()
-    linear = linearize(machine, pose)
+    linear = linearize(experiment.machine, experiment.pose)
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
-    return [_run(experiment, size, damping) for size in (full, full / 2)]
+    return [_Sweep(experiment, size, damping) for size in (full, full / 2)]
 
 
-def _run(experiment: Experiment, amplitude: float, damping: float) -> Run:
-    motion = simulate(
-        experiment.machine,
-        experiment.pose,
-        experiment.commands(amplitude),
-        duration=experiment.duration,
-        rate=experiment.rate,
-        hold=HOLD_SHARE * experiment.band[0],
-    )
+def _run(sweep: _Sweep, motion: Simulation) -> Run:
+    """What is found in a sweep's motion."""
+    experiment = sweep.experiment
     asked = experiment.asked_speed(motion.spool[:, experiment.index])
     answer = motion.speeds[:, experiment.index]
     part = f"{experiment.machine.name}: sweep of {experiment.cylinder}"
@@ -203,8 +221,8 @@ def _run(experiment: Experiment, amplitude: float, damping: float) -> Run:
         cylinder=experiment.cylinder,
         mode=experiment.mode + 1,
         linear_frequency=experiment.target,
-        linear_damping=damping,
-        amplitude=amplitude,
+        linear_damping=sweep.damping,
+        amplitude=sweep.amplitude,
         fit=fit,
         found=int(np.argmin(np.abs(fit.natural_frequencies - experiment.target))),
         mean=motion.q.mean(axis=0),
@@ -212,10 +230,10 @@ def _run(experiment: Experiment, amplitude: float, damping: float) -> Run:
     )
 
 
-def _judged(runs: list[Run], machine: Machine, index: int) -> list[Run]:
+def _judged(runs: list[Run], experiment: Experiment) -> list[Run]:
     """The runs with a remark on their deviation, which the half amplitude explains or does not."""
     full, half = (abs(run.deviation) for run in runs)
-    dry = machine.cylinders[index].friction.coulomb > 0
+    dry = experiment.machine.functions[experiment.index].friction.coulomb > 0
     if full <= AGREES and half <= AGREES:
         remark = "agrees"
     elif half < 0.75 * full:

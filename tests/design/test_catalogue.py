@@ -18,7 +18,7 @@ import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design import selection
 from armdesign.design.catalogue import read_sizes, sized, sizes_of
-from armdesign.design.requirements import Check, check
+from armdesign.design.check import Check, check
 from armdesign.design.selection import select
 from armdesign.errors import InfeasibleError
 from armdesign.modes import lowest_frequency
@@ -63,14 +63,14 @@ def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]
 
 SMALL = {
     "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4, "random_7": 3,
-    "crossing": 4, "four_bar_right": 4, "branched": 3,
+    "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("proportional", [False, True])
 def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> None:
-    """Every combination built, checked and mapped as a machine; air, compliance and cylinders across joints too."""
+    """Every combination built, checked and mapped as a machine; air, compliance, motors, cylinders across joints."""
     machine = MACHINES[name]() if name in MACHINES else named(name)
     space = Workspace.grid(machine, points=SMALL[name])
     sizes = around(machine, 3, {1: 20, 2: 11, 3: 5}.get(len(machine.cylinders), 2))
@@ -184,6 +184,26 @@ def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyP
     assert found.bound == found.frequency
 
 
+def test_what_does_not_vary_stays() -> None:
+    """A bore that varies by itself is taken of the pairs with today's rod alone; brute force over these."""
+    machine, space = double(), workspace_of("double")
+    lift, fold = machine.cylinders
+    sizes = [(bore * mm, rod * mm) for bore in (98, 99, 101, 102, 103, 104, 120) for rod in (63, 64)]
+    limits = Requirements(oil_total_share=1.1, thrust_share=1.1)
+    design = ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=sizes)
+    reached = []
+    for bore in sorted({bore for bore, _ in sizes}):
+        made = replace(machine, cylinders=(replace(lift, bore=bore), fold))
+        if min(c.slack for c in check(made, machine, space, limits)) >= -1e-9:
+            reached.append(float(lowest_frequency(made.evaluate(space.rigid)).min()))
+    assert 1 < len(reached) < 7
+    assert design.unrounded == pytest.approx(max(reached), rel=1e-9)
+    assert design.machine.cylinders[1] == fold
+    assert design.machine.cylinders[0].rod == lift.rod
+    with pytest.raises(ArmDesignError, match=r"no size with the rod of the lift cylinder, 63 mm; offer one, or let"):
+        ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=[(100 * mm, 64 * mm)])
+
+
 # --------------------------------------------------------------------------------------------------------- pins too
 
 
@@ -200,6 +220,10 @@ def test_pins_follow_the_chosen_sizes() -> None:
         assert (cylinder.bore / (5 * mm)) % 1 == pytest.approx(0, abs=1e-9)
         assert (cylinder.rod / (5 * mm)) % 1 == pytest.approx(0, abs=1e-9)
     assert both.today is machine
+    assert both.catalogue
+    assert not free.catalogue
+    assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
+    assert both.bound >= free.unrounded
     assert not any(gain for name, gain in both.worth.items() if name.startswith("thrust"))  # of sizes that do not move
 
 

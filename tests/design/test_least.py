@@ -11,9 +11,9 @@ from designs import as_machine, double, problem_of, single, workspace_of
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements
 from armdesign.cylinder import estimated_mass
+from armdesign.design.check import check, cylinder_mass
 from armdesign.design.least import ROOM
 from armdesign.design.limits import limits
-from armdesign.design.requirements import check, cylinder_mass
 from armdesign.errors import InfeasibleError
 
 WIDE = Requirements(oil_total_share=1.3, oil_each_share=1.3, thrust_share=1.3, holding_share=2.0)

@@ -13,7 +13,7 @@ from test_codesign import excavator_design
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
-from armdesign.design.requirements import check
+from armdesign.design.check import check
 
 
 def leaves(table: Any, path: str = "") -> dict[str, Any]:

@@ -13,20 +13,23 @@ VALVE = Valve(rated_flow=2e-3, rated_drop=35e5, natural_frequency=30.0, damping_
 
 
 def with_valves(machine: Machine, valve: Valve = VALVE, **changes: object) -> Machine:
-    """The machine with a valve on every cylinder that has none, and other data of all cylinders."""
-    cylinders = [replace(c, valve=c.valve or valve, **changes) for c in machine.cylinders]  # type: ignore[arg-type]
-    return replace(machine, cylinders=tuple(cylinders))
+    """The machine with a valve on every function that has none, and other data of all functions."""
+    return _each(machine, lambda f: replace(f, valve=f.valve or valve, **changes))
 
 
 def with_leakage(machine: Machine, leakage: float) -> Machine:
     """The machine with leakage [m³/s/Pa] across every piston."""
-    cylinders = [replace(c, valve=replace(c.valve or VALVE, leakage=leakage)) for c in machine.cylinders]
-    return replace(machine, cylinders=tuple(cylinders))
+    return _each(machine, lambda f: replace(f, valve=replace(f.valve or VALVE, leakage=leakage)))
 
 
 def with_friction(machine: Machine, friction: Friction) -> Machine:
-    return replace(machine, cylinders=tuple(replace(c, friction=friction) for c in machine.cylinders))
+    return _each(machine, lambda f: replace(f, friction=friction))
+
+
+def _each(machine: Machine, change):  # type: ignore[no-untyped-def]
+    cylinders, motors = (tuple(map(change, functions)) for functions in (machine.cylinders, machine.motors))
+    return replace(machine, cylinders=cylinders, motors=motors)
 
 
 def shut(machine: Machine):  # type: ignore[no-untyped-def]
-    return lambda _: np.zeros(len(machine.cylinders))
+    return lambda _: np.zeros(len(machine.functions))

@@ -1,0 +1,297 @@
+"""Prices that split the design problem into one small problem per cylinder, and what those say.
+
+For any Z_j ⪰ 0 with Σ tr Z_j = 1 and prices μ ≥ 0 of the shared oil the lowest ω² over all rows (poses and load cases)
+is at most, for every design x that the requirements allow,
+
+    Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
+
+Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a diagonal whose entry
+there, k r² − g H/r, hangs on that cylinder alone. So the maximum over x falls apart.
+
+Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each cylinder; designs that are
+worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res. 8, 1960).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.branching import Maximum, Share, maximum
+from armdesign.design.own_limits import SLACK, OwnLimits, own_limits
+from armdesign.design.problem import Problem
+from armdesign.design.shapes import Shape, coordinates, shape_of
+from armdesign.design.sizing import Step, programme
+
+ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
+ENTERING = 8  # rows that join at a time
+SAMPLES = 4000  # designs of each cylinder drawn at first, of which
+KEPT = 400  # allowed ones at most are kept
+NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the region
+ROUNDS = 15  # of programmes before branching
+AGREED = 2e-3  # of ω² where they end
+NEGLIGIBLE = 1e-5  # of the weight of all rows
+BOXES = 100_000  # branched per cylinder
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drive:
+    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, that of each row."""
+
+    cylinder: int
+    joint: int
+    shape: Shape
+    angle: Array  # (rows,) index into the shape's angles
+    limits: OwnLimits
+    dead: Array  # (2,) dead volumes, hoses as oil [m³]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Columns:
+    """Designs of single cylinders: index of the drive (c,), b and scale (c, 3), swept volumes (c, 2) [m³]."""
+
+    drive: Array
+    design: Array
+    volume: Array
+
+    def __getitem__(self, rows: Array) -> Columns:
+        return Columns(drive=self.drive[rows], design=self.design[rows], volume=self.volume[rows])
+
+    def __len__(self) -> int:
+        return len(self.drive)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prices:
+    """Multipliers of one programme, ω² in units of the reference.
+
+    Attributes:
+        rows: the rows that it had (n,).
+        weight: L⁻ᵀ Z L⁻¹ at each drive's joint (n, nd), over the reference.
+        trace: of each Z (n,).
+        oil: μ of both sides (2,) [1/m³].
+        constant: the part of the upper bound that no design changes.
+        mixed: the best of mixtures.
+        shares: how much of each column it takes (c,).
+    """
+
+    rows: Array
+    weight: Array
+    trace: Array
+    oil: Array
+    constant: float
+    mixed: float
+    shares: Array
+
+
+def drives(problem: Problem) -> tuple[Drive, ...]:
+    """The cylinders that drive one joint alone and whose pins vary in a way that ``shapes`` knows."""
+    machine, found = problem.machine, []
+    for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
+        shared = any(set(linkage.joints) & set(other.joints) for other in machine.drives if other is not linkage)
+        limits = None if shared or cylinder.compliance > 0 else own_limits(problem, i)
+        if limits is None:
+            continue
+        joint = linkage.joints[0]
+        angles, index = np.unique(problem.workspace.q[problem.rows.pose, joint], return_inverse=True)
+        shape = shape_of(problem, i, angles)
+        assert shape is not None
+        hoses = np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume]) / cylinder.hose_modulus
+        dead = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume])
+        dead = dead + hoses * machine.fluid.bulk_modulus
+        found.append(Drive(cylinder=i, joint=joint, shape=shape, angle=index, limits=limits, dead=dead))
+    return tuple(found)
+
+
+@dataclass(eq=False)
+class Dual:
+    """The search for prices: rows and columns of the programme, and a pool of designs that may become columns."""
+
+    problem: Problem
+    drives: tuple[Drive, ...]
+    watched: Array  # rows that may enter
+    reference: float  # [rad²/s²]
+    rows: Array
+    columns: Columns
+    pool: Columns
+
+    @classmethod
+    def begun(cls, problem: Problem, some: tuple[Drive, ...], x: Array, watched: Array) -> Dual:
+        """From the design x, its lowest rows, and random designs."""
+        random = np.random.default_rng(0)
+        squared = problem.frequencies(x, watched)
+        stroke = problem.stepped_strokes(x)[1][0].real
+        chosen = [d.cylinder for d in some]
+        columns = Columns(
+            drive=np.arange(len(some)),
+            design=np.array([coordinates(problem, d.cylinder, d.shape, x) for d in some]),
+            volume=(problem.areas(x) * stroke[:, None])[chosen],
+        )
+        pool = _around(some, columns.design, random)
+        for k, drive in enumerate(some):
+            low, high = drive.shape.region
+            pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3))))
+        reference = max(float(squared.min()), problem.scale)
+        return cls(problem, some, watched, reference, watched[np.argsort(squared)[:ROWS]], columns, pool)
+
+    @cached_property
+    def _budget(self) -> tuple[float, Array]:
+        """Oil that may be swept, over today's; and today's (2,) [m³]."""
+        strokes = np.array([c.stroke for c in self.problem.machine.cylinders])
+        swept = strokes @ self.problem.areas_today[: len(strokes)]
+        return self.problem.requirements.oil_total_share * (1 + SLACK), swept
+
+    # ------------------------------------------------------------------------------------------------- programmes
+
+    def settled(self) -> Prices:
+        """Prices at which no design of the pool and no watched row is worth much more than the programme knows."""
+        for _ in range(ROUNDS):
+            prices = self.prices()
+            worth, best = self._best_of_pool(prices)
+            lowest = self._take_rows(prices)
+            if worth < prices.mixed + AGREED and lowest > prices.mixed - AGREED:
+                break
+            self._take(prices, best)
+        return prices
+
+    def prices(self) -> Prices:
+        """Solve the programme over the rows and columns at hand."""
+        inverse, base = self._frames(self.rows)
+        step = self._step(inverse, base)
+        size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
+        z = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+        trace = np.trace(z, axis1=1, axis2=2)
+        z[trace < NEGLIGIBLE * trace.sum()] = 0.0
+        total = np.trace(z, axis1=1, axis2=2).sum()
+        z, oil = z / total, step.multipliers[:2] / total
+        budget, today = self._budget
+        return Prices(
+            rows=self.rows,
+            weight=np.einsum("nik,nij,njk->nk", inverse, z, inverse) / self.reference,
+            trace=trace / total,
+            oil=oil / today,
+            constant=float(np.einsum("nij,nij->", z, base) + oil.sum() * budget),
+            mixed=step.value - step.violation,
+            shares=step.change[: len(self.columns)],
+        )
+
+    def _step(self, inverse: Array, base: Array) -> Step:
+        """Mixtures of columns (shares ≥ 0 that sum to one for each drive) within the oil, of the greatest lowest ω²."""
+        count, nd, (budget, today) = len(self.columns), len(self.drives), self._budget
+        slopes, whole, oil = np.zeros((COLUMNS, *base.shape)), np.zeros((nd, COLUMNS)), np.zeros((2, COLUMNS))
+        slopes[:count] = self._matrices(inverse, self.rows)
+        whole[self.columns.drive, np.arange(count)] = 1.0
+        oil[:, :count] = -(self.columns.volume / today).T
+        value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
+        high = (np.arange(COLUMNS) < count).astype(float)
+        one = programme(len(self.rows), nd, len(value), COLUMNS)
+        return one.solve(base, slopes, value, np.concatenate([oil, -whole, whole]), np.zeros(COLUMNS), high)
+
+    def _frames(self, rows: Array) -> tuple[Array, Array]:
+        """L⁻¹ over the drives' joints (n, nd, nd), the other joints held, and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
+        joints = np.array([d.joint for d in self.drives])
+        pick = np.ix_(rows, joints, joints)
+        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(self.problem.rows.mass[pick])))
+        return inverse, inverse @ self.problem.rows.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference
+
+    def _matrices(self, inverse: Array, rows: Array) -> Array:
+        """What each column adds to L⁻¹ K L⁻ᵀ at rows (c, n, nd, nd)."""
+        across = inverse[:, :, self.columns.drive]
+        return np.einsum("cn,nic,njc->cnij", self._diagonals(self.columns, rows), across, across)
+
+    def _diagonals(self, columns: Columns, rows: Array) -> Array:
+        """Entry k r² − g H/r of K (c, n) that each column makes at rows, over the reference."""
+        found = np.empty((len(columns), len(rows)))
+        for k, d in enumerate(self.drives):
+            mine = np.flatnonzero(columns.drive == k)
+            angles, back = np.unique(d.angle[rows], return_inverse=True)
+            b, (cap, annulus) = columns.design[mine, :2], columns.volume[mine].T[:, :, None]
+            e = d.shape.at(angles).enclose(b, b).centre
+            place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
+            oil = cap**2 / (cap * place + d.dead[0]) + annulus**2 / (annulus * (1 - place) + d.dead[1])
+            beta, gravity = self.problem.machine.fluid.bulk_modulus, self.problem.rows.gravity[rows, d.joint]
+            found[mine] = beta * rate**2 * oil - gravity * bend
+        return found / self.reference
+
+    # -------------------------------------------------------------------------------------------- rows and columns
+
+    def _best_of_pool(self, prices: Prices) -> tuple[float, Columns]:
+        """What the pool's best designs at these prices come to, and the two best of each drive."""
+        entries = self._diagonals(self.pool, prices.rows) * self.reference
+        value = np.einsum("cn,nc->c", entries, prices.weight[:, self.pool.drive]) - self.pool.volume @ prices.oil
+        order = np.argsort(-value)
+        best = [order[self.pool.drive[order] == k][:2] for k in range(len(self.drives))]
+        return prices.constant + float(sum(value[b[0]] for b in best if len(b) > 0)), self.pool[np.concatenate(best)]
+
+    def _take_rows(self, prices: Prices) -> float:
+        """Let the rows enter at which the mixture is lowest, for those of least weight; and how low that is."""
+        inverse, base = self._frames(self.watched)
+        mixed = base + np.einsum("c,cnij->nij", prices.shares, self._matrices(inverse, self.watched))
+        lowest = np.linalg.eigvalsh(mixed)[:, 0]
+        worst = np.argsort(lowest)[:ENTERING]
+        new = np.setdiff1d(self.watched[worst[lowest[worst] < prices.mixed]], self.rows)
+        self.rows = np.concatenate([new, self.rows[np.argsort(-prices.trace)]])[: len(self.rows)]
+        return float(lowest.min())
+
+    def _take(self, prices: Prices, new: Columns) -> None:
+        """New columns, for those of least share where there are too many."""
+        kept = np.argsort(-prices.shares, kind="stable")[: COLUMNS - len(new)]
+        self.columns = _joined(self.columns[kept], new)
+
+    def learn(self, prices: Prices, maxima: Sequence[Maximum]) -> None:
+        """Take the best designs that branching found, and those around them into the pool."""
+        design, volume = np.array([m.design for m in maxima]), np.array([m.volume for m in maxima])
+        self._take(prices, Columns(drive=np.arange(len(maxima)), design=design, volume=volume))
+        self.pool = _joined(self.pool, _around(self.drives, design, np.random.default_rng(len(self.pool))))
+
+    # --------------------------------------------------------------------------------------------------- branching
+
+    def shares(self, prices: Prices) -> list[Share]:
+        """Each drive's part of the upper bound at these prices."""
+        found, beta = [], self.problem.machine.fluid.bulk_modulus
+        for k, d in enumerate(self.drives):
+            own = np.flatnonzero(prices.weight[:, k] > 0)
+            rows, given = prices.rows[own], prices.weight[own, k]
+            angles, back = np.unique(d.angle[rows], return_inverse=True)
+            weight, bend = np.zeros((2, len(angles) + 2))
+            np.add.at(weight, back + 2, beta * given)
+            np.add.at(bend, back + 2, given * self.problem.rows.gravity[rows, d.joint])
+            shape = d.shape.at(angles)
+            found.append(Share(shape=shape, limits=d.limits, weight=weight, bend=bend, price=prices.oil, dead=d.dead))
+        return found
+
+    def branched(self, prices: Prices, tolerance: float) -> list[Maximum]:
+        """The most that each share can be, all together to within a tolerance [of the reference]."""
+        return [maximum(share, tolerance / len(self.drives), BOXES) for share in self.shares(prices)]
+
+
+def _joined(some: Columns, more: Columns) -> Columns:
+    return Columns(
+        drive=np.concatenate([some.drive, more.drive]),
+        design=np.concatenate([some.design, more.design]),
+        volume=np.concatenate([some.volume, more.volume]),
+    )
+
+
+def _allowed(drive: Drive, k: int, designs: Array) -> Columns:
+    """Columns of the designs (m, 3) that are allowed, each with five choices of swept volumes."""
+    kept, _, volume = drive.limits.allowed(designs, designs)
+    kept, volume = kept[:KEPT], volume[:KEPT]
+    return Columns(
+        drive=np.full(5 * len(kept), k), design=np.repeat(designs[kept], 5, axis=0), volume=volume.reshape(-1, 2)
+    )
+
+
+def _around(some: tuple[Drive, ...], designs: Array, random: np.random.Generator) -> Columns:
+    """Columns at and around one design (nd, 3) of each drive."""
+    found = Columns(drive=np.empty(0, dtype=int), design=np.empty((0, 3)), volume=np.empty((0, 2)))
+    for k, drive in enumerate(some):
+        low, high = drive.shape.region
+        steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
+        near = np.clip(designs[k] + np.vstack([np.zeros(3), steps]), low, high)
+        found = _joined(found, _allowed(drive, k, near))
+    return found

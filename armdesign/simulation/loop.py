@@ -1,0 +1,121 @@
+"""Plants, their commands, the slow loop that holds the pistons' mean places, and the energy book, as one system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+from armdesign.simulation.excitation import EvenOpening
+from armdesign.simulation.plant import Plant
+from armdesign.valve import opening, spool_position
+
+Command: TypeAlias = Callable[[float], Sequence[float]]
+ByName: TypeAlias = Mapping[str, Callable[[float], float]]
+
+ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """n cases of one plant under command.
+
+    State: the plant's, two low-passes per cylinder of the slow loop, energy supplied, put into oil and dissipated.
+
+    The loop adds K (s0 − s), low-passed twice at the corner ω_c, to the valve's opening; K makes its crossover ω_c/4.
+    The two lags turn what it does at a resonance above ω_c into a little damping, where a plain proportional loop,
+    K_v < 2 ζ ω_n (Merritt 1967), would drive an undamped arm unstable.
+
+    Attributes:
+        plant: of all cases.
+        start: states at t = 0 (n, size).
+        asked: commands by time.
+        corners: ω_c (n, 1) [rad/s], 0: no loop.
+        gains: K (n, nc) [1/m].
+        places: s0 (n, nc) [m].
+    """
+
+    plant: Plant
+    start: Array
+    asked: tuple[Command, ...]
+    corners: Array
+    gains: Array
+    places: Array
+
+    @classmethod
+    def of(
+        cls,
+        plants: Sequence[Plant],
+        rests: Sequence[Array],
+        commands: Sequence[Command | ByName],
+        holds: Sequence[float | None],
+    ) -> Loop:
+        """The system of some plants of one machine each, from rest.
+
+        Raises:
+            SimulationError: a command is not one per cylinder, or names a cylinder that does not exist.
+        """
+        asked, places, gains = [], [], []
+        corners = 2 * math.pi * np.array([[hold or 0.0] for hold in holds])
+        for plant, rest, command, corner in zip(plants, rests, commands, corners, strict=True):
+            names = [function.name for function in plant.machine.functions]
+            asked.append(_by_order(command, names, plant.machine.name))
+            places.append(plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0])
+            held = [not isinstance(command, Mapping) or name in command for name in names]
+            speeds = np.array([even.speed for even in EvenOpening.all(plant, rest)])
+            gains.append(np.where(held, corner / 4 / speeds, 0.0))
+        start = np.concatenate([rests, np.zeros((len(rests), 2 * plants[0].nc + 3))], axis=1)
+        plant = Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0]
+        return cls(plant, start, tuple(asked), corners, np.array(gains), np.array(places))
+
+    def picked(self, cases: Sequence[int]) -> Loop:
+        """The system of some of the cases."""
+        rows, machines = list(cases), self.plant.machines
+        plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
+        asked = tuple(self.asked[row] for row in rows)
+        return Loop(plant, self.start[rows], asked, self.corners[rows], self.gains[rows], self.places[rows])
+
+    def commands(self, wanted: Array, state: Array) -> Array:
+        """Spool commands (n, nc): those asked for, with the loop's correction of the opening."""
+        if not self.gains.any():
+            return wanted
+        valve, nc = self.plant.hydraulics.valve, self.plant.nc
+        corrected = spool_position(valve, opening(valve, wanted) + state[:, -nc - 3 : -3])
+        return np.where(self.gains > 0, corrected, wanted)
+
+    def rates(self, time: Array, state: Array) -> Array:
+        """Rates of the plants' states, of the loop's two low-passes and of the energies."""
+        size, nc = self.plant.size, self.plant.nc
+        wanted = np.array([asked(t) for asked, t in zip(self.asked, time.tolist(), strict=True)], dtype=float)
+        found = self.plant.evaluate(state[:, :size], self.commands(wanted, state))
+        first, second = state[:, size : size + nc], state[:, size + nc : size + 2 * nc]
+        errors = self.gains * (self.places - found.extensions)
+        lags = [self.corners * (errors - first), self.corners * (first - second)]
+        return np.concatenate([found.rates, *lags, found.powers / ENERGY], axis=1)
+
+    def energies(self, states: Array) -> Array:
+        """Energy [J] supplied, put into oil and dissipated (3, m) since the start at states (m, …) of one case."""
+        return np.asarray(states[:, -3:].T * ENERGY)
+
+
+def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> Command:
+    """The command as one call for all cylinders."""
+    if not isinstance(command, Mapping):
+        if len(command(0.0)) != len(names):
+            problem, remedy = f"gives {len(command(0.0))} numbers", f"give one per cylinder: {', '.join(names)}"
+            raise SimulationError(f"{machine}: command", problem, remedy)
+        return command
+    for name in command:
+        if name not in names:
+            raise SimulationError(f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}")
+    parts = [command.get(name, _shut) for name in names]
+    return lambda time: [part(time) for part in parts]
+
+
+def _shut(_: float) -> float:
+    return 0.0

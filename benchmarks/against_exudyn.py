@@ -1,0 +1,111 @@
+"""Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and printed.
+
+Run on an otherwise idle machine: ``python benchmarks/against_exudyn.py``. Both run in this process on one core, the
+best of five each. The plant is the 20 t machine without its four-bar (Exudyn's explicit solvers, its fast ones, take
+no loop), three valves open at once. Each side's error is its greatest difference in a joint from its own finest run
+over the way gone: that both converge to the same motion is what ``tests/exudyn`` proves. Exudyn runs as fast as it can:
+module without range checks, spools in closed form, nothing recorded that is not compared. A batch costs it the sum of
+its runs.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+os.environ |= {"EXUDYN_MODULE": "fast"}
+
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("tests", "tests/exudyn"))
+
+import numpy as np
+from exudyn_twin import Twin, Valves
+from test_free_vibration import named
+from test_valve_driven import step_response
+
+from armdesign import Machine
+from armdesign.arrays import Array
+from armdesign.simulation import motion
+
+POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
+DURATION, RATE = 2.0, 100.0
+TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
+SOLVERS = {"ExplicitMidpoint": (4, 10, 40, 100), "RK44": (2, 4, 10, 30)}  # Exudyn's steps per record
+FINEST = 200
+
+
+def best_of(action: Callable[[], Array], times: int = 5) -> tuple[float, Array]:
+    """Shortest time [s] of this process of some runs, and the last result."""
+    shortest = np.inf
+    for _ in range(times):
+        start = time.process_time()
+        result = action()
+        shortest = min(shortest, time.process_time() - start)
+    return float(shortest), result
+
+
+def ours(machine: Machine, tolerance: float) -> Array:
+    """Joint positions (n, nq) of our simulation at a tolerance of its integration."""
+    motion.TOLERANCE = tolerance
+    return motion.simulate(machine, POSE, lambda _: STEPS, duration=DURATION, rate=RATE).q
+
+
+def theirs(twin: Twin, valves: Valves, solver: str, count: int) -> Array:
+    """Joint positions (n, nq) of Exudyn's with so many steps per record."""
+    return twin.run(solver, 1 / (RATE * count), DURATION, valves, 1 / RATE).q
+
+
+def spools(machine: Machine) -> Valves:
+    """Openings of both ports: a symmetric valve whose spool answers a step."""
+    responses = [step_response(cylinder.valve) for cylinder in machine.cylinders]
+
+    def openings(now: float, _: Array) -> list[tuple[float, float]]:
+        positions = [step * response(now) for step, response in zip(STEPS, responses, strict=True)]
+        return [(x, -x) for x in positions]
+
+    return openings
+
+
+def error(q: Array, finest: Array) -> float:
+    """Greatest difference over the way gone."""
+    return float(np.abs(q - finest).max() / np.ptp(finest, axis=0).max())
+
+
+def rivals(machine: Machine) -> dict[str, tuple[Array, Array]]:
+    """Errors and times [s] of Exudyn's solvers, coarse steps first; printed."""
+    start = motion.simulate(machine, POSE, lambda _: STEPS, duration=1 / RATE, rate=RATE).pressures[0]
+    twin, valves = Twin(machine, np.array(POSE), start), spools(machine)
+    finest = theirs(twin, valves, "RK44", FINEST)
+    found = {}
+    for solver, counts in SOLVERS.items():
+        runs = [best_of(partial(theirs, twin, valves, solver, count)) for count in counts]
+        found[solver] = np.array([error(q, finest) for _, q in runs]), np.array([seconds for seconds, _ in runs])
+        for count, off, seconds in zip(counts, *found[solver], strict=True):
+            print(f"Exudyn     {solver:<17} {RATE * count:6.0f} steps/s   {seconds:7.3f} s   error {off:.1e}")
+    return found
+
+
+def main() -> None:
+    """Measure and print everything: our time against the fastest solver's at our error, between its steps."""
+    machine = named("direct_bucket")
+    found, finest = rivals(machine), ours(machine, 1e-10)
+    for tolerance in TOLERANCES:
+        seconds, q = best_of(partial(ours, machine, tolerance))
+        off = error(q, finest)
+        times = {
+            solver: float(np.exp(np.interp(-np.log(off), -np.log(errors), np.log(spent))))
+            for solver, (errors, spent) in found.items()
+        }
+        best = min(times, key=lambda solver: times[solver])
+        print(f"armdesign  tolerance {tolerance:<21.0e}  {seconds:7.3f} s   error {off:.1e}", end="   ")
+        reached = "ok" if times[best] > seconds else "MISSED"
+        print(f"{times[best] / seconds:5.2f} × as fast as {best}   target > 1   {reached}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Figures that the simulation must reach on excavator_20t, measured here and printed beside their targets.
+
+``python benchmarks/simulation.py``: one core, one process, simulated time over processor time (which is wall time on an
+idle machine), best of three. A sweep of the boom's valve to 1.5 × the lowest mode, three cylinders, with the slow loop
+and the energy book.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import armdesign as ad
+from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.loop import Loop
+from armdesign.simulation.motion import Case, simulate_all
+from armdesign.simulation.plant import Plant
+
+TOLERANCE, CASES = 1e-6, 40
+POSE = np.array([1.154, -1.199, -2.191])  # near the worst
+
+
+def best_of(action: Callable[[], Any], times: int = 3) -> float:
+    """Shortest processor time [s]."""
+    shortest = float("inf")
+    for _ in range(times):
+        start = time.process_time()
+        action()
+        shortest = min(shortest, time.process_time() - start)
+    return shortest
+
+
+def sweeps() -> list[Case]:
+    """Cases that differ in payload, pose and amplitude."""
+    found = []
+    for number in range(CASES):
+        machine = ad.load("excavator_20t").with_payload(400.0 + 40 * (number % 20))
+        pose = POSE + np.array([0.0, 0.004, 0.003]) * number
+        experiment = Experiment.of(machine, pose, 0, 0)
+        commands = experiment.commands(5e-4 * (1 + number % 3) / 2)
+        hold = 0.25 * experiment.band[0]
+        found.append(Case(machine=machine, q=pose, command=commands, duration=16.0, rate=60, hold=hold))
+    return found
+
+
+def by_scipy(case: Case, method: str) -> float:
+    """Factor of real time of one case by one of scipy's integrators, with the same right-hand side."""
+    plant = Plant(case.machine)
+    loop = Loop.of([plant], [plant.rest(case.q)], [case.command], [case.hold])
+
+    def run() -> None:
+        solve_ivp(
+            lambda t, y: loop.rates(np.array([t]), y[None])[0],
+            (0.0, case.duration),
+            loop.start[0],
+            method=method,
+            rtol=TOLERANCE,
+            atol=TOLERANCE,
+        )
+
+    return case.duration / best_of(run, 1)
+
+
+def report(what: str, figure: float, target: str, reached: bool) -> None:
+    """One line: figure, target, whether it is reached."""
+    print(f"{what:<46} {figure:>8.1f} ×   target {target:<24} {'ok' if reached else 'MISSED'}")
+
+
+def main() -> None:
+    """Measure and print everything."""
+    cases = sweeps()
+    single = cases[0].duration / best_of(lambda: simulate_all(cases[:1], tolerance=TOLERANCE))
+    report("one run, real time", single, "≥ 10, aim 30", single >= 10)
+    total = sum(case.duration for case in cases)
+    stacked = total / best_of(lambda: simulate_all(cases, tolerance=TOLERANCE))
+    report(f"{CASES} runs stacked, real time", stacked, "≥ 80, aim 200", stacked >= 80)
+    print(f"{'stacked over one by one':<46} {stacked / single:>8.1f} ×")
+    for method in ("RK45", "DOP853", "LSODA"):
+        print(f"{f'one run by scipy, {method}':<46} {by_scipy(cases[0], method):>8.1f} ×")
+    run = simulate_all(cases[:1], tolerance=TOLERANCE)[0]
+    print(f"{'energy balance of that run closes within':<46} {run.energy_error:>8.0e}")
+
+
+if __name__ == "__main__":
+    main()

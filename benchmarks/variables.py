@@ -1,0 +1,37 @@
+"""What the variables of a design buy on the excavators, measured here and printed beside the targets.
+
+Run on an otherwise idle machine: ``python benchmarks/variables.py``. Gains are of the lowest frequency over the default
+grid, before rounding and of the saved machine.
+"""
+
+from __future__ import annotations
+
+import time
+
+from main_job import report
+
+import armdesign as ad
+
+TARGETS = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}
+FREEDOMS = {"areas": ("areas",), "pins": ("pins",), "both": ("areas", "pins"), "both, four-bar": ("areas", "linkages")}
+
+
+def main() -> None:
+    """Measure and print everything."""
+    for name, target in TARGETS.items():
+        machine = ad.load(name)
+        workspace = ad.Workspace.grid(machine)
+        for label, vary in FREEDOMS.items():
+            start = time.perf_counter()
+            design = ad.optimize(machine, workspace, vary=vary)
+            seconds = time.perf_counter() - start
+            lowest = design.before.frame["f1_hz"].min()
+            gain = design.unrounded / lowest - 1
+            saved = design.after.frame["f1_hz"].min() / lowest - 1
+            wanted = f"{target:+.0%}" if label == "both" else ""
+            figure = f"{gain:+.1%} {saved:+.1%}"
+            report(f"{name}, {label} ({seconds:.1f} s)", figure, wanted, gain >= target or not wanted)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""The energy balance of a run: supplied = stored + dissipated; what valves dissipate by another way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import helpers
+import machines
+import numpy as np
+import pytest
+
+from armdesign import Machine
+from armdesign.simulation.motion import simulate
+from armdesign.units import bar, l_per_min
+from armdesign.valve import Friction
+
+WORST = (1.154, -1.199, -2.191)
+
+
+def pulse(size: float, until: float = 0.3):  # type: ignore[no-untyped-def]
+    return lambda time: size if time < until else 0.0
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "crossing", "branched", "redundant"])
+def test_balance_closes(name: str) -> None:
+    """Kinetic and potential energy are Pinocchio's, all else is booked apart from them; leaks, friction, air, hoses."""
+    machine = helpers.with_valves(machines.named(name), compliance=1e-8)
+    machine = helpers.with_friction(machine, Friction(coulomb=800, static=1000, viscous=3e3))
+    cylinders = [replace(c, valve=replace(c.valve, leakage=1e-3 * l_per_min / bar)) for c in machine.cylinders]
+    machine = replace(machine, cylinders=tuple(cylinders))
+    pose = machines.inner_poses(machine, 1)[0]
+    run = simulate(machine, pose, lambda t: [pulse(0.02)(t)] * len(cylinders), duration=0.6, tolerance=1e-7)
+    assert np.ptp(run.energy) > 1
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-6 * np.ptp(run.dissipated)
+
+
+def test_closed_and_undamped_nothing_comes_or_goes(excavator: Machine) -> None:
+    """Lapped valves, shut again: the arm rings, but neither gains nor loses."""
+    lapped = {f"cylinder.{c.name}.valve.overlap_percent": 2.0 for c in excavator.cylinders}
+    run = simulate(excavator.replace(lapped), WORST, {"boom": pulse(-0.03), "bucket": pulse(0.03)}, duration=2.0)
+    assert run.events == ()
+    rings = run.time > 1.0
+    exchanged = np.ptp(run.energy[rings])
+    assert exchanged > 100
+    assert np.ptp(run.supplied[rings]) == np.ptp(run.dissipated[rings]) == 0
+    assert np.ptp(run.stored[rings]) < 1e-5 * exchanged
+
+
+def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
+    """By the trapezoidal rule from the records: the boom sinks, its cap drains, its annulus fills."""
+    run = simulate(excavator, WORST, {"boom": pulse(-0.05, 1.0)}, duration=1.0, rate=2000)
+    supply, back = excavator.supply.pressure, excavator.supply.return_pressure
+    into, out = run.flows[:, 0, 1], -run.flows[:, 0, 0]
+    assert into[200:].min() > 0
+    assert out[200:].min() > 0
+    power = into * (supply - run.pressures[:, 0, 1]) + out * (run.pressures[:, 0, 0] - back)
+    assert run.dissipated[-1] == pytest.approx(np.trapezoid(power, run.time), rel=1e-4)
+    assert run.supplied[-1] == pytest.approx(np.trapezoid(supply * into - back * out, run.time), rel=1e-4)
+
+
+def test_viscous_friction_dissipates_force_times_speed() -> None:
+    machine = helpers.with_friction(machines.named("paper_1dof"), Friction(viscous=2e4))
+    run = simulate(machine, [0.0], {"lift": pulse(0.05, 0.2)}, duration=1.0, rate=1000)
+    late = run.time >= 0.5
+    lost = np.trapezoid(2e4 * run.speeds[late, 0] ** 2, run.time[late])
+    assert run.dissipated[-1] - run.dissipated[late][0] == pytest.approx(
+        lost, rel=0.02
+    )  # the valve still shuts a little

@@ -1,0 +1,181 @@
+"""Runs that go to the limits: finite, energy-consistent, told in words; and the parts that only they use."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import machines
+import numpy as np
+import pytest
+
+from armdesign import Machine
+from armdesign.linearization import linearize
+from armdesign.simulation import motion
+from armdesign.simulation.integrator import GaveUpError, integrate
+from armdesign.simulation.motion import Simulation, simulate
+from armdesign.simulation.plant import Plant
+from armdesign.units import bar, l_per_min
+
+WORST, LEVEL = (1.154, -1.199, -2.191), (0.3, -1.2, -1.0)
+CYLINDERS = ("boom", "stick", "bucket")
+
+
+def always(size: float) -> Callable[[float], float]:
+    return lambda _: size
+
+
+def told(run: Simulation, *words: str) -> None:
+    """Finite, balanced to 1e-5 of what it exchanged, and each word is in some event."""
+    assert np.all(np.isfinite(run.q))
+    assert np.all(np.isfinite(run.pressures))
+    assert run.energy_error < 1e-5
+    assert run.dissipated[-1] > -1e-6  # [J], where all is held
+    for word in words:
+        assert any(word in event for event in run.events), run.events
+
+
+def test_into_the_end_stop(excavator: Machine) -> None:
+    run = simulate(excavator, WORST, {"boom": always(1.0)}, duration=1.0, tolerance=1e-7)
+    told(run, "boom reached its outer stop at 0.4", "boom's spool was fully open", "taken as ideal")
+
+
+def test_cavitating_load(excavator: Machine) -> None:
+    """Unloaded chambers start at 5 bar; a hard pulse of the boom empties the bucket's and the stick's."""
+    run = simulate(
+        excavator, LEVEL, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, preloaded=False, tolerance=1e-7
+    )
+    told(run, "bucket's cap cavitated at 0.29", "stick's cap cavitated")
+    assert run.pressures.min() > -1.02 * bar
+
+
+def test_zero_supply_pressure(excavator: Machine) -> None:
+    """The valve opens towards lifting, and the load drives its oil into the dead pump."""
+    reliefs = {f"cylinder.{c}.valve.relief_bar": 385.0 for c in CYLINDERS}
+    machine = excavator.replace(reliefs | {"supply.return_pressure_bar": 0.0})
+    machine = dataclasses.replace(machine, supply=dataclasses.replace(machine.supply, pressure=0.0))
+    run = simulate(machine, WORST, {"boom": always(0.5)}, duration=1.0, preloaded=False, tolerance=1e-7)
+    told(run, "boom's load pushed oil back into the supply", "cavitated")
+    assert run.extensions[-1, 0] < run.extensions[0, 0] - 0.1
+
+
+@pytest.mark.parametrize("pump", ["ideal", "flow_limited"])
+def test_valve_larger_than_the_pump(excavator: Machine, pump: str) -> None:
+    changes = {"supply.pump": pump, "cylinder.boom.valve.rated_flow_l_per_min": 5000.0}
+    run = simulate(excavator.replace(changes), LEVEL, {"boom": always(1.0)}, duration=0.4, tolerance=1e-7)
+    told(run, "were not enough" if pump == "flow_limited" else "taken as ideal")
+    assert (run.supply.min() < 0.9 * excavator.supply.pressure) == (pump == "flow_limited")
+
+
+def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
+    """Lifting steadily at full spool, the whole flow goes into the cap: ṡ = Q/A1; the supply falls."""
+    damped = {"cylinder.boom.friction.viscous_N_s_per_m": 1e5, "supply.pump": "flow_limited"}
+    damped |= {"supply.flow_l_per_min": 150.0}
+    run = simulate(excavator.replace(damped), LEVEL, {"boom": always(1.0)}, duration=2.0, tolerance=1e-7)
+    late = run.time > 1.0
+    speed = np.mean(run.speeds[late, 0])
+    assert speed == pytest.approx(150 * l_per_min / excavator.cylinders[0].bore_area, rel=0.02)
+    assert run.supply[late].max() < 0.9 * excavator.supply.pressure
+    assert run.supply[0] == excavator.supply.pressure
+
+
+def test_flow_limited_pump_keeps_the_modes(excavator: Machine) -> None:
+    """Shut valves do not feel the pump: natural frequencies stay; its pressure is one more state."""
+    limited = excavator.replace({"supply.pump": "flow_limited"})
+    model = linearize(limited, WORST)
+    assert model.A.shape == (19, 19)
+    assert model.states[12] == "supply pressure"
+    expected = linearize(excavator, WORST).natural_frequencies
+    np.testing.assert_allclose(model.natural_frequencies, expected, rtol=1e-9)
+
+
+def test_underlap_and_leakage_rest(excavator: Machine) -> None:
+    """Valves that shut nothing stand where both chambers lose what they get: all rates vanish at once."""
+    changes: dict[str, float] = {}
+    for name in CYLINDERS:
+        valve = f"cylinder.{name}.valve"
+        changes |= {f"{valve}.overlap_percent": -4.0, f"{valve}.edges.cap_to_return": 1.5}
+        changes |= {f"{valve}.leakage_l_per_min_per_bar": 0.005, f"{valve}.tank_leakage_l_per_min_per_bar": 0.002}
+    machine = excavator.replace(changes)
+    plant = Plant(machine)
+    rest = plant.rest(WORST)
+    spool = plant.split(rest)[4]
+    rates = plant.derivative(rest[None], spool[None])[0]
+    assert np.abs(rates).max() < 1e-6
+    held = simulate(machine, WORST, lambda _: spool.tolist(), duration=5.0, rate=5, tolerance=1e-7)
+    assert np.ptp(held.q, axis=0).max() < 1e-6
+
+
+def test_spool_rate_limit(excavator: Machine) -> None:
+    """Full stroke in 200 ms: a fast spool moves at 5/s, so it stands at one half after 100 ms and its lag (1.6/ω)."""
+    valve = {"natural_frequency_hz": 100.0, "stroke_time_ms": 200.0}
+    machine = excavator.replace({f"cylinder.boom.valve.{key}": value for key, value in valve.items()})
+    run = simulate(machine, LEVEL, {"boom": always(1.0)}, duration=0.1, rate=1000, tolerance=1e-7)
+    assert np.diff(run.spool[:, 0]).max() == pytest.approx(5e-3, rel=1e-3)
+    assert run.spool[-1, 0] == pytest.approx(5 * (0.1 - 1 / (2 * 0.8 * 2 * np.pi * 100)), rel=1e-3)
+
+
+HOLDING = {"side": "cap", "setting_bar": 380.0, "pilot_ratio": 4.0, "rated_flow_l_per_min": 429, "rated_drop_bar": 14}
+
+
+def holding(machine: Machine, **changes: object) -> Machine:
+    return machine.replace({f"cylinder.boom.load_holding.{k}": v for k, v in (HOLDING | changes).items()})
+
+
+def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
+    """The spool opens either way, the pump is dead: the load stays, and sinks without the valve."""
+    changes = {f"cylinder.{c}.valve.relief_bar": 385.0 for c in CYLINDERS} | {"supply.return_pressure_bar": 0.0}
+    machine = excavator.replace(changes)
+    dead = dataclasses.replace(machine.supply, pressure=0.0)
+    for spool in (0.5, -0.5):
+        ways = []
+        for one in (machine, holding(machine)):
+            run = simulate(
+                dataclasses.replace(one, supply=dead), WORST, {"boom": always(spool)}, duration=0.5, tolerance=1e-7
+            )  # fmt: skip
+            ways.append(run.extensions[-1, 0] - run.extensions[0, 0])
+            told(run)
+        assert ways[0] < -0.03
+        assert abs(ways[1]) < 1e-6
+
+
+def test_load_holding_valve_lowers_on_pilot_pressure(excavator: Machine) -> None:
+    """With the pump alive the annulus pilots it open, and it meters: slower than the valve alone."""
+    speeds = []
+    for machine in (excavator, holding(excavator)):
+        run = simulate(machine, WORST, {"boom": always(-0.1)}, duration=1.0, tolerance=1e-7)
+        told(run)
+        speeds.append(np.mean(run.speeds[run.time > 0.5, 0]))
+    assert speeds[0] < speeds[1] < -0.005
+
+
+def test_reliefs_open_where_they_are_set(excavator: Machine) -> None:
+    machine = excavator.replace({"cylinder.boom.valve.relief_bar": 250.0})
+    run = simulate(machine, WORST, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, tolerance=1e-7)
+    told(run, "the relief of boom's cap was open above 250 bar")
+
+
+class Breaking:
+    """ẏ = 1 up to y = 1, where the right-hand side ends."""
+
+    def rates(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
+        return np.where(state < 1, 1.0, np.nan)
+
+    def picked(self, cases: object) -> Breaking:
+        return self
+
+
+@pytest.mark.parametrize("cases", [1, 3])
+def test_no_result_is_cut_short(cases: int) -> None:
+    with pytest.raises(GaveUpError, match="four-bar has opened") as caught:
+        integrate(Breaking(), np.zeros((cases, 1)), np.full(cases, 5.0), np.full(cases, 9), np.zeros(cases), 1e-6, 9999)
+    assert caught.value.time == pytest.approx(1.0, abs=1e-3)
+
+
+def test_likely_causes(excavator: Machine) -> None:
+    short = machines.named("four_bar_left")
+    turns = [np.array([0.0, 0.0, angle]) for angle in np.linspace(-3.0, 3.0, 60)]
+    broken = next(q for q in turns if np.isneginf(short.margins(q)).any())
+    assert "the four-bar of tilt does not close there" in motion._likely_cause(short, broken)
+    assert "of its stroke beyond a stop" in motion._likely_cause(excavator, np.array([2.0, -1.2, -1.0]))
+    assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL))
