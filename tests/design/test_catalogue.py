@@ -244,6 +244,13 @@ def test_says_what_no_combination_meets() -> None:
     assert "\n" not in str(error.value)
 
 
+def test_what_no_pins_meet_either_is_a_conflict() -> None:
+    """No catalogue can give what free sizes cannot: less steel than nothing."""
+    with pytest.raises(InfeasibleError, match="no design meets cylinder_mass") as error:
+        ad.optimize(double(), workspace_of("double"), Requirements(cylinder_mass=1.0), catalogue=AROUND, starts=1)
+    assert "cylinder_mass" in [c.name for c in error.value.conflict]
+
+
 @pytest.mark.parametrize(
     ("catalogue", "words"),
     [
