@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap, WorstPose
+    from armdesign.paper import Reproduction
     from armdesign.simulation.validation import Validation
     from armdesign.urdf import Joint
 
 COLOURS = "viridis"
 INK = "#20262e"
 MARK = "#e5484d"
+COMPUTED = "#3b82c4"
 CYLINDER = "#f5a524"
-STYLES = (("--", INK), ("-", MARK), ("-.", "#3b82c4"), (":", CYLINDER))  # of curves, one machine each
+STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # of curves, one machine each
 
 
 def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[Any, Any]:
@@ -177,7 +179,7 @@ def frequency_responses(validations: dict[str, Validation]) -> Any:
         run = validation.runs[0]
         ax.semilogy(run.fit.frequency, np.abs(run.fit.response), ".", color=INK, ms=5, label="nonlinear simulation")
         ax.semilogy(*run.fit.curve, "-", color=MARK, lw=1.5, label="fit")
-        ax.axvline(run.linear_frequency, color="#3b82c4", ls="--", lw=1.2, label="linear natural frequency")
+        ax.axvline(run.linear_frequency, color=COMPUTED, ls="--", lw=1.2, label="linear natural frequency")
         ax.set(xlabel="frequency [Hz]")
         ax.set_title(f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz", fontsize=10)
         ax.grid(alpha=0.3)
@@ -294,3 +296,56 @@ def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
         draw([base, rod_end], color=CYLINDER, lw=4, zorder=4)
         draw(bars, color=INK, lw=1.5, zorder=4)
     mark(ax, float(worst.tool[:2] @ forward), worst.tool[2], worst.frequency)
+
+
+# ---------------------------------------------------------------------------------------------------------- the paper
+
+
+def paper_pair(found: Reproduction, formula: str) -> Any:
+    """Identified (red) and computed (blue) frequencies against load mass and link length, in the paper's form.
+
+    Dots: identified in the sweep, the paper's way; rings: at small amplitude. Returns the figure.
+    """
+    from armdesign.paper import FORMULAS
+
+    mass, length = found.mechanism.load_mass, found.mechanism.link_length
+    fig, axes = figure(2, 6.2, 5.4)
+    pairs = (("load mass m2 [kg]", mass, length, "m"), ("link length l2 [m]", length, mass, "kg"))
+    for ax, (label, across, beside, unit) in zip(axes, pairs, strict=True):
+        curve_family(ax, across, beside, found.computed[formula], color=COMPUTED, marker="s", label="computed")
+        curve_family(ax, across, beside, found.swept, color=MARK, marker="o", label="identified in the sweep")
+        ax.plot(across, found.identified, "o", mfc="none", mec=MARK, ms=6, label="identified at small amplitude")
+        ax.set(xlabel=label, ylim=(0, None), title=f"a curve for each {'length' if unit == 'm' else 'mass'}")
+        name_ends(ax, across, beside, found.computed[formula], unit)
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("frequency [Hz]")
+    axes[0].legend(frameon=False)
+    error = float(found.errors["swept"][formula])
+    fig.suptitle(f"{FORMULAS[formula]}: {error:.3g} rad/s from what the sweep shows")
+    return fig
+
+
+def curve_family(ax: Any, x: Array, family: Array, y: Array, *, label: str, **style: Any) -> None:
+    """One curve of y (n,) over x (n,) for each value of ``family`` (n,), under one label."""
+    for value in np.unique(family):
+        rows = np.flatnonzero(family == value)
+        rows = rows[np.argsort(x[rows])]
+        ax.plot(x[rows], y[rows], "-", lw=1, ms=3, label=label, **style)
+        label = "_nolegend_"
+
+
+def name_ends(ax: Any, x: Array, family: Array, y: Array, unit: str) -> None:
+    """The value of each curve's ``family`` (n,) beside its left end, in a margin made for it."""
+    low, high = float(x.min()), float(x.max())
+    ax.set_xlim(low - 0.16 * (high - low), high + 0.04 * (high - low))
+    for row in np.flatnonzero(x == low):
+        ax.annotate(
+            f"{family[row]:g} {unit}",
+            (low, y[row]),
+            xytext=(-6, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=6.5,
+            color=COMPUTED,
+        )

@@ -51,8 +51,7 @@ def best_of(action: Callable[[], Array], times: int = 5) -> tuple[float, Array]:
 
 def ours(machine: Machine, tolerance: float) -> Array:
     """Joint positions (n, nq) of our simulation at a tolerance of its integration."""
-    motion.TOLERANCE = tolerance
-    return motion.simulate(machine, POSE, lambda _: STEPS, duration=DURATION, rate=RATE).q
+    return motion.simulate(machine, POSE, lambda _: STEPS, duration=DURATION, rate=RATE, tolerance=tolerance).q
 
 
 def theirs(twin: Twin, valves: Valves, solver: str, count: int) -> Array:

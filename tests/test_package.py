@@ -37,7 +37,7 @@ ORDER = [
         "simulation.events",
         "simulation.motion",
     ),
-    *("linearization", "simulation.experiment", "simulation.validation"),
+    *("linearization", "simulation.experiment", "simulation.validation", "paper"),
     *("plots", "report", "comparison", "cli"),
 ]
 # Results draw themselves: two lines that open the door to drawing when they are asked to.
@@ -47,6 +47,7 @@ UPWARDS = {
     ("simulation.validation", "plots"),
     ("simulation.motion", "plots"),
     ("linearization", "plots"),
+    ("paper", "plots"),
 }
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"arm"},

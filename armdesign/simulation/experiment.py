@@ -21,7 +21,8 @@ from armdesign.linearization import LinearModel, linearize
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.excitation import EvenOpening, Sweep
-from armdesign.simulation.identification import record_length
+from armdesign.simulation.identification import Fit, fit_modes, record_length
+from armdesign.simulation.motion import Case, Simulation
 from armdesign.simulation.plant import Plant
 from armdesign.units import bar, mm
 
@@ -34,6 +35,7 @@ DETUNING = 0.02  # relative change of the linear frequency at the ends of the sw
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
+HOLD_SHARE = 0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +121,22 @@ class Experiment:
         }
         return commands | {self.cylinder: lambda time: self.even.spool(centre + sweep(time))}
 
-    def asked_speed(self, spool: Array) -> Array:
-        """Piston speed [m/s] that the spool's positions (n,) ask for, at the pressures of rest."""
-        return np.asarray(self.even.speed * self.even.share(spool))
+    def case(self, amplitude: float) -> Case:
+        """The sweep as a run of the nonlinear model, a slow loop holding the mean."""
+        return Case(
+            machine=self.machine,
+            q=self.pose,
+            command=self.commands(amplitude),
+            duration=self.duration,
+            rate=self.rate,
+            hold=HOLD_SHARE * self.band[0],
+        )
+
+    def fit(self, motion: Simulation) -> Fit:
+        """The modes in the response of the piston's speed to the speed that the spool asks for, in a run."""
+        asked = np.asarray(self.even.speed * self.even.share(motion.spool[:, self.index]))
+        part = f"{self.machine.name}: sweep of {self.cylinder}"
+        return fit_modes(motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part)
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""

@@ -111,6 +111,31 @@ def fit_modes(
     )
 
 
+def spectral_peak(time: Array, answer: Array, band: tuple[float, float], part: str = "response") -> float:
+    """Frequency [Hz] of the highest line that the answer's plain spectrum has within a band.
+
+    What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it.
+
+    Args:
+        time: even instants (n,) [s].
+        answer: output (n,).
+        band: lowest and highest frequency that counts [Hz].
+        part: name of the record for messages.
+
+    Raises:
+        SimulationError: no line in the band, or nothing in the answer.
+    """
+    lines = np.fft.rfftfreq(len(time), time[1] - time[0])
+    inside = np.flatnonzero((lines >= band[0]) & (lines <= band[1]))
+    if len(inside) == 0:
+        problem = f"{time[-1] - time[0]:.3g} s have no line from {band[0]:.3g} to {band[1]:.3g} Hz"
+        raise SimulationError(part, problem, f"record {1 / (band[1] - band[0]):.3g} s or more")
+    heights = np.abs(np.fft.rfft(answer)[inside])
+    if not heights.max() > 0:
+        raise SimulationError(part, "nothing moves", "raise the amplitude")
+    return float(lines[inside[np.argmax(heights)]])
+
+
 def record_length(band: tuple[float, float], modes: int) -> float:
     """Shortest record [s] from which so many modes can be fitted in a band [Hz]."""
     return (LEAST_EQUATIONS * _unknowns(modes) / 2 + 1) / (band[1] - band[0])

@@ -82,7 +82,14 @@ class _Records:
 
 
 def integrate(
-    system: System, start: Array, durations: Array, counts: Array, fastest: Array, tolerance: float, most_steps: int
+    system: System,
+    start: Array,
+    durations: Array,
+    counts: Array,
+    fastest: Array,
+    tolerance: float,
+    most_steps: int,
+    swiftest: Array | None = None,
 ) -> list[Array]:
     """States (count + 1, m) of every case at evenly spaced instants from 0 to its duration.
 
@@ -94,11 +101,12 @@ def integrate(
         fastest: largest ω of undamped oscillations (n,) [rad/s]; 0: none.
         tolerance: of a step's error, root of the mean square over the states of a case: relative and absolute.
         most_steps: that a case may take.
+        swiftest: largest ω of damped ones, too, that steps may have to follow (n,) [rad/s]; None: ``fastest``.
 
     Raises:
         GaveUpError: steps became too small or too many.
     """
-    front = _Front(system, start, durations, fastest)
+    front = _Front(system, start, durations, fastest, fastest if swiftest is None else swiftest)
     records = _Records.of(start, durations, counts)
     with np.errstate(all="ignore"):  # what is not finite is a step too far, and taken back
         front.slope = system.rates(front.time, front.state)
@@ -118,9 +126,10 @@ def integrate(
 class _Front:
     """Where the cases are that are still under way."""
 
-    def __init__(self, system: System, start: Array, durations: Array, fastest: Array) -> None:
+    def __init__(self, system: System, start: Array, durations: Array, fastest: Array, swiftest: Array) -> None:
         self.system, self.cases, self.ends = system, np.arange(len(start)), durations.astype(float)
         self.most = STABLE / np.maximum(fastest, STABLE / durations)
+        self.needed = np.minimum(self.most, STABLE / np.maximum(swiftest, STABLE / durations))
         self.time, self.state, self.slope = np.zeros(len(start)), start.copy(), start
         self.step, self.alive = np.minimum(FIRST_STEP, durations), np.ones(len(start), dtype=bool)
         self._before = self.time.copy()
@@ -147,7 +156,7 @@ class _Front:
 
     def stiff(self) -> list[int]:
         """Cases whose steps of late were far below what their oscillations need."""
-        slow = self.alive & (self.time - self._before < WINDOW * self.most / STIFF)
+        slow = self.alive & (self.time - self._before < WINDOW * self.needed / STIFF)
         self._before = self.time.copy()
         return [int(row) for row in np.flatnonzero(slow & (self.time < self.ends))]
 
@@ -157,7 +166,7 @@ class _Front:
         if 2 * self.alive.sum() <= len(self.alive) and self.alive.any():
             left = np.flatnonzero(self.alive)
             self.system = self.system.picked(left.tolist())
-            for name in ("cases", "ends", "most", "time", "state", "slope", "step", "alive", "_before"):
+            for name in ("cases", "ends", "most", "needed", "time", "state", "slope", "step", "alive", "_before"):
                 setattr(self, name, getattr(self, name)[left])
         return not self.alive.any()
 

@@ -170,9 +170,11 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation]:
     loop = Loop.of(plants, rests, *columns)
     durations = np.array([case.duration for case in cases], dtype=float)
     fastest = np.array([2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases])
+    spools = [max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases]
+    swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
     try:
-        states = integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS)
+        states = integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
     except GaveUpError as stop:
         raise _failure(plants[stop.case], stop) from None
     picked = [loop.picked([index]) for index in range(len(cases))]

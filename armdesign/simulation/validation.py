@@ -24,13 +24,12 @@ from armdesign.machine import Machine
 from armdesign.modes import energy_shares, natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.experiment import Experiment
-from armdesign.simulation.identification import Fit, fit_modes
-from armdesign.simulation.motion import Case, Simulation, simulate_all
+from armdesign.simulation.identification import Fit
+from armdesign.simulation.motion import Simulation, simulate_all
 
 if TYPE_CHECKING:
     import pandas as pd
 
-HOLD_SHARE = 0.25  # corner of the slow loop, of the lowest frequency of the band
 AGREES = 0.01  # relative deviation
 TOLERANCE = 1e-7  # of the integration
 
@@ -160,7 +159,7 @@ def validate(
         for case in loaded:
             for index, mode in _choices(case, case.at(pose), cylinders):
                 sweeps += _sweeps(Experiment.of(case, pose, index, mode), amplitude)
-    motions = simulate_all([sweep.case for sweep in sweeps], tolerance=TOLERANCE)
+    motions = simulate_all([sweep.experiment.case(sweep.amplitude) for sweep in sweeps], tolerance=TOLERANCE)
     runs = [_run(sweep, motion) for sweep, motion in zip(sweeps, motions, strict=True)]
     pairs = zip(sweeps[::2], runs[::2], runs[1::2], strict=True)
     return Validation(machine.joints, tuple(run for sweep, *pair in pairs for run in _judged(pair, sweep.experiment)))
@@ -186,18 +185,6 @@ class _Sweep:
     amplitude: float
     damping: float
 
-    @property
-    def case(self) -> Case:
-        experiment = self.experiment
-        return Case(
-            machine=experiment.machine,
-            q=experiment.pose,
-            command=experiment.commands(self.amplitude),
-            duration=experiment.duration,
-            rate=experiment.rate,
-            hold=HOLD_SHARE * experiment.band[0],
-        )
-
 
 def _sweeps(experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
     """At full and half amplitude."""
@@ -211,10 +198,7 @@ def _sweeps(experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
 def _run(sweep: _Sweep, motion: Simulation) -> Run:
     """What is found in a sweep's motion."""
     experiment = sweep.experiment
-    asked = experiment.asked_speed(motion.spool[:, experiment.index])
-    answer = motion.speeds[:, experiment.index]
-    part = f"{experiment.machine.name}: sweep of {experiment.cylinder}"
-    fit = fit_modes(motion.time, asked, answer, experiment.band, experiment.modes, part)
+    fit = experiment.fit(motion)
     return Run(
         payload=experiment.machine.payload.name,
         q=np.array(experiment.pose),
