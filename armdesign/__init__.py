@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from armdesign.bands import Bands as Bands
     from armdesign.bands import FrequencyBand as FrequencyBand
     from armdesign.bands import frequency_band as frequency_band
+    from armdesign.design.least import least as least
     from armdesign.design.optimum import Design as Design
     from armdesign.design.optimum import optimize as optimize
     from armdesign.design.optimum import size_cylinders as size_cylinders
@@ -65,6 +66,7 @@ _HOME = {
     "size_cylinders": "design.optimum",
     "Pareto": "design.pareto",
     "pareto": "design.pareto",
+    "least": "design.least",
     "Simulation": "simulation.motion",
     "simulate": "simulation.motion",
     "Validation": "simulation.validation",

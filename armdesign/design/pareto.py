@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.design.optimum import STARTS, Design, optimize
+from armdesign.design.optimum import Design, optimize
 from armdesign.design.requirements import Requirements
+from armdesign.design.searching import STARTS
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
