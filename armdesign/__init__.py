@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from armdesign.design.optimum import Design as Design
     from armdesign.design.optimum import optimize as optimize
     from armdesign.design.optimum import size_cylinders as size_cylinders
+    from armdesign.design.pareto import Pareto as Pareto
+    from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements import Requirements as Requirements
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.linearization import LinearModel as LinearModel
@@ -62,6 +64,8 @@ _HOME = {
     "Design": "design.optimum",
     "optimize": "design.optimum",
     "size_cylinders": "design.optimum",
+    "Pareto": "design.pareto",
+    "pareto": "design.pareto",
     "least": "design.least",
     "Simulation": "simulation.motion",
     "simulate": "simulation.motion",

@@ -128,15 +128,18 @@ def frequency_band(machine: Machine, workspace: Workspace, bands: Bands | None =
         bands: what is not known exactly; those of the machine's file if None.
     """
     bands = bands or Bands.of(machine)
-    ends = {
-        softest: [_worst(machine, workspace, bands, softest, *shares) for shares in bands.masses(machine)]
-        for softest in (True, False)
-    }
+    stiffest = [_worst(machine, workspace, bands, False, *shares) for shares in bands.masses(machine)]
     return FrequencyBand(
-        low=min(ends[True], key=lambda case: case.frequency),
+        low=worst_within(machine, workspace, bands),
         nominal=_worst(machine, workspace, Bands(), True, 1.0, 1.0).frequency,
-        high=max(ends[False], key=lambda case: case.frequency),
+        high=max(stiffest, key=lambda case: case.frequency),
     )
+
+
+def worst_within(machine: Machine, workspace: Workspace, bands: Bands) -> Extreme:
+    """The lower end of ``frequency_band``: the worst that bands allow."""
+    softest = [_worst(machine, workspace, bands, True, *shares) for shares in bands.masses(machine)]
+    return min(softest, key=lambda case: case.frequency)
 
 
 def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:

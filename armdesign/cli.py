@@ -54,6 +54,10 @@ VaryOption = Annotated[
     ),
 ]
 
+AgainstOption = Annotated[str, typer.Option("--against", help="The limit that moves: oil, thrust, digging, pin_box.")]
+ValuesOption = Annotated[
+    str, typer.Option("--values", help="Of that limit, commas between: shares of today's, or the pin box in m.")
+]
 CatalogueOption = Annotated[
     str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
 ]
@@ -136,6 +140,35 @@ def optimize(
     with _outputs(out) as folder:
         _write_design(design, folder)
     _print(report.design_sheets(design, units.units))
+
+
+@app.command()
+def pareto(
+    machine: MachineArgument,
+    against: AgainstOption = "oil",
+    values: ValuesOption = "",
+    out: OutOption = Path("out"),
+    points: PointsOption = "",
+    vary: VaryOption = "areas,pins",
+    units: UnitsOption = Habit.workshop,
+    allow_outside: OutsideOption = False,
+) -> None:
+    """What frequency costs in oil, thrust, digging or pin room.
+
+    A best design for each value of one limit; writes pareto.csv and pareto.png.
+    """
+    from armdesign import plots, report
+    from armdesign.design.pareto import pareto as trade_off
+
+    with _progress("looking for the best design under each limit"):
+        numbers = _numbers(values)
+        model, workspace = _model(machine, points, out, allow_outside)
+        found = trade_off(model, workspace, against=against, values=numbers, vary=_words(vary))
+        table = found.frame
+    with _outputs(out) as folder:
+        _write_csv(table, folder / "pareto.csv")
+        plots.save(found.plot().figure, folder / "pareto.png")
+    _print([report.pareto_sheet(found, units.units)])
 
 
 @app.command()
@@ -340,11 +373,6 @@ def _least(
     return made
 
 
-def _words(vary: str) -> tuple[str, ...]:
-    """What ``--vary`` lists."""
-    return tuple(word.strip() for word in vary.split(",") if word.strip())
-
-
 def _validation(model: Machine, payload: str, q: Array) -> Validation:
     from armdesign.simulation.validation import validate
 
@@ -433,6 +461,19 @@ def _counts(points: str) -> int | list[int] | None:
     except ValueError:
         raise ArmDesignError("--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61") from None
     return counts[0] if counts and len(counts) == 1 else counts
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """What an option lists, commas between."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _numbers(text: str) -> list[float] | None:
+    """What ``--values`` asks for."""
+    try:
+        return [float(word) for word in _words(text)] or None
+    except ValueError:
+        raise ArmDesignError("--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1") from None
 
 
 @contextmanager

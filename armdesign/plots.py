@@ -15,6 +15,7 @@ from armdesign.workspace import nearest
 
 if TYPE_CHECKING:
     from armdesign.design.optimum import Design
+    from armdesign.design.pareto import Pareto
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap, WorstPose
     from armdesign.paper import Reproduction
@@ -169,6 +170,29 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
         ax.contour(x * scale[0], y * scale[1], -values.T, levels=[1.0], colors=[MARK])
     ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
     ax.set_title("largest over all other joints and loads", fontsize=10)
+    return ax
+
+
+def trade_off(found: Pareto, ax: Any = None) -> Any:
+    """Worst frequency over the limit that it trades against, today's machine beside it; returns the axes."""
+    ax = figure()[1][0] if ax is None else ax
+    label, scale, now = {
+        "oil": ("swept oil allowed, over today's (joint speed falls with it)", 1.0, 1.0),
+        "thrust": ("thrust allowed, over today's", 1.0, 1.0),
+        "digging": ("digging torque to keep, over today's", 1.0, 1.0),
+        "pin_box": ("how far each pin coordinate may move [mm]", 1000.0, 0.0),
+    }[found.against]
+    limits = scale * np.array(found.limits)
+    today = found.designs[0].before.worst.frequency
+    ax.plot(limits, found.frame["frequency_hz"], "o-", color=MARK, label="best design")
+    ax.plot(now, today, "*", ms=15, color=INK, label="today's machine")
+    if found.against == "oil":
+        shares = np.linspace(min(*limits, now), max(*limits, now), 60)
+        ax.plot(shares, today * np.sqrt(shares), "--", color=COMPUTED, label="frequency² × joint speed as today")
+    ax.set(xlabel=label, ylabel="worst natural frequency [Hz]", ylim=(0, None))
+    ax.set_title(found.today.section.title or found.today.name, fontsize=11)
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False)
     return ax
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdesign.bands import Bands
 from armdesign.cylinder import Cylinder, kind, static_pressures
 from armdesign.units import WORKSHOP, Units
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from armdesign.design.optimum import Design
+    from armdesign.design.pareto import Pareto
     from armdesign.inspection import Inspection
     from armdesign.linkage import Pin
     from armdesign.machine import Machine
@@ -132,7 +134,8 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, sizes and pins, what binds, forces and oil, percentiles, of one design."""
     spread = spread_sheet({"today": design.before, "new": design.after})
-    return [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
+    sheets = [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
+    return [*sheets, *([] if design.bands == Bands() else [_bands(design)])]
 
 
 def _gain(design: Design, units: Units) -> Sheet:
@@ -144,6 +147,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     ]
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
+    note += "" if design.problem.bands == Bands() else "; in the worst of the bands"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     note += _bound(design)
     if len(design.starts) > 1:
@@ -154,6 +158,27 @@ def _gain(design: Design, units: Units) -> Sheet:
         rows=tuple(rows),
         note=note,
         bold=(2,),
+    )
+
+
+def _bands(design: Design) -> Sheet:
+    rows = [
+        (label, *(f"{frequency:.3f} Hz" for frequency in (band.low.frequency, band.nominal, band.high.frequency)))
+        for label, band in (("today", design.band_before), ("new", design.band_after))
+    ]
+    shares = {"oil": "bulk_modulus", "dead volume": "dead_volume", "payload": "payload", "links": "link_mass"}
+    words = [
+        f"{word} {low:g} to {high:g} ×" for word, name in shares.items() for low, high in [getattr(design.bands, name)]
+    ]
+    if design.bands.air:
+        words.append("entrained air {:g} to {:g} %".format(*(100 * air for air in design.bands.air)))
+    made_for = "" if design.problem.bands == Bands() else "; the new machine was made for the least"
+    return Sheet(
+        title="Worst frequency within the bands of what is not known exactly",
+        columns=("", "least", "as in the file", "greatest"),
+        rows=tuple(rows),
+        note=f"{', '.join(words)}; on the workspace's poses{made_for}",
+        bold=(1,),
     )
 
 
@@ -273,6 +298,33 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         note=f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest static pressure of the "
         "loaded chamber",
         bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
+    )
+
+
+def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
+    """What the worst frequency costs: a row for each limit, all else over today's."""
+    box = found.against == "pin_box"
+    digs = "digging_share" in found.frame
+    rows = [("today", f"{found.designs[0].before.worst.frequency:.3f} Hz", *4 * ("",), *digs * ("",))]
+    for row in found.frame.to_dict("records"):
+        shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
+        rows.append(
+            (
+                units.text(row["limit"], "m") if box else f"{row['limit']:g}",
+                f"{row['frequency_hz']:.3f} Hz",
+                f"{100 * row['gain']:+.1f} %",
+                *(f"{share:.3f}" for share in shares),
+                f"{row['squared_times_speed']:.2f}",
+            )
+        )
+    each = "; oil of one cylinder's side at most 1.1 × the limit" if found.against == "oil" else ""
+    return Sheet(
+        title=f"{found.today.section.title or found.today.name}: worst natural frequency against {found.against}",
+        columns=("limit", "frequency", "gain", "oil", "thrust", *(["digging"] if digs else []), "f² × speed"),
+        rows=tuple(rows),
+        note="; ".join(
+            [f"oil, largest thrust, least digging torque and f² × speed over today's{each}", *found.sentences]
+        ),
     )
 
 

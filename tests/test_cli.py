@@ -26,6 +26,7 @@ OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
+    "pareto": ["--against", "--values", "--vary", "--out", "--points", "--units"],
 }
 QUICK = {  # what each writes for the one-joint machine
     "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
@@ -166,6 +167,34 @@ def test_every_table_in_both_habits() -> None:
     assert "[mm]" in workshop[1].title
     assert re.search(r"\d (mm|kN|l)\b|°|\[(mm|kN|bar|l)\]", str(workshop))
     assert not re.search(r"\d (mm|kN|l)\b|°|\[(mm|kN|bar|l)\]", str(si))
+
+
+def test_a_trade_off_is_a_table_and_a_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["pareto", "paper_1dof", "--values", "0.9,1", "--vary", "areas", "--points", "9", "--out", str(tmp_path)]
+    assert main(words, monkeypatch) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"pareto.csv", "pareto.png"}
+    table = pd.read_csv(tmp_path / "pareto.csv")
+    assert table["limit"].to_list() == [0.9, 1.0]
+    printed = capsys.readouterr().out
+    for frequency in table["frequency_hz"]:
+        assert f"{frequency:.3f} Hz" in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--values", "1,x"], '--values: "1,x" is not a list of numbers; give 0.9,1.0,1.1'),
+        (["--against", "speed"], "against: 'speed' is not allowed; choose from: oil, thrust, digging, pin_box"),
+    ],
+)
+def test_bad_trade_offs_are_one_line(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["pareto", "paper_1dof", *words, "--out", str(tmp_path / "out")], monkeypatch) == 2
+    assert_one_line(capfd.readouterr().err, message)
+    assert not list(tmp_path.iterdir())
 
 
 # ---------------------------------------------------------------------------------------------------------- bad input

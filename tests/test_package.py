@@ -24,7 +24,8 @@ ORDER = [
     *("design.variables", "design.still", "design.problem", "design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.settling", "design.rounding", "design.selection"),
     *("design.intervals", "design.pin_boxes", "design.shapes", "design.own_limits", "design.branching"),
-    *("design.duality", "design.bound", "design.searching", "design.assortment", "design.optimum", "design.least"),
+    *("design.duality", "design.bound", "design.searching", "design.assortment", "design.optimum"),
+    *("design.least", "design.pareto"),
     *(
         "simulation.reach",
         "simulation.hydraulics",
@@ -44,6 +45,7 @@ ORDER = [
 UPWARDS = {
     ("maps", "plots"),
     ("design.optimum", "plots"),
+    ("design.pareto", "plots"),
     ("simulation.validation", "plots"),
     ("simulation.motion", "plots"),
     ("linearization", "plots"),

@@ -67,6 +67,42 @@ def test_pins_and_areas_finds_its_headline() -> None:
     assert gains[["sizes", "pins", "both"]].to_list() == pytest.approx(printed, abs=0.015)
 
 
+def test_areas_only_finds_its_headline() -> None:
+    module = study("03_areas_only")
+    printed = [float(n) for n in re.findall(r"([\d.]+) %", module.__doc__ or "")]
+    table = module.run(fast=True)[0]
+    assert table.index[0] == "loader_crane"
+    found = [100 * table["gain"].max(), 100 * table["gain"]["excavator_20t"]]
+    assert found == pytest.approx(printed[:2], abs=0.1)  # one decimal is printed; refined between poses
+    assert table["gain"][["paper_1dof", "patu_boom"]].abs().max() < 1e-9
+    assert 100 * table["gap"].max() <= printed[2]
+
+
+def test_robust_finds_its_headline() -> None:
+    module = study("06_robust")
+    words = module.__doc__ or ""
+    gain, cost = (float(re.findall(pattern, words)[0]) / 100 for pattern in (r"\+(\d+) %", r"cost of (\d+) %"))
+    robust, today = (float(n) for n in re.findall(r"\(([\d.]+) against ([\d.]+) Hz\)", words)[0])
+    table = module.run(fast=True)[0]
+    least, file = table["least_hz"], table["file_hz"]
+    assert [least["for the bands"], least["today"]] == pytest.approx([robust, today], abs=0.01)  # two digits; coarse
+    assert least["for the bands"] / least["today"] - 1 == pytest.approx(gain, abs=0.015)
+    assert 1 - file["for the bands"] / file["for the file"] == pytest.approx(cost, abs=0.01)
+    assert least["for the file"] / least["today"] - 1 < 0.16
+
+
+def test_speed_frequency_finds_its_headline() -> None:
+    module = study("07_speed_frequency")
+    words = module.__doc__ or ""
+    within, fixed = (float(re.findall(pattern, words)[0]) for pattern in (r"within ([\d.]+) %", r"\+(\d+) %"))
+    printed = [float(n) for n in re.findall(r"×(\d\.\d+)", words)]
+    table = module.run(fast=True)[0]["squared_times_speed"]
+    assert 100 * (table["all bores, dead volumes too"] - 1).abs().max() <= within
+    assert 100 * (table["all bores, dead volumes fixed", 1.2] - 1) == pytest.approx(fixed, abs=0.5)
+    found = [table["cylinders", 1.0], table["pins too", 1.0]]
+    assert found == pytest.approx(printed, abs=0.02)  # squares of gains that a coarse grid has within 0.5 %
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.duality import Dual, drives
 from armdesign.design.own_limits import SLACK
@@ -99,6 +100,8 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
         "dead volumes in proportion to the areas" if problem.proportional else "dead volumes as they are",
         "moment arms that keep their sign between the poses looked at",
     ]
+    if problem.bands != Bands():
+        words.append("masses as they are tried within their bands")
     if problem.machine.fluid.air > 0:
         words.append("oil without air, which is stiffer")
     if any(v.pin is not None for v in problem.variables):

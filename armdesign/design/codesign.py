@@ -152,7 +152,8 @@ class Search:
         squared, forces = self.problem.look(self.x)
         lowest, spread = np.argsort(squared)[:MEMORY], np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x, forces)).astype(int)
+        known = forces if self.problem.held is self.problem.rows else None
+        self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x, known)).astype(int)
         self.squared = float(squared.min())
         self.limits = limits(self.problem, self.x, self.holding)
 

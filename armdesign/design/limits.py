@@ -154,8 +154,8 @@ def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> I
     rows = holding_rows(problem, x) if holding is None else holding
     new, frame = Stepped(problem, x), frame_of(problem.machine, problem.requirements, RANGE_POSES)
     yield from conditions(new, frame)
-    arm = new.moment_arms(problem.workspace.rigid[problem.rows.pose[rows]])
-    gravity = problem.rows.gravity[rows]
+    arm = new.moment_arms(problem.workspace.rigid[problem.held.pose[rows]])
+    gravity = problem.held.gravity[rows]
     forces = np.stack([static_forces(arm[v], gravity, new.areas[v, :, 0]) for v in range(len(x))])
     yield from static_loads_held(new, frame, forces)
 
@@ -168,14 +168,14 @@ def buckling_factor(problem: Problem, i: int) -> float:
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:
-    """Rows at which some cylinder carries most, a few per cylinder, load case and direction.
+    """Of the rows ``problem.held`` those at which some cylinder carries most, a few per cylinder, case and direction.
 
-    ``forces`` (rows, nc) are the static forces of all rows at x, if known.
+    ``forces`` (n, nc) are the static forces of all those rows at x, if known.
     """
-    forces = problem.look(x)[1] if forces is None else forces
+    forces = problem.held_forces(x) if forces is None else forces
     chosen: list[Array] = []
     for k in range(len(problem.machine.payloads)):
-        mine = np.flatnonzero(problem.rows.payload == k)
+        mine = np.flatnonzero(problem.held.payload == k)
         for i in range(forces.shape[1]):
             few = min(HOLDING_POSES, len(mine))
             if few == 0:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands, FrequencyBand, frequency_band
 from armdesign.design.assortment import sizes_and_pins, sizes_for_pins
 from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.catalogue import sizes_of
@@ -41,7 +42,8 @@ class Design:
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
         worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
-        unrounded: worst frequency of the optimum before rounding, on the workspace's poses [Hz].
+        unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
+            was made for [Hz].
         starts: worst frequency that each start of the search reached [Hz].
         workspace: today's workspace.
         problem: the problem that was solved.
@@ -111,6 +113,21 @@ class Design:
         own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
         return frequency_map(self.machine, own)
 
+    @property
+    def bands(self) -> Bands:
+        """What is not known exactly: the bands it was made for; those of the machine's file if it was made for none."""
+        return Bands.of(self.today) if self.problem.bands == Bands() else self.problem.bands
+
+    @cached_property
+    def band_before(self) -> FrequencyBand:
+        """Today's worst frequency within the bands, on the workspace's poses."""
+        return frequency_band(self.today, self.workspace, self.bands)
+
+    @cached_property
+    def band_after(self) -> FrequencyBand:
+        """The new machine's worst frequency within the bands, on the same poses."""
+        return frequency_band(self.machine, self.workspace, self.bands)
+
     def plot(self, plane: str = "joints") -> Any:
         """Maps before and after on one colour scale over two joints or over reach and height; returns the figure."""
         from armdesign import plots
@@ -126,7 +143,7 @@ class Design:
         """
         if self.selection is None:
             free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-            return upper_bound(free, self.x, self.watched)
+            return upper_bound(free.softened, self.x, self.watched)
         return Bound(
             frequency=max(self.selection.bound, self.unrounded),  # the same number, found in two ways
             held=(),
@@ -169,6 +186,8 @@ def optimize(
     starts: int = STARTS,
     seed: int = 0,
     workers: int = 1,
+    start: Design | None = None,
+    bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
@@ -183,6 +202,9 @@ def optimize(
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
+        start: a design of the same machine under other limits, where the first start is then made.
+        bands: what is not known exactly. The frequency that rises is then the worst within them; requirements are
+            judged at the values of the file. None: all is exact, whatever bands the file states.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None: any size on the
             0.1 mm grid. From the best free sizes one cylinder after the other takes a size of the catalogue while the
             rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn until
@@ -190,15 +212,21 @@ def optimize(
             bore or rod that does not vary stays: then only pairs that have it are offered.
 
     Raises:
-        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; no catalogue, or one of no use.
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine; no
+            catalogue, or one of no use, or one with bands or a start.
         InfeasibleError: no design meets the requirements.
     """
-    problem = posed(machine, workspace, requirements, vary)
+    if catalogue is not None and (start is not None or bands is not None):
+        raise ArmDesignError("catalogue", "goes with neither start nor bands", "leave them out")
+    problem = posed(machine, workspace, requirements, vary, bands=bands or Bands())
     if catalogue is not None and problem.moving:
         return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers))
     if catalogue is not None:
         return _of_catalogue(problem, catalogue)
-    return Design.of(*multistart(problem, starts, seed, workers))
+    if start is not None and _names(start.today) != _names(machine):
+        raise ArmDesignError("start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it")
+    given = None if start is None else problem.like(start.x, start.problem)
+    return Design.of(*multistart(problem, starts, seed, workers, given))
 
 
 def size_cylinders(
@@ -231,6 +259,11 @@ def size_cylinders(
         return _of_catalogue(problem, catalogue)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
     return Design.of(search, (hertz(search.squared),))
+
+
+def _names(machine: Machine) -> tuple[str, ...]:
+    """Joints and functions."""
+    return (*machine.joints, *(function.name for function in machine.functions))
 
 
 def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]]) -> Design:

@@ -153,7 +153,7 @@ def own_limits(problem: Problem, i: int) -> OwnLimits | None:
 def _holding(problem: Problem, i: int) -> tuple[Array, Array]:
     """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m]."""
     joint = problem.machine.linkages[i].joints[0]
-    own, torque = problem.workspace.q[problem.rows.pose, joint], problem.rows.gravity[:, joint]
+    own, torque = problem.workspace.q[problem.held.pose, joint], problem.held.gravity[:, joint]
     angles, index = np.unique(own, return_inverse=True)
     extremes = np.stack([np.full(len(angles), -np.inf), np.full(len(angles), np.inf)], axis=1)
     np.maximum.at(extremes[:, 0], index, torque)

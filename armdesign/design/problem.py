@@ -10,7 +10,8 @@ sensitivities of the linkage, everything after them (oil, statics, sums) by a co
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import zip_longest
@@ -19,6 +20,7 @@ import numpy as np
 
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array, Flags
+from armdesign.bands import Bands, scaled_links
 from armdesign.cylinder import stiffness
 from armdesign.design.catalogue import relative_areas
 from armdesign.design.requirements import Requirements
@@ -62,7 +64,10 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q with the load."""
+    """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q with the load.
+
+    Where masses have bands, a load case at other masses is another one: ``payload`` counts on.
+    """
 
     pose: Array
     payload: Array
@@ -85,6 +90,7 @@ class Problem:
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
     reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
+    bands: Bands = field(default_factory=Bands)  # the worst within them counts; requirements are judged without
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
     sizes: tuple[tuple[float, float] | None, ...] = ()  # bore and rod of cylinders for which they are chosen [m]
 
@@ -184,6 +190,13 @@ class Problem:
                 made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
         return made
 
+    def like(self, x: Array, other: Problem) -> Array:
+        """The design ``x`` of another problem of this machine as one of this problem, as far as it varies here."""
+        pins = zip(x, other.variables, strict=True)
+        moved = {(v.cylinder, v.pin, v.axis): float(value) * other.box for value, v in pins if v.pin is not None}
+        here = [moved.get((v.cylinder, v.pin, v.axis), 0.0) / self.box for v in self.variables if v.pin is not None]
+        return np.clip(np.concatenate([(other.areas(x) / self.areas_today).ravel(), here]), *self.bounds)
+
     def closes(self, x: Array) -> bool:
         """Whether every four-bar closes over its joint's range."""
         pairs = zip(self.linkages(x), self.ranges, strict=True)
@@ -198,13 +211,42 @@ class Problem:
 
     @cached_property
     def rows(self) -> Rows:
-        """Every pair of a pose and a load case that exists there."""
-        parts = []
-        for k, payload in enumerate(self.machine.payloads):
+        """Every pair of a pose and a load case that exists there, at all masses that the bands ask to try."""
+        return self._rows(self.bands.masses(self.machine))
+
+    @cached_property
+    def held(self) -> Rows:
+        """Those at the masses of the file, which requirements are judged at."""
+        masses = self.bands.masses(self.machine)
+        return self.rows if masses == [(1.0, 1.0)] else self._rows([(1.0, 1.0)])
+
+    def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
+        """Pairs of a pose and a load case at shares of the payload's and of the links' masses."""
+        rigid, parts = self.workspace.rigid, []
+        for k, ((load, links), payload) in enumerate(itertools.product(masses, self.machine.payloads)):
             case = self.with_bars_moved.with_payload(payload.name)
-            pose = np.flatnonzero(case.holds(self.workspace.rigid))
-            parts.append((pose, np.full(len(pose), k), *case.loaded(self.workspace.rigid[pose])))
+            pose = np.flatnonzero(case.holds(rigid))
+            case = dataclasses.replace(case, payload=dataclasses.replace(payload, mass=load * payload.mass))
+            parts.append((pose, np.full(len(pose), k), *case.loaded(scaled_links(rigid[pose], links))))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def held_forces(self, x: Array) -> Array:
+        """Static forces (n, nc) [N] of the rows ``held`` at x."""
+        poses, back = np.unique(self.held.pose, return_inverse=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            arm = self.geometry(x, self.workspace.rigid[poses]).arm[back]
+            return static_forces(arm, self.held.gravity, self.areas(x)[:, 0])
+
+    @property
+    def softened(self) -> Problem:
+        """The same problem of a machine that has the softest oil of the bands: only bands of masses are left."""
+        masses = Bands(payload=self.bands.payload, link_mass=self.bands.link_mass)
+        return dataclasses.replace(self, machine=self._soft, bands=masses)
+
+    @cached_property
+    def _soft(self) -> Machine:
+        """Today's machine with the softest oil of the bands."""
+        return self.bands.oil(self.machine, softest=True)
 
     @property
     def with_bars_moved(self) -> Machine:
@@ -375,9 +417,9 @@ class Problem:
 
     def _oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
         """Oil stiffness of every function (n, nc) at its lengths, areas (nc, 2) and static forces [N/m, N m/rad]."""
-        fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
+        fluid, return_pressure = self._soft.fluid, self._soft.supply.return_pressure
         oil = []
-        for i, function in enumerate(self.machine.functions):
+        for i, function in enumerate(self._soft.functions):
             a1, a2 = areas[i]
             if self.proportional:
                 old = self.areas_today[i]

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands, worst_within
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
@@ -47,7 +48,7 @@ def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
     to cover the joint ranges, and of the bores and rods around it the best that pass are taken; if none passes, the
     limits are drawn in more.
     """
-    today, workspace = search.problem.machine, search.problem.workspace
+    today = search.problem.machine
     failed: list[Check] = []
     passed = [machine for machine in _tuned(search) if not _failed(machine, search)]
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3) if not passed else ():
@@ -61,7 +62,7 @@ def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
         if passed:
             break
     if passed:
-        return _better(max(passed, key=lambda machine: _worst(machine, workspace)), search)
+        return _better(max(passed, key=lambda machine: _worst(machine, search.problem)), search)
     if not _hardly_gained(search):
         names = ", ".join(c.name for c in failed) or "all requirements"
         raise InfeasibleError(today.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
@@ -129,8 +130,8 @@ def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Arr
 
 def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...]]:
     """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
-    today, workspace = search.problem.machine, search.problem.workspace
-    if _hardly_gained(search) and _worst(machine, workspace) <= _worst(today, workspace):
+    today = search.problem.machine
+    if _hardly_gained(search) and _worst(machine, search.problem) <= _worst(today, search.problem):
         machine = today
     return machine, _judged(machine, search)
 
@@ -146,8 +147,11 @@ def _hardly_gained(search: Search) -> bool:
     return min(c.slack for c in checks) >= -TOLERANCE
 
 
-def _worst(machine: Machine, workspace: Workspace) -> float:
-    """Lowest coupled frequency over the workspace's poses and all load cases [Hz]."""
+def _worst(machine: Machine, problem: Problem) -> float:
+    """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
+    workspace = problem.workspace
+    if problem.bands != Bands():
+        return worst_within(machine, workspace, problem.bands).frequency
     cases = [machine.with_payload(payload.name) for payload in machine.payloads]
     held = [(case, workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
     return min(float(lowest_frequency(case.evaluate(rigid)).min()) for case, rigid in held if len(rigid) > 0)
@@ -212,7 +216,7 @@ def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Ar
 def _light_workspace(search: Search) -> Workspace:
     """The workspace with only the poses of the largest static forces: enough for a first check."""
     whole = search.problem.workspace
-    q = whole.q[np.unique(search.problem.rows.pose[search.holding])]
+    q = whole.q[np.unique(search.problem.held.pose[search.holding])]
     return Workspace(q, whole.axes, whole.end_margin, whole.machine)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.conflict import Conflict, sentence
 from armdesign.design.problem import Problem
@@ -31,6 +32,7 @@ def posed(
     requirements: Requirements | None,
     vary: Sequence[str],
     proportional: bool = False,
+    bands: Bands | None = None,
 ) -> Problem:
     """The design problem; where no workspace or requirements are given, the default grid and those of the file.
 
@@ -47,18 +49,22 @@ def posed(
         requirements=requirements,
         vary=tuple(vary),
         proportional=proportional,
+        bands=bands or Bands(),
     )
 
 
-def multistart(problem: Problem, starts: int, seed: int, workers: int) -> tuple[Search, tuple[float, ...]]:
-    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz].
+def multistart(
+    problem: Problem, starts: int, seed: int, workers: int, given: Array | None = None
+) -> tuple[Search, tuple[float, ...]]:
+    """The best of several starts, finished; and what each start reached [Hz].
 
-    Every start is followed roughly; those that come near the best are finished.
+    They are the one ``given``, if any, today's machine and random pins. Every start is followed roughly; those that
+    come near the best are finished.
     """
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.variables])
-    searches: list[Search] = []
-    for k in range(max(starts, 1) if problem.moving else 1):
+    searches = [] if given is None else [Search(problem=problem, x=given)]
+    for k in range((max(starts, 1) if problem.moving else 1) - len(searches)):
         x = problem.start.copy()
         x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
         x = np.clip(x, *problem.bounds)

@@ -1,0 +1,177 @@
+"""Trade-offs: what the worst frequency costs in oil, thrust, digging force or room for pins.
+
+One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser one, so every point
+starts where its tighter neighbour ended and cannot be worse, but for rounding to a drawing's grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.design.optimum import Design, optimize
+from armdesign.design.requirements import Requirements
+from armdesign.design.searching import STARTS
+from armdesign.errors import ArmDesignError, InfeasibleError, choose
+from armdesign.machine import Machine
+from armdesign.workspace import Workspace
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHARES = {  # what is tried unless told: shares of today's, of a pin box of the default box
+    "oil": (0.8, 0.9, 1.0, 1.1, 1.2),
+    "thrust": (0.9, 1.0, 1.1, 1.2, 1.3),
+    "digging": (1.1, 1.0, 0.95, 0.9, 0.8),
+    "pin_box": (0.0, 0.25, 0.5, 1.0, 1.5, 2.0),
+}
+EACH = 1.1  # oil of one cylinder's side, over the share that all together may have
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pareto:
+    """The best designs under one limit that moves, from its tightest value to its loosest.
+
+    Attributes:
+        against: "oil", "thrust", "digging" or "pin_box".
+        limits: of the designs: shares of today's, or the pin box [m].
+        designs: one for each limit.
+        left_out: limits that no design meets, and why.
+        today: the machine that all were made from.
+    """
+
+    against: str
+    limits: tuple[float, ...]
+    designs: tuple[Design, ...]
+    left_out: dict[float, str]
+    today: Machine
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row for each design, with what it has of everything that trades against frequency.
+
+        ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``: of the optimum, on
+        the workspace's poses; ``gain``. ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
+        ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose digging counts (no
+        column where none does); ``pin_move_m``: largest move of any pin coordinate or bar. ``squared_times_speed``:
+        frequency² × 1/``oil_share``, which is what the pump's flow makes of the speed, over today's.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([_row(limit, design) for limit, design in zip(self.limits, self.designs, strict=True)])
+
+    @property
+    def sentences(self) -> list[str]:
+        """Which limits are left out, and why."""
+        return [f"{self.against} {limit:g} is left out: {why}" for limit, why in self.left_out.items()]
+
+    def plot(self, ax: Any = None) -> Any:
+        """Worst frequency over the limit, with today's machine; returns the axes."""
+        from armdesign import plots
+
+        return plots.trade_off(self, ax)
+
+
+def pareto(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    against: str = "oil",
+    values: Sequence[float] | None = None,
+    vary: Sequence[str] = ("areas", "pins"),
+    *,
+    starts: int = STARTS,
+    seed: int = 0,
+    workers: int = 1,
+) -> Pareto:
+    """The worst frequency that can be had under each value of one limit, all other requirements as they are.
+
+    Args:
+        machine: today's machine.
+        workspace: poses that count; default grid if None.
+        requirements: limits; those of the machine's file if None.
+        against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it ``oil_each_share``, 1.1 × it;
+            "thrust": ``thrust_share``; "digging": ``digging_share``; "pin_box": ``pin_box`` [m], pins with a box of
+            their own keep that.
+        values: of the limit, in any order; some around today's if None.
+        vary: as in ``optimize``.
+        starts: how many starts each point has: its tighter neighbour, today's machine and drawn ones, in this order.
+        seed: of the drawn starts.
+        workers: processes that share the starts.
+
+    Raises:
+        ArmDesignError: a trade-off that does not exist, or values that cannot be.
+        InfeasibleError: no design meets any of the values.
+    """
+    requirements = requirements or Requirements.of(machine)
+    workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
+    if against not in SHARES:
+        raise ArmDesignError("against", f"{against!r} is not allowed", choose(str(against), list(SHARES)))
+    if against == "digging" and not requirements.digging:
+        raise ArmDesignError("against", "no cylinder's digging force counts", "name some in requirements.digging")
+    found: dict[float, Design] = {}
+    left_out: dict[float, str] = {}
+    tighter: Design | None = None
+    for limit in _limits(machine, workspace, requirements, against, values):
+        limited = _limited(requirements, against, limit)
+        try:
+            tighter = optimize(
+                machine, workspace, limited, vary, starts=starts, seed=seed, workers=workers, start=tighter
+            )
+            found[limit] = tighter
+        except InfeasibleError as error:
+            left_out[limit] = error.problem
+    if not found:
+        raise InfeasibleError(machine.name, f"no value of {against} can be met", next(iter(left_out.values())))
+    return Pareto(against=against, limits=tuple(found), designs=tuple(found.values()), left_out=left_out, today=machine)
+
+
+def _limits(
+    machine: Machine, workspace: Workspace, requirements: Requirements, against: str, values: Sequence[float] | None
+) -> list[float]:
+    """The values of the limit, the tightest first."""
+    if values is None:
+        unit = requirements.box(machine, workspace) if against == "pin_box" else 1.0
+        values = [share * unit for share in SHARES[against]]
+    usable = [isinstance(v, int | float | np.number) and math.isfinite(v) and v >= 0 for v in values]
+    if not usable or not all(usable):
+        raise ArmDesignError("values", f"{list(values)} is not allowed", "give finite numbers ≥ 0")
+    return sorted({float(v) for v in values}, reverse=against == "digging")
+
+
+def _limited(requirements: Requirements, against: str, limit: float) -> Requirements:
+    """The requirements with one limit at a value."""
+    if against == "oil":
+        return replace(requirements, oil_total_share=limit, oil_each_share=EACH * limit)
+    name = "pin_box" if against == "pin_box" else f"{against}_share"
+    changes: dict[str, Any] = {name: limit}
+    return replace(requirements, **changes)
+
+
+def _row(limit: float, design: Design) -> dict[str, float]:
+    new, today = design.machine, design.today
+    before, after = design.before.worst.frequency, design.after.worst.frequency
+    pairs = list(zip(new.cylinders, today.cylinders, strict=True))
+    oil, annulus = (
+        sum(getattr(c, area) * c.stroke for c, _ in pairs) / sum(getattr(c, area) * c.stroke for _, c in pairs)
+        for area in ("bore_area", "annulus_area")
+    )
+    digging = [c.slack for c in design.checks if c.name.startswith("digging.")]  # of today's torque
+    moved = np.abs(design.x[[v.pin is not None for v in design.problem.variables]]).max(initial=0.0)
+    return {
+        "limit": limit,
+        "frequency_hz": after,
+        "unrounded_hz": design.unrounded,
+        "gain": after / before - 1 if before > 0 else math.inf,
+        "oil_share": oil,
+        "annulus_oil_share": annulus,
+        "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
+        **({"digging_share": design.requirements.digging_share + min(digging)} if digging else {}),
+        "pin_move_m": float(moved * design.problem.box),
+        "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,
+    }

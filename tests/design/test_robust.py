@@ -1,0 +1,113 @@
+"""Designs for the worst within bands of what is not known exactly; the bands' own search is the independent judge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from designs import MACHINES, as_machine, problem_of, some_x, workspace_of
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from armdesign import report
+from armdesign.bands import scaled_links, worst_within
+from armdesign.design.codesign import hertz
+from armdesign.design.limits import limits
+
+BANDS = ad.Bands(bulk_modulus=(0.7, 1.1), dead_volume=(1.0, 1.2), payload=(0.8, 1.25), link_mass=(0.95, 1.05))
+AIRY = ad.Bands(bulk_modulus=(0.8, 1.0), air=(0.0, 0.02), payload=(0.8, 1.25))
+
+
+@pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
+@pytest.mark.parametrize("name", ["single", "double", "odd", "excavator"])
+def test_the_problem_counts_the_worst_within_the_bands(name: str, bands: ad.Bands) -> None:
+    """Its lowest ω² against ``bands.py``, which evaluates whole machines, at today's and at another design."""
+    problem = replace(problem_of(name), bands=bands)
+    for x in (problem.start, some_x(problem, 3)):
+        judged = worst_within(as_machine(problem, x), problem.workspace, bands).frequency
+        assert_allclose(hertz(problem.frequencies(x).min()), judged, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["odd", "excavator"])
+def test_requirements_are_judged_at_the_values_of_the_file(name: str) -> None:
+    nominal = problem_of(name)
+    robust = replace(nominal, bands=BANDS)
+    x = some_x(nominal, 5)
+    one, other = limits(nominal, x), limits(robust, x)
+    assert one.names == other.names
+    assert_allclose(one.values, other.values, rtol=0, atol=1e-12)
+    assert_allclose(one.jacobian, other.jacobian, rtol=0, atol=1e-12)
+
+
+def test_exact_bands_change_nothing() -> None:
+    machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
+    one, other = (ad.optimize(machine, workspace, starts=1, bands=bands) for bands in (None, ad.Bands()))
+    assert one.machine.text == other.machine.text
+    assert one.unrounded == other.unrounded
+
+
+@pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
+@pytest.mark.parametrize(
+    ("name", "vary"), [("double", ("areas",)), ("double", ("pins",)), ("excavator", ("areas", "pins"))]
+)
+def test_the_worst_case_is_not_below_that_of_the_nominal_optimum(
+    name: str, vary: tuple[str, ...], bands: ad.Bands
+) -> None:
+    """And the other way round: where all is as the file says, the nominal optimum is not below the robust one."""
+    machine, workspace = MACHINES[name](), workspace_of(name)
+    nominal, robust = (ad.optimize(machine, workspace, vary=vary, bands=b) for b in (None, bands))
+    search = 1e-4  # where the searches stop
+    assert robust.unrounded >= (1 - search) * hertz(robust.problem.frequencies(nominal.x).min())
+    assert nominal.unrounded >= (1 - search) * hertz(nominal.problem.frequencies(robust.x).min())
+    assert robust.bound is None or robust.bound >= robust.unrounded
+    assert min(robust.slacks.values()) >= -1e-9
+    rounding = 3e-3  # what 0.1 mm cost at most on these small machines
+    assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=rounding)
+
+
+def test_no_sample_within_the_bands_is_worse() -> None:
+    """Monte Carlo through the file: other oil, volumes and loads by key path, links by their own masses."""
+    machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
+    new = ad.optimize(machine, workspace, starts=1, bands=BANDS)
+    low, random = new.band_after.low.frequency, np.random.default_rng(7)
+    found = []
+    for _ in range(40):
+        modulus, volume, load, link = (
+            random.uniform(*band) for band in (BANDS.bulk_modulus, BANDS.dead_volume, BANDS.payload, BANDS.link_mass)
+        )
+        section = new.machine.section
+        changes: dict[str, object] = {"fluid.bulk_modulus_MPa": modulus * section.fluid.bulk_modulus_MPa}
+        changes |= {f"payload.{name}.mass_kg": load * payload.mass_kg for name, payload in section.payload.items()}
+        for name, cylinder in section.cylinder.items():
+            for side in ("cap", "annulus"):
+                litres = volume * getattr(cylinder.dead_volume_l, side)
+                changes[f"cylinder.{name}.dead_volume_l.{side}"] = litres
+        sample, lowest = new.machine.replace(changes), math.inf
+        for payload in sample.payloads:
+            case = sample.with_payload(payload.name)
+            rigid = scaled_links(workspace.rigid[case.holds(workspace.rigid)], link)
+            lowest = min(lowest, ad.natural_modes(case.evaluate(rigid)).frequencies[:, 0].min())
+        found.append(lowest)
+    assert min(found) >= low * (1 - 1e-9)
+    assert min(found) < 1.1 * low, "samples come near the worst, or this says nothing"
+
+
+def test_the_report_shows_the_bands_of_the_file() -> None:
+    """In the file or given; without either there is no such sheet."""
+    machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
+    text = machine.text + "\n[bands]\nbulk_modulus_share = [0.7, 1.1]\n"
+    stated = ad.Machine.from_text(text, machine.urdf_text, machine.source)
+    found = ad.size_cylinders(stated, workspace)
+    sheet = report.design_sheets(found)[-1]
+    assert sheet.title.startswith("Worst frequency within the bands")
+    assert sheet.rows[0][1:] == tuple(
+        f"{f:.3f} Hz"
+        for f in (found.band_before.low.frequency, found.band_before.nominal, found.band_before.high.frequency)
+    )
+    assert "oil 0.7 to 1.1 ×" in sheet.note
+    robust = report.design_sheets(ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated)))
+    assert "; in the worst of the bands; optimum before rounding" in robust[0].note
+    assert robust[-1].note.endswith("; the new machine was made for the least")
+    assert "bands" not in report.design_sheets(ad.size_cylinders(machine, workspace))[-1].title
