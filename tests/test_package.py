@@ -32,6 +32,8 @@ ORDER = [
         "simulation.plant",
         "simulation.excitation",
         "simulation.identification",
+        "simulation.response",
+        "simulation.decay",
         "simulation.integrator",
         "simulation.loop",
         "simulation.events",
