@@ -48,7 +48,7 @@ class Multisine:
     """Sines of all the lines k/``period`` from ``start`` to ``stop`` [Hz] at once, ``periods`` times; 0 outside.
 
     u = a √(1/N) Σ sin(2π k t/T + φ_k), with phases φ_k = −π k (k − 1)/N, k = 1…N, that keep its peaks low
-    (Schroeder 1970): its mean square is that of one sine of ``amplitude`` a, its largest value about 1.2 a.
+    (Schroeder 1970): its mean square is that of one sine of ``amplitude`` a, its largest value about 1.3 a.
     """
 
     amplitude: float
@@ -59,7 +59,7 @@ class Multisine:
 
     def __post_init__(self) -> None:
         if not (self.start >= 0 and self.period > 0 and self.periods >= 1 and len(self.lines)):
-            problem = f"has no line from {self.start:g} to {self.stop:g} Hz in a period of {self.period:g} s"
+            problem = f"has no line from {self.start:.4g} to {self.stop:.4g} Hz in a period of {self.period:g} s"
             raise SimulationError("multisine", problem, "take a longer period or a wider band")
 
     @cached_property

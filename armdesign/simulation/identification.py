@@ -121,7 +121,9 @@ def fit_response(
 def spectral_peak(time: Array, answer: Array, band: tuple[float, float], part: str = "response") -> float:
     """Frequency [Hz] of the highest line that the answer's plain spectrum has within a band.
 
-    What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it.
+    What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it. The
+    spectrum itself is highest too low, by 1.5 % (ζ = 0) to 3 % (ζ = 0.1) in a sweep of ten periods, hardly after 300;
+    ``fit_modes`` has no such bias.
 
     Args:
         time: even instants (n,) [s].

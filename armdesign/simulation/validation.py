@@ -176,7 +176,8 @@ def validate(
     for label, case, pose in _places(machine, q, payloads, workspace):
         for index, mode in _choices(case, case.at(pose), cylinders):
             sweeps += _sweeps(label, Experiment.of(case, pose, index, mode), amplitude)
-    motions = simulate_all([sweep.experiment.case(sweep.amplitude) for sweep in sweeps], tolerance=TOLERANCE)
+    cases = [sweep.experiment.case(sweep.experiment.sweep(sweep.amplitude)) for sweep in sweeps]
+    motions = simulate_all(cases, tolerance=TOLERANCE)
     runs = [_run(sweep, motion) for sweep, motion in zip(sweeps, motions, strict=True)]
     pairs = zip(sweeps[::2], runs[::2], runs[1::2], strict=True)
     return Validation(machine.joints, tuple(run for sweep, *pair in pairs for run in _judged(pair, sweep.experiment)))
