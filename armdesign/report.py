@@ -276,7 +276,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
         for run in validation.runs:
             rows.append(
                 (
-                    f"{label}, payload {run.payload}",
+                    f"{label}, {run.payload}",
                     run.cylinder,
                     f"{100 * run.amplitude:.2g} %",
                     f"{run.linear_frequency:.4f}",
@@ -287,7 +287,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
                     run.remark,
                 )
             )
-    columns = ("pose", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ", "remark")
+    columns = ("pose, load", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ", "remark")
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=columns,
