@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from armdesign.bands import Bands as Bands
     from armdesign.bands import FrequencyBand as FrequencyBand
     from armdesign.bands import frequency_band as frequency_band
+    from armdesign.design.least import least as least
     from armdesign.design.optimum import Design as Design
     from armdesign.design.optimum import optimize as optimize
     from armdesign.design.optimum import size_cylinders as size_cylinders
@@ -61,6 +62,7 @@ _HOME = {
     "Design": "design.optimum",
     "optimize": "design.optimum",
     "size_cylinders": "design.optimum",
+    "least": "design.least",
     "Simulation": "simulation.motion",
     "simulate": "simulation.motion",
     "Validation": "simulation.validation",

@@ -54,6 +54,9 @@ VaryOption = Annotated[
     ),
 ]
 
+CatalogueOption = Annotated[
+    str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
+]
 OutsideOption = Annotated[bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")]
 
 
@@ -110,6 +113,9 @@ def optimize(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
+    catalogue: CatalogueOption = "",
+    least: Annotated[str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")] = "",
+    frequency: Annotated[float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")] = 0.0,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -119,9 +125,14 @@ def optimize(
     """
     from armdesign import report
 
+    if bool(least) != bool(frequency) or (least and catalogue):
+        raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
-        design = _design(model, workspace, vary, say)
+        if least:
+            design = _least(model, workspace, vary, least, frequency, say)
+        else:
+            design = _design(model, workspace, vary, catalogue, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
     _print(report.design_sheets(design, units.units))
@@ -156,6 +167,7 @@ def design(
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
+    catalogue: CatalogueOption = "",
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -167,7 +179,7 @@ def design(
 
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
-        answer = _design(model, workspace, "areas,pins", say)
+        answer = _design(model, workspace, "areas,pins", catalogue, say)
         validations = {}
         for label, frequencies in (("today", answer.before), ("new", answer.after)):
             say(f"simulating the worst pose, {label}")
@@ -296,15 +308,37 @@ def paper(out: OutOption = Path("out")) -> None:
     _print(report.paper_sheets(found, errata, scan))
 
 
-def _design(model: Machine, workspace: Workspace, vary: str, say: Callable[[str], None]) -> Design:
+def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say: Callable[[str], None]) -> Design:
+    from armdesign.design.catalogue import read_sizes
     from armdesign.design.optimum import optimize, size_cylinders
 
-    words = tuple(word.strip() for word in vary.split(",") if word.strip())
+    words = _words(vary)
     say("looking for better sizes" if words == ("areas",) else "looking for a better design")
-    made = size_cylinders(model, workspace) if words == ("areas",) else optimize(model, workspace, vary=words)
+    offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
+    if words == ("areas",):
+        made = size_cylinders(model, workspace, catalogue=offered)
+    else:
+        made = optimize(model, workspace, vary=words, catalogue=offered)
     say("mapping the new machine")
     _ = made.before, made.after
     return made
+
+
+def _least(
+    model: Machine, workspace: Workspace, vary: str, of: str, frequency: float, say: Callable[[str], None]
+) -> Design:
+    from armdesign.design.least import least
+
+    say(f"looking for the least {of}")
+    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary))
+    say("mapping the new machine")
+    _ = made.before, made.after
+    return made
+
+
+def _words(vary: str) -> tuple[str, ...]:
+    """What ``--vary`` lists."""
+    return tuple(word.strip() for word in vary.split(",") if word.strip())
 
 
 def _validation(model: Machine, payload: str, q: Array) -> Validation:

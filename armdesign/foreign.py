@@ -43,6 +43,7 @@ def machine_text(
     fluid: Mapping[str, Any] | None,
     supply: Mapping[str, Any] | None,
     requirements: Mapping[str, Any] | None,
+    motors: Mapping[str, Any] | None,
 ) -> str:
     """Text of the machine file; what is None takes its default.
 
@@ -51,25 +52,26 @@ def machine_text(
         path: its path: its file name goes into the machine file.
         cylinders: tables by name, as in a machine file.
         name: default: the URDF's file name.
-        joints: default: every movable joint between the pins of a cylinder, from the root outwards.
+        joints: default: every movable joint that a cylinder spans or a motor turns, from the root outwards.
         frozen: values of other joints [rad or m]; default 0.
         payloads: tables by name; default: one empty load case.
         tool: a pin; default: the origin of the outermost link that the last joint moves.
         fluid: keys that differ from ``FLUID``.
         supply: keys that differ from ``SUPPLY``.
         requirements: as in a machine file.
+        motors: tables by name, as in a machine file.
 
     Raises:
         MachineFileError: no well-formed XML, or something that is no table.
     """
     given = {"cylinders": cylinders, "payloads": payloads, "tool": tool, "fluid": fluid, "supply": supply}
-    for key, value in {**given, "frozen": frozen, "requirements": requirements}.items():
+    for key, value in {**given, "frozen": frozen, "requirements": requirements, "motors": motors}.items():
         if value is not None and not isinstance(value, Mapping):
             raise MachineFileError(
                 key, f"a {type(value).__name__} is not allowed", "give a mapping as in a machine file"
             )
     robot = _robot(urdf_text, path.name)
-    found = [str(joint) for joint in joints] if joints is not None else _spanned(robot, cylinders)
+    found = [str(joint) for joint in joints] if joints is not None else _driven(robot, cylinders, motors or {})
     data: dict[str, Any] = {
         "name": name if name is not None else _usable_name(path.stem),
         "urdf": path.name,
@@ -80,6 +82,7 @@ def machine_text(
         "fluid": {**FLUID, **(fluid or {})},
         "supply": {**SUPPLY, **(supply or {})},
         "cylinder": cylinders,
+        "motor": motors,
         "requirements": requirements,
     }
     return machine_file.dump({key: value for key, value in data.items() if value is not None}, f"made from {path.name}")
@@ -116,15 +119,16 @@ def _above(link: str, parents: dict[str, tuple[ET.Element, str]]) -> list[ET.Ele
     return found
 
 
-def _spanned(robot: ET.Element, cylinders: Mapping[str, Any]) -> list[str]:
-    """Movable joints between the pins of any cylinder, from the root outwards; all movable ones if there is none."""
+def _driven(robot: ET.Element, cylinders: Mapping[str, Any], motors: Mapping[str, Any]) -> list[str]:
+    """Movable joints that cylinders span or motors turn, from the root outwards; all movable ones if there is none."""
     parents, between = _parents(robot), []
     for table in cylinders.values():
         first, *others = [_above(link, parents) for link in _links(table)] or [[]]
         for other in others:
             between += [joint for joint in (*first, *other) if (joint in first) != (joint in other)]
+    turned = [table.get("joint", name) for name, table in motors.items() if isinstance(table, Mapping)]
     movable = [joint for joint in robot.findall("joint") if joint.get("type") in MOVABLE]
-    chosen = [joint for joint in movable if joint in between] or movable
+    chosen = [joint for joint in movable if joint in between or joint.get("name") in turned] or movable
     depth = {id(joint): len(_above(str(link), parents)) for link, (joint, _) in parents.items()}
     return [str(joint.get("name")) for joint in sorted(chosen, key=lambda joint: depth.get(id(joint), 0))]
 

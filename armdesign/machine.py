@@ -108,6 +108,7 @@ class Machine:
         fluid: Mapping[str, Any] | None = None,
         supply: Mapping[str, Any] | None = None,
         requirements: Mapping[str, Any] | None = None,
+        motors: Mapping[str, Any] | None = None,
     ) -> Machine:
         """A machine from a URDF that already exists; tables are written as in a machine file, in its units.
 
@@ -115,13 +116,15 @@ class Machine:
             urdf: path or text.
             cylinders: tables by name: bore_mm, rod_mm, stroke_mm, closed_length_mm, dead_volume_l, base, rod_end ….
             name: default: the URDF's file name.
-            joints: the coordinates; default: every movable joint between the pins of a cylinder, from the root out.
+            joints: the coordinates; default: every movable joint between the pins of a cylinder or turned by a motor,
+                from the root out.
             frozen: values of the other joints [rad or m]; default 0.
             payloads: load cases by name; default: an empty one.
             tool: a pin; default: the origin of the outermost link that the last joint moves.
             fluid: what differs from oil with a bulk modulus of 1200 MPa without air.
             supply: what differs from 250 bar, 5 bar return pressure, 100 l/min.
             requirements: as in a machine file.
+            motors: tables by name: displacement_cm3, gear_ratio, trapped_volume_l ….
 
         Raises:
             MachineFileError: a joint that cannot be used (planar, floating, mimic), or anything else that is wrong.
@@ -139,6 +142,7 @@ class Machine:
             fluid=fluid,
             supply=supply,
             requirements=requirements,
+            motors=motors,
         )
         return cls.from_text(text, urdf_text, path.with_suffix(".toml"))
 

@@ -145,10 +145,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
-    if design.certificate is not None:
-        kind = "sizes and pins" if any(v.pin for v in design.problem.variables) else "sizes with these pins"
-        rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
-        note += f"; no {kind} exceed {design.bound:.3f} Hz (gap {100 * (design.gap or 0.0):.1f} %){rigid}"
+    note += _bound(design)
     if len(design.starts) > 1:
         note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
     return Sheet(
@@ -158,6 +155,21 @@ def _gain(design: Design, units: Units) -> Sheet:
         note=note,
         bold=(2,),
     )
+
+
+def _bound(design: Design) -> str:
+    """What no other design exceeds, in words; nothing where no bound is known."""
+    if design.certificate is None:
+        return ""
+    none = "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
+    gap = f"gap {100 * (design.gap or 0.0):.1f} %"
+    if design.selection is not None:
+        none = "no combination of the catalogue with these pins exceeds"
+        gap = "proved: the best" if (design.gap or 0.0) < 1e-9 else gap
+    elif design.catalogue:
+        none = "no sizes, of the catalogue or not, and pins exceed"
+    rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
+    return f"; {none} {design.bound:.3f} Hz ({gap}){rigid}"
 
 
 def _sizes(design: Design, units: Units) -> Sheet:

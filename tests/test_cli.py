@@ -67,6 +67,45 @@ def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Pat
     assert "results/here" in done.stdout
 
 
+def test_optimize_from_a_catalogue_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The machine written has sizes of the list, and the report says that they are proved the best."""
+    (tmp_path / "own.csv").write_text("bore_mm,rod_mm\n120,85\n140,100\n115,85\n", encoding="utf-8")
+    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    assert main([*words, "--catalogue", str(tmp_path / "own.csv")], monkeypatch) == 0
+    machine = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
+    assert {(round(c.bore, 9), round(c.rod, 9)) for c in machine.cylinders} <= {
+        (0.12, 0.085),
+        (0.14, 0.1),
+        (0.115, 0.085),
+    }
+    assert "combination of the catalogue" in " ".join(capsys.readouterr().out.split())
+    assert main([*words, "--catalogue", "din"], monkeypatch) == 2
+    assert 'catalogue: "din" is not known' in capsys.readouterr().err
+
+
+def test_least_oil_for_a_frequency(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The machine written has the frequency on the poses that counted, and sweeps no more oil than today's."""
+    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    assert main([*words, "--least", "oil", "--frequency", "0.9"], monkeypatch) == 0
+    machine, today = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml"), machines.named("excavator_20t")
+    frame = ad.frequency_map(machine, ad.Workspace.grid(today, [3, 3, 5])).frame
+    assert frame["f1_hz"].min() >= 0.9
+    oil = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, today)]
+    assert oil[0] < oil[1]
+    capsys.readouterr()
+    for more in (
+        ["--least", "oil"],
+        ["--frequency", "1"],
+        ["--least", "oil", "--frequency", "1", "--catalogue", "iso"],
+    ):
+        assert main([*words, *more], monkeypatch) == 2
+        assert "--least: goes with --frequency" in capsys.readouterr().err
+
+
 def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "a"
     assert main(["map", "excavator_20t", "--out", str(out), "--points", "3,3,5"], monkeypatch) == 0

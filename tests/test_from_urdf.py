@@ -32,6 +32,12 @@ def test_the_shipped_machine_from_its_parts() -> None:
         assert one == pytest.approx(other, rel=1e-12)
 
 
+def test_a_motor_makes_its_joint_a_coordinate() -> None:
+    machine = made(motors=DATA["motor"])
+    assert machine.joints == ("swing", *EXCAVATOR.joints)
+    assert machine.motors == EXCAVATOR.replace({"joints": list(machine.joints)}).motors
+
+
 def test_defaults() -> None:
     machine = made()
     assert machine.name == "excavator_20t"  # the robot's name

@@ -11,6 +11,7 @@ from armdesign.arrays import Array
 from armdesign.design.candidates import Built, Condition, frame_of
 from armdesign.design.conditions import conditions, guaranteed, static_loads_held
 from armdesign.design.explicit import digging_forces as forces_at_tool
+from armdesign.design.explicit import estimated_masses
 from armdesign.design.requirements import Requirements
 from armdesign.machine import Machine
 from armdesign.units import Units
@@ -123,3 +124,8 @@ def digging_forces(machine: Machine) -> dict[str, float]:
     """Largest force of each cylinder at the tool [N]: see ``explicit.digging_forces``."""
     frame = frame_of(machine, Requirements(), SWEEP)
     return {name: float(force[0]) for name, force in forces_at_tool(frame.old, frame).items()}
+
+
+def cylinder_mass(machine: Machine) -> float:
+    """Estimated mass of all cylinders together [kg]."""
+    return float(estimated_masses(frame_of(machine, Requirements(), SWEEP).old)[0])

@@ -253,7 +253,7 @@ class Search:
         multipliers = np.zeros(len(self.limits.values))
         multipliers[model.keep] = step.multipliers[: len(model.keep)]
         # a limit that no variable moves has no price, whatever the solver's multiplier says
-        multipliers[~np.any(self.limits.jacobian != 0, axis=1)] = 0.0
+        multipliers[~np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)] = 0.0
         gains: dict[str, float] = {}
         for name, gain in zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True):
             gains[name] = gains.get(name, 0.0) + float(gain)

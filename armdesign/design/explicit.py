@@ -221,8 +221,13 @@ def _clearances(new: Candidate, frame: Frame) -> Iterator[Condition]:
 
 
 def _mass(new: Candidate, limit: float) -> Condition:
+    return bounded("cylinder_mass", "estimated mass of all cylinders", "kg", estimated_masses(new), limit)
+
+
+def estimated_masses(new: Candidate) -> Array:
+    """Estimated mass of all cylinders together (b,) [kg]."""
     total = np.zeros(len(new.areas))
     for i, cylinder in enumerate(new.machine.cylinders):
         bore, rod = diameters(new, i)
         total = total + cylinder.count * estimated_mass(bore, rod, new.stroke[:, i], new.machine.supply.pressure)
-    return bounded("cylinder_mass", "estimated mass of all cylinders", "kg", total, limit)
+    return total

@@ -1,38 +1,33 @@
 """The doors of the design: ``optimize`` and ``size_cylinders``, and the ``Design`` they answer with.
 
 The optimum is found in real numbers, then rounded to what a drawing can say (0.1 mm), written to a machine file, read
-back and judged by ``requirements.check``, which knows nothing of the optimiser.
+back and judged by ``check``, which knows nothing of the optimiser.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from armdesign.arrays import Array
+from armdesign.design.assortment import sizes_and_pins, sizes_for_pins
 from armdesign.design.bound import Bound, upper_bound
+from armdesign.design.catalogue import sizes_of
 from armdesign.design.check import Check
 from armdesign.design.codesign import Search, hertz
-from armdesign.design.conflict import Conflict, sentence
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import rounded
-from armdesign.design.settling import settled
-from armdesign.design.variables import chosen
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.design.searching import STARTS, met, multistart, posed
+from armdesign.design.selection import Selection
+from armdesign.errors import ArmDesignError
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
 from armdesign.units import WORKSHOP
 from armdesign.workspace import Workspace
 
-STARTS = 3
-BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
-MISSED = 1e-5  # by which a search may miss a requirement
-NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
@@ -52,6 +47,7 @@ class Design:
         problem: the problem that was solved.
         x: the optimum before rounding.
         watched: rows of the problem that the search kept an eye on.
+        selection: the sizes of a catalogue and their proof, where nothing but sizes varied; None otherwise.
     """
 
     machine: Machine
@@ -65,6 +61,38 @@ class Design:
     problem: Problem
     x: Array
     watched: Array
+    selection: Selection | None = None
+
+    @classmethod
+    def of(cls, search: Search, starts: tuple[float, ...], selection: Selection | None = None) -> Design:
+        """The rounded design of a search, with the attributes ``starts`` and ``selection``.
+
+        Raises:
+            InfeasibleError: it misses a requirement, or nothing near it does that can be written.
+        """
+        search = met(search)
+        worth = {} if selection else search.worth()
+        machine, checks = rounded(search)
+        problem = search.problem
+        return cls(
+            machine=machine,
+            today=problem.machine,
+            requirements=problem.requirements,
+            checks=checks,
+            worth=worth,
+            unrounded=hertz(search.squared),
+            starts=starts,
+            workspace=problem.workspace,
+            problem=problem,
+            x=search.x,
+            watched=search.rows,
+            selection=selection,
+        )
+
+    @property
+    def catalogue(self) -> bool:
+        """Whether bores and rods are those of a catalogue."""
+        return bool(self.problem.sizes)
 
     @cached_property
     def before(self) -> FrequencyMap:
@@ -91,8 +119,19 @@ class Design:
 
     @cached_property
     def certificate(self) -> Bound | None:
-        """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find."""
-        return upper_bound(self.problem, self.x, self.watched)
+        """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find.
+
+        With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary too: what no sizes
+        at all exceed, so none of the catalogue either.
+        """
+        if self.selection is None:
+            free = replace(self.problem, sizes=()) if self.catalogue else self.problem
+            return upper_bound(free, self.x, self.watched)
+        return Bound(
+            frequency=max(self.selection.bound, self.unrounded),  # the same number, found in two ways
+            held=(),
+            assumptions=("today's workspace and load cases", "today's pins", "sizes of the catalogue"),
+        )
 
     @property
     def bound(self) -> float | None:
@@ -130,6 +169,7 @@ def optimize(
     starts: int = STARTS,
     seed: int = 0,
     workers: int = 1,
+    catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
 
@@ -143,16 +183,22 @@ def optimize(
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
+        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None: any size on the
+            0.1 mm grid. From the best free sizes one cylinder after the other takes a size of the catalogue while the
+            rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn until
+            neither changes. ``bound`` is that of free sizes and pins; where no pin varies, that of the catalogue. A
+            bore or rod that does not vary stays: then only pairs that have it are offered.
 
     Raises:
-        ArmDesignError: a word or path of ``vary`` that names nothing that can vary.
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; no catalogue, or one of no use.
         InfeasibleError: no design meets the requirements.
     """
-    chosen(machine, vary)
-    workspace, requirements = _defaults(machine, workspace, requirements)
-    problem = Problem(machine=machine, workspace=workspace, requirements=requirements, vary=tuple(vary))
-    best, reached = _multistart(problem, starts if problem.moving else 1, seed, workers)
-    return _design(best, reached)
+    problem = posed(machine, workspace, requirements, vary)
+    if catalogue is not None and problem.moving:
+        return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers))
+    if catalogue is not None:
+        return _of_catalogue(problem, catalogue)
+    return Design.of(*multistart(problem, starts, seed, workers))
 
 
 def size_cylinders(
@@ -161,6 +207,7 @@ def size_cylinders(
     requirements: Requirements | None = None,
     *,
     dead_volume: str = "fixed",
+    catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
 
@@ -170,115 +217,22 @@ def size_cylinders(
     the convex stiffness by its tangent, so frequencies rise from step to step; ``bound`` comes from its chord over all
     areas that are allowed.
 
+    With a ``catalogue`` ("iso", "5mm" or pairs of bore and rod [m]) every cylinder has one of its sizes, and the
+    combination is the best of all; ``bound`` equals ``unrounded`` where that is proved, and lies above it by the gap
+    that is left where the combinations are too many.
+
     Raises:
         InfeasibleError: no sizes meet the requirements.
     """
     if dead_volume not in ("fixed", "proportional"):
         raise ArmDesignError("dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"')
-    workspace, requirements = _defaults(machine, workspace, requirements)
-    problem = Problem(
-        machine=machine,
-        workspace=workspace,
-        requirements=requirements,
-        vary=("areas",),
-        proportional=dead_volume == "proportional",
-    )
+    problem = posed(machine, workspace, requirements, ("areas",), dead_volume == "proportional")
+    if catalogue is not None:
+        return _of_catalogue(problem, catalogue)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
-    return _design(search, (hertz(search.squared),))
+    return Design.of(search, (hertz(search.squared),))
 
 
-def _defaults(
-    machine: Machine, workspace: Workspace | None, requirements: Requirements | None
-) -> tuple[Workspace, Requirements]:
-    requirements = requirements or Requirements.of(machine)
-    requirements.refuse_unknown(machine)
-    return workspace or Workspace.grid(machine, end_margin=requirements.end_margin), requirements
-
-
-def _multistart(problem: Problem, starts: int, seed: int, workers: int) -> tuple[Search, tuple[float, ...]]:
-    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz].
-
-    Every start is followed roughly; those that come near the best are finished.
-    """
-    random = np.random.default_rng(seed)
-    moving = np.array([v.pin is not None for v in problem.variables])
-    searches: list[Search] = []
-    for k in range(max(starts, 1)):
-        x = problem.start.copy()
-        x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
-        x = np.clip(x, *problem.bounds)
-        while not problem.closes(x):
-            x[moving] *= 0.7
-        searches.append(Search(problem=problem, x=x))
-    _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
-    near = max(s.merit for s in searches) - NEAR
-    _run([s for s in searches if s.merit >= near], workers, trust=0.05, tolerance=1e-5)
-    best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
-    best.x = settled(problem, best.x)
-    best.look()
-    for _ in range(BAR_ROUNDS if problem.moves_masses else 0):
-        # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
-        best.problem = replace(problem, bars_at=best.x)
-        best.run(trust=0.02, tolerance=1e-5)
-    return best, tuple(hertz(s.squared) for s in searches)
-
-
-def _run(searches: list[Search], workers: int, **settings: Any) -> None:
-    """Run searches of one problem: in this process with one programme, or in several that set up their own."""
-    if workers <= 1 or len(searches) < 2:
-        for search in searches:
-            search.programme = searches[0].programme
-            search.run(**settings)
-        return
-    from joblib import Parallel, delayed
-
-    tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
-    for search, found in zip(searches, Parallel(workers)(tasks), strict=True):
-        search.x, search.rows, search.holding = found
-        search.look()
-
-
-def _outcome(
-    problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
-) -> tuple[Array, Array, Array]:
-    """Where a search ends, and which rows it watches then: what crosses from one process to another."""
-    search = Search(problem=problem, x=x, rows=rows, holding=holding).run(**settings)
-    return search.x, search.rows, search.holding
-
-
-def _design(search: Search, starts: tuple[float, ...]) -> Design:
-    problem = search.problem
-    if search.violation > MISSED:
-        if error := _conflict_of(search):
-            raise error
-        search.run(trust=0.02, tolerance=1e-5)  # a design that meets them all was found: on from there
-        if search.violation > MISSED:
-            raise InfeasibleError(
-                problem.machine.name, "no design was found that meets all requirements", "loosen them"
-            )
-    worth = search.worth()
-    machine, checks = rounded(search)
-    return Design(
-        machine=machine,
-        today=problem.machine,
-        requirements=problem.requirements,
-        checks=checks,
-        worth=worth,
-        unrounded=hertz(search.squared),
-        starts=starts,
-        workspace=problem.workspace,
-        problem=problem,
-        x=search.x,
-        watched=search.rows,
-    )
-
-
-def _conflict_of(search: Search) -> InfeasibleError | None:
-    """The error that says which requirements conflict; None where a design meets all: ``search`` then stands there."""
-    conflict = Conflict(search.problem, search.x, search.holding)
-    names = conflict.smallest()
-    if not names:
-        search.x = conflict.x
-        return None
-    given, settles = conflict.concessions(names)
-    return InfeasibleError(search.problem.machine.name, sentence(given, settles), "loosen them", given)
+def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]]) -> Design:
+    search, selection = sizes_for_pins(problem, sizes_of(catalogue))
+    return Design.of(search, (selection.frequency,), selection)

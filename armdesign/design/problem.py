@@ -20,7 +20,9 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array, Flags
 from armdesign.cylinder import stiffness
+from armdesign.design.catalogue import relative_areas
 from armdesign.design.requirements import Requirements
+from armdesign.design.still import Still, lowest
 from armdesign.design.variables import Variable, variables
 from armdesign.linkage import OF_FOUR_BAR, Actuation, Linkage, Move
 from armdesign.machine import Machine
@@ -84,6 +86,7 @@ class Problem:
     reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
     bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
+    sizes: tuple[tuple[float, float] | None, ...] = ()  # bore and rod of cylinders for which they are chosen [m]
 
     # ------------------------------------------------------------------------------------------------ variables
 
@@ -97,7 +100,19 @@ class Problem:
     @cached_property
     def variables(self) -> list[Variable]:
         """Entries of x: all areas (fixed unless they vary), then the coordinates of pins and bars that move."""
+        return [self._as_chosen(v) for v in self._asked]
+
+    @cached_property
+    def _asked(self) -> list[Variable]:
         return variables(self.machine, self.vary, self.box, self.requirements.thrust_share)
+
+    def _as_chosen(self, v: Variable) -> Variable:
+        """A variable, fixed if it is an area of a cylinder whose size is chosen."""
+        size = self.sizes[v.cylinder] if v.pin is None and v.cylinder < len(self.sizes) else None
+        if size is None:
+            return v
+        area = relative_areas(self.machine.cylinders[v.cylinder], *size)[v.axis]
+        return dataclasses.replace(v, lower=area, upper=area)
 
     @cached_property
     def moving(self) -> list[int]:
@@ -115,8 +130,8 @@ class Problem:
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
-        """For each function, whether its bore and whether its rod varies."""
-        free = [v.upper > v.lower for v in self.variables[: 2 * len(self.machine.functions)]]
+        """For each function, whether its bore and whether its rod may change, in ``sizes`` too."""
+        free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.functions)]]
         return tuple(zip(free[::2], free[1::2], strict=True))
 
     @cached_property
@@ -135,6 +150,14 @@ class Problem:
             ends.append((v.lower * share, v.upper * share))
         low, high = np.array(ends).T
         return low, high
+
+    def placed(self, x: Array) -> Machine:
+        """Today's machine with the pins, bars, closed lengths and strokes of x; bores and rods are today's."""
+        places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=False)  # motors stay
+        cylinders = tuple(
+            dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke)) for c, closed, stroke in places
+        )
+        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(x)))
 
     def areas(self, x: Array) -> Array:
         """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
@@ -188,10 +211,7 @@ class Problem:
         """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
         if self.bars_at is None or not self.moves_masses:
             return self.machine
-        closed, _ = self._strokes(self.bars_at, self._range_lengths(self.bars_at)[0])
-        pairs = zip(self.machine.cylinders, closed[: len(self.machine.cylinders)], strict=True)
-        cylinders = tuple(dataclasses.replace(c, closed_length=float(length)) for c, length in pairs)
-        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(self.bars_at)))
+        return self.placed(self.bars_at)
 
     @cached_property
     def _inverse_cholesky(self) -> Array:
@@ -241,6 +261,9 @@ class Problem:
 
     def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
+        if self._still is not None:
+            strokes = self._strokes(x, self._range_lengths(x)[0])
+            return self._still.look(x, rows, lambda length, force: self._oil(length, *strokes, self.areas(x), force))
         rows = np.arange(len(self)) if rows is None else rows
         if self._fixed is not None:
             g, back = self._fixed, self.rows.pose[rows]
@@ -253,10 +276,7 @@ class Problem:
         forces = static_forces(arm, self.rows.gravity[rows], self.areas(x)[:, 0])
         matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, self.areas(x), rows, forces)
         lower = self._inverse_cholesky[rows]
-        scaled = lower @ matrix @ np.swapaxes(lower, 1, 2)
-        bad = ~np.isfinite(scaled).all(axis=(1, 2))
-        scaled[bad] = 0.0
-        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0]), forces
+        return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
     @cached_property
     def _fixed(self) -> Geometry | None:
@@ -264,6 +284,17 @@ class Problem:
         if self.moving:
             return None
         return self.geometry(self.start, self.workspace.rigid)
+
+    @cached_property
+    def _still(self) -> Still | None:
+        """What areas leave alone, where no pin varies and static forces do not hang on the areas."""
+        if self._fixed is None or len(self.machine.functions) != len(self.machine.joints):
+            return None
+        g, pose, lower = self._fixed, self.rows.pose, self._inverse_cholesky
+        arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
+        forces = static_forces(arm, self.rows.gravity, self.areas_today[:, 0])
+        rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
+        return Still(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
     @cached_property
     def scale(self) -> float:
@@ -339,7 +370,11 @@ class Problem:
         """K of rows: hydraulic + gravity + geometric (n, nq, nq); complex-safe."""
         if forces is None:
             forces = static_forces(arm, self.rows.gravity[rows], areas[:, 0])
-        slope = self.rows.slope[rows]
+        weighted = arm * self._oil(length, closed, stroke, areas, forces)[:, :, None]
+        return np.swapaxes(arm, 1, 2) @ weighted + self.rows.slope[rows] - np.einsum("nc,ncij->nij", forces, curve)
+
+    def _oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
+        """Oil stiffness of every function (n, nc) at its lengths, areas (nc, 2) and static forces [N/m, N m/rad]."""
         fluid, return_pressure = self.machine.fluid, self.machine.supply.return_pressure
         oil = []
         for i, function in enumerate(self.machine.functions):
@@ -353,8 +388,7 @@ class Problem:
                 )
             extension = length[:, i] - closed[i]
             oil.append(stiffness(function, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
-        weighted = arm * np.stack(oil, axis=1)[:, :, None]
-        return np.swapaxes(arm, 1, 2) @ weighted + slope - np.einsum("nc,ncij->nij", forces, curve)
+        return np.stack(oil, axis=1)
 
     # -------------------------------------------------------------------------------------------------- strokes
 

@@ -1,7 +1,7 @@
 """Rounding: from the optimum in real numbers to a machine file that a drawing office can use.
 
 Pins, bores, rods, strokes and closed lengths go to the 0.1 mm grid; the machine is written, read back, and judged by
-``requirements.check``, which knows nothing of the optimiser.
+``check``, which knows nothing of the optimiser.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.cylinder import Cylinder
+from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
@@ -137,6 +138,8 @@ def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...
 def _hardly_gained(search: Search) -> bool:
     """Whether today's machine is allowed and the optimum less than 1 % above it, which rounding may eat up."""
     problem = search.problem
+    if problem.sizes:  # today's machine need not be in the catalogue
+        return False
     if search.squared > 1.02 * problem.frequencies(problem.start).min():
         return False
     checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
@@ -177,8 +180,13 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
 
 
 def _choices(search: Search, count: int) -> list[tuple[float, ...]]:
-    """Bore and rod of every cylinder in a row [mm], rounded up or down where they vary, the nearest first."""
+    """Bore and rod of every cylinder in a row [mm], rounded up or down where they vary, the nearest first.
+
+    Those of a catalogue stay what they are.
+    """
     problem = search.problem
+    if problem.sizes:
+        return [tuple(size_in_mm(size) for pair in problem.sizes if pair for size in pair)]
     options, wanted = [], []
     pairs = zip(problem.machine.cylinders, problem.areas(search.x), problem.resized, strict=False)  # motors stay
     for cylinder, (a1, a2), free in pairs:

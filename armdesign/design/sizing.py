@@ -96,6 +96,13 @@ def _levelled(base: Array) -> Array:
     return np.asarray(np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2))
 
 
+def certificate(step: Step) -> Array:
+    """The solver's multipliers of the matrix inequalities, made to be what weak duality asks: Z_j ⪰ 0, Σ tr Z_j = 1."""
+    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
+    weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+    return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
+
+
 def dual_bound(step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> float:
     """An upper bound on λ that holds whatever the solver did.
 
@@ -103,9 +110,7 @@ def dual_bound(step: Step, base: Array, slopes: Array, value: Array, jacobian: A
     λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The solver's multipliers,
     made to meet the signs and the trace, are such weights.
     """
-    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
-    weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
-    weights = weights / np.trace(weights, axis1=1, axis2=2).sum()
+    weights = certificate(step)
     constant = np.einsum("nij,nij->", weights, base) + step.multipliers @ value
     slope = np.einsum("nij,vnij->v", weights, slopes) + step.multipliers @ jacobian
     return float(constant + np.maximum(slope * low, slope * high).sum())

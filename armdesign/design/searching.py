@@ -1,0 +1,141 @@
+"""Searches from several starts, taken to their end: what ``optimize``, catalogues and the reverse question share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.codesign import Search, hertz
+from armdesign.design.conflict import Conflict, sentence
+from armdesign.design.problem import Problem
+from armdesign.design.requirements import Requirements
+from armdesign.design.settling import settled
+from armdesign.design.variables import chosen
+from armdesign.errors import InfeasibleError
+from armdesign.machine import Machine
+from armdesign.workspace import Workspace
+
+STARTS = 3
+BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
+MISSED = 1e-5  # by which a search may miss a requirement
+NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
+
+
+def posed(
+    machine: Machine,
+    workspace: Workspace | None,
+    requirements: Requirements | None,
+    vary: Sequence[str],
+    proportional: bool = False,
+) -> Problem:
+    """The design problem; where no workspace or requirements are given, the default grid and those of the file.
+
+    Raises:
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a requirement on what is not there.
+    """
+    chosen(machine, vary)
+    requirements = requirements or Requirements.of(machine)
+    requirements.refuse_unknown(machine)
+    workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
+    return Problem(
+        machine=machine,
+        workspace=workspace,
+        requirements=requirements,
+        vary=tuple(vary),
+        proportional=proportional,
+    )
+
+
+def multistart(problem: Problem, starts: int, seed: int, workers: int) -> tuple[Search, tuple[float, ...]]:
+    """The best of several starts, today's machine and random pins, finished; and what each start reached [Hz].
+
+    Every start is followed roughly; those that come near the best are finished.
+    """
+    random = np.random.default_rng(seed)
+    moving = np.array([v.pin is not None for v in problem.variables])
+    searches: list[Search] = []
+    for k in range(max(starts, 1) if problem.moving else 1):
+        x = problem.start.copy()
+        x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
+        x = np.clip(x, *problem.bounds)
+        while not problem.closes(x):
+            x[moving] *= 0.7
+        searches.append(Search(problem=problem, x=x))
+    _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
+    near = max(s.merit for s in searches) - NEAR
+    _run([s for s in searches if s.merit >= near], workers, trust=0.05, tolerance=1e-5)
+    best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
+    return _with_least_moves(best), tuple(hertz(s.squared) for s in searches)
+
+
+def finished(search: Search, trust: float) -> Search:
+    """The search run to its end."""
+    return _with_least_moves(search.run(trust=trust, tolerance=1e-5))
+
+
+def _with_least_moves(search: Search) -> Search:
+    """The equal design whose pins move least, and the cylinders' own masses taken along."""
+    search.x = settled(search.problem, search.x)
+    search.look()
+    for _ in range(BAR_ROUNDS if search.problem.moves_masses else 0):
+        # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
+        search.problem = replace(search.problem, bars_at=search.x)
+        search.run(trust=0.02, tolerance=1e-5)
+    return search
+
+
+def _run(searches: list[Search], workers: int, **settings: Any) -> None:
+    """Run searches of one problem: in this process with one programme, or in several that set up their own."""
+    if workers <= 1 or len(searches) < 2:
+        for search in searches:
+            search.programme = searches[0].programme
+            search.run(**settings)
+        return
+    from joblib import Parallel, delayed
+
+    tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
+    for search, found in zip(searches, Parallel(workers)(tasks), strict=True):
+        search.x, search.rows, search.holding = found
+        search.look()
+
+
+def _outcome(
+    problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
+) -> tuple[Array, Array, Array]:
+    """Where a search ends, and which rows it watches then: what crosses from one process to another."""
+    search = Search(problem=problem, x=x, rows=rows, holding=holding).run(**settings)
+    return search.x, search.rows, search.holding
+
+
+def met(search: Search) -> Search:
+    """The search, on from where all requirements are met if it ended where one is missed.
+
+    Raises:
+        InfeasibleError: no design meets them all; names those that conflict.
+    """
+    if search.violation > MISSED:
+        if error := _conflict_of(search):
+            raise error
+        search.run(trust=0.02, tolerance=1e-5)  # a design that meets them all was found: on from there
+        if search.violation > MISSED:
+            name = search.problem.machine.name
+            raise InfeasibleError(name, "no design was found that meets all requirements", "loosen them")
+    return search
+
+
+def _conflict_of(search: Search) -> InfeasibleError | None:
+    """The error that says which requirements conflict; None where a design meets all: ``search`` then stands there."""
+    conflict = Conflict(search.problem, search.x, search.holding)
+    names = conflict.smallest()
+    if not names:
+        search.x = conflict.x
+        return None
+    given, settles = conflict.concessions(names)
+    words, remedy = sentence(given, settles), "loosen them"
+    if search.problem.sizes:
+        words, remedy = f"with the sizes of the catalogue that were tried, {words}", "loosen them or offer other sizes"
+    return InfeasibleError(search.problem.machine.name, words, remedy, given)

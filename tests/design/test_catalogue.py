@@ -1,0 +1,305 @@
+"""Sizes from a catalogue: by hand, against exhaustive enumeration through the front door, and what no list can meet."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from designs import MACHINES, double, single, workspace_of
+from machines import named
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from armdesign import ArmDesignError, Machine, Requirements, Workspace
+from armdesign.design import selection
+from armdesign.design.catalogue import read_sizes, sized, sizes_of
+from armdesign.design.check import Check, check
+from armdesign.design.selection import select
+from armdesign.errors import InfeasibleError
+from armdesign.modes import lowest_frequency
+from armdesign.units import mm
+
+LOOSE = Requirements(oil_total_share=1.0, oil_each_share=1.6, thrust_share=1.6, holding_share=3.0)
+BORES, RODS = (80, 90, 95, 100, 105, 110, 125), (50, 56, 60, 63, 65, 70, 80)
+AROUND = [(bore * mm, rod * mm) for bore in BORES for rod in RODS if rod < bore]
+
+
+def enumerated(
+    machine: Machine,
+    workspace: Workspace,
+    limits: Requirements,
+    sizes: list[tuple[float, float]],
+    share: bool = False,
+    stoutness: float = 0.0,
+) -> float:
+    """Best worst frequency [Hz] of all allowed combinations, each a machine of its own; −inf if none is allowed."""
+    best = -math.inf
+    cases = [machine.with_payload(p.name) for p in machine.payloads]
+    for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
+        made = tuple(sized(c, *size, share) for c, size in zip(machine.cylinders, choice, strict=True))
+        if min(c.slack for c in check(replace(machine, cylinders=made), machine, workspace, limits)) < -1e-9:
+            continue
+        if min(c.rod / c.bore for c in made) < stoutness:
+            continue
+        held = [(replace(c, cylinders=made), workspace.rigid[c.holds(workspace.rigid)]) for c in cases]
+        worst = min(float(lowest_frequency(c.evaluate(rigid)).min()) for c, rigid in held if len(rigid) > 0)
+        best = max(best, worst)
+    return best
+
+
+def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]:
+    """Sizes near those of the machine, no two alike."""
+    random = np.random.default_rng(seed)
+    chosen = random.integers(0, len(machine.cylinders), count)
+    bores = np.array([machine.cylinders[i].bore for i in chosen]) * random.uniform(0.85, 1.2, count)
+    rods = np.array([machine.cylinders[i].rod for i in chosen]) * random.uniform(0.95, 1.25, count)
+    return [(float(b), float(min(r, 0.9 * b))) for b, r in zip(bores, rods, strict=True)]
+
+
+SMALL = {
+    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4, "random_7": 3,
+    "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("proportional", [False, True])
+def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> None:
+    """Every combination built, checked and mapped as a machine; air, compliance, motors, cylinders across joints."""
+    machine = MACHINES[name]() if name in MACHINES else named(name)
+    space = Workspace.grid(machine, points=SMALL[name])
+    sizes = around(machine, 3, {1: 20, 2: 11, 3: 5}.get(len(machine.cylinders), 2))
+    sizes += [(c.bore, c.rod) for c in machine.cylinders]
+    limits = replace(LOOSE, oil_total_share=1.1, moment_arm_share=0.0)
+    wanted = enumerated(machine, space, limits, sizes, proportional)
+    found = select(machine, machine, space, limits, sizes_of(sizes), proportional)
+    assert wanted > 0
+    assert_allclose(found.frequency, wanted, rtol=1e-9)
+    assert found.bound == found.frequency
+
+
+def test_one_actuator_by_hand() -> None:
+    """k grows with both areas (THEORY §3), so the largest annulus that oil and rod allow on the largest bore wins.
+
+    Today 100/63: with 25 % more thrust a bore of 110 fits (1.21), one of 112 does not (1.254). Euler, d⁴/D² ≥
+    63⁴/100², wants a rod of at least 63 √1.1 = 66.08: 66 is too thin, 67 is the next (its annulus 1.262 of today's);
+    70 leaves less annulus.
+    """
+    sizes = [(b * mm, r * mm) for b in (100, 105, 110, 112) for r in (63, 65, 66, 67, 70)]
+    limits = Requirements(oil_total_share=1.3, oil_each_share=1.3, thrust_share=1.25)
+    design = ad.size_cylinders(single(), workspace_of("single"), limits, catalogue=sizes)
+    (cylinder,) = design.machine.cylinders
+    assert (cylinder.bore, cylinder.rod) == pytest.approx((110 * mm, 67 * mm))
+    assert design.bound == pytest.approx(design.unrounded, rel=1e-12)
+
+
+def test_two_actuators_share_the_oil() -> None:
+    """By hand: of 100/63 (today's) and 105/67 each stroke can be filled by either, the oil decides which.
+
+    The larger bore sweeps 1.1025 of the smaller one's volume. The oil allowed is today's and what the larger bore takes
+    more on one cylinder: so it fits there, and on the other only where its stroke is no longer.
+    """
+    machine, space = double(), workspace_of("double")
+    volume = np.array([c.bore_area * c.stroke for c in machine.cylinders])
+    sizes = [(100 * mm, 63 * mm), (105 * mm, 67 * mm)]
+    for i, other in ((0, 1), (1, 0)):
+        share = 1 + (1.05**2 - 1) * volume[i] / volume.sum() + 1e-6
+        limits = Requirements(oil_total_share=share, oil_each_share=1.2, thrust_share=1.2)
+        design = ad.size_cylinders(machine, space, limits, catalogue=sizes)
+        larger = [c.bore > 0.102 for c in design.machine.cylinders]
+        assert sum(larger) <= 1
+        if volume[other] > volume[i]:
+            assert not larger[other]
+        assert design.unrounded == pytest.approx(enumerated(machine, space, limits, sizes), rel=1e-9)
+
+
+def test_a_larger_catalogue_never_hurts() -> None:
+    machine, space = double(), workspace_of("double")
+    sizes = [AROUND[k] for k in np.random.default_rng(5).permutation(len(AROUND))] + [(100 * mm, 63 * mm)]
+    reached = []
+    for count in (6, 14, 30, len(sizes)):
+        offered = sizes_of(sizes[-count:])
+        reached.append(select(machine, machine, space, LOOSE, offered).frequency)
+    assert np.all(np.diff(reached) >= 0)
+    assert reached[-1] > reached[0]
+    free = ad.size_cylinders(machine, space, LOOSE)
+    assert free.bound is not None
+    assert reached[-1] <= free.bound
+
+
+def test_order_does_not_matter() -> None:
+    """Of the cylinders in the file, and of the list; pairs given twice count once."""
+    space = [Workspace.grid(double(reverse), points=5) for reverse in (False, True)]
+    one = ad.size_cylinders(double(), space[0], LOOSE, catalogue=AROUND)
+    other = ad.size_cylinders(double(True), space[1], LOOSE, catalogue=AROUND[::-1] + AROUND)
+    assert one.unrounded == pytest.approx(other.unrounded, rel=1e-9)
+    sizes = [{c.name: (c.bore, c.rod) for c in d.machine.cylinders} for d in (one, other)]
+    assert sizes[0] == sizes[1]
+
+
+def test_what_is_left_of_the_proof_when_it_is_cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With few combinations kept the bound stays above the answer, and above the true optimum."""
+    machine, space = double(), workspace_of("double")
+    limits = replace(LOOSE, oil_total_share=1.1)
+    best = select(machine, machine, space, limits, sizes_of(AROUND))
+    monkeypatch.setattr(selection, "LIMIT", 1)
+    cut = select(machine, machine, space, limits, sizes_of(AROUND))
+    assert cut.frequency <= best.frequency <= cut.bound * (1 + 1e-12)
+
+
+def test_bounds_hold_for_every_combination() -> None:
+    """Weak duality: no allowed combination exceeds its own bound."""
+    machine, space = double(), workspace_of("double")
+    offered = selection.choices(machine, machine, space, LOOSE, sizes_of(AROUND))
+    loads, reference = selection._loads(machine, space)
+    hunt = selection._Hunt(choices=offered, loads=loads, reference=reference, frame=machine)
+    worth, rows = hunt._relaxed()
+    hunt.low, hunt.oil = loads[rows], hunt._oil(loads[rows])
+    combinations, bounds, _ = hunt._above(worth, -math.inf)
+    assert len(combinations) > 20
+    values = [hunt._everywhere(c) for c in combinations]
+    assert np.all(bounds >= np.array(values) - 1e-9)
+    assert bounds.max() < 1.2 * max(values)
+
+
+@pytest.mark.parametrize("level", [0.6, 0.66])
+def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thinnest rod of all cylinders over their bores, a minimum, as enumeration judges it too."""
+
+    def stricter(machine: Machine, *others: Any) -> tuple[Check, ...]:
+        least = min(c.rod / c.bore for c in machine.cylinders)
+        more = Check(name="stout", value=least, limit=level, unit="", slack=least / level - 1, words="rods")
+        return (*check(machine, *others), more)
+
+    monkeypatch.setattr("armdesign.design.choices.check", stricter)
+    machine, space = double(), workspace_of("double")
+    found = select(machine, machine, space, LOOSE, sizes_of(AROUND))
+    assert_allclose(found.frequency, enumerated(machine, space, LOOSE, AROUND, stoutness=level), rtol=1e-9)
+    assert min(rod / bore for bore, rod in found.sizes) >= level
+    assert found.bound == found.frequency
+
+
+def test_what_does_not_vary_stays() -> None:
+    """A bore that varies by itself is taken of the pairs with today's rod alone; brute force over these."""
+    machine, space = double(), workspace_of("double")
+    lift, fold = machine.cylinders
+    sizes = [(bore * mm, rod * mm) for bore in (98, 99, 101, 102, 103, 104, 120) for rod in (63, 64)]
+    limits = Requirements(oil_total_share=1.1, thrust_share=1.1)
+    design = ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=sizes)
+    reached = []
+    for bore in sorted({bore for bore, _ in sizes}):
+        made = replace(machine, cylinders=(replace(lift, bore=bore), fold))
+        if min(c.slack for c in check(made, machine, space, limits)) >= -1e-9:
+            reached.append(float(lowest_frequency(made.evaluate(space.rigid)).min()))
+    assert 1 < len(reached) < 7
+    assert design.unrounded == pytest.approx(max(reached), rel=1e-9)
+    assert design.machine.cylinders[1] == fold
+    assert design.machine.cylinders[0].rod == lift.rod
+    with pytest.raises(ArmDesignError, match=r"no size with the rod of the lift cylinder, 63 mm; offer one, or let"):
+        ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=[(100 * mm, 64 * mm)])
+
+
+# --------------------------------------------------------------------------------------------------------- pins too
+
+
+def test_pins_follow_the_chosen_sizes() -> None:
+    """Better than the same catalogue with today's pins, no better than free sizes, and in the catalogue."""
+    machine = named("excavator_20t")
+    space = Workspace.grid(machine, points=(4, 4, 7))
+    fixed = ad.size_cylinders(machine, space, catalogue="5mm")
+    both = ad.optimize(machine, space, catalogue="5mm", starts=1)
+    free = ad.optimize(machine, space, starts=1)
+    assert fixed.unrounded < both.unrounded < free.unrounded
+    assert min(both.slacks.values()) >= 0
+    for cylinder in both.machine.cylinders:
+        assert (cylinder.bore / (5 * mm)) % 1 == pytest.approx(0, abs=1e-9)
+        assert (cylinder.rod / (5 * mm)) % 1 == pytest.approx(0, abs=1e-9)
+    assert both.today is machine
+    assert both.catalogue
+    assert not free.catalogue
+    assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
+    assert both.bound >= free.unrounded
+    assert not any(gain for name, gain in both.worth.items() if name.startswith("thrust"))  # of sizes that do not move
+
+
+# --------------------------------------------------------------------------------------------------------- what fails
+
+
+def test_says_what_no_combination_meets() -> None:
+    machine, space = double(), workspace_of("double")
+    with pytest.raises(InfeasibleError, match=r"thrust.lift \(the nearest misses it by 44 %.*thrust.fold"):
+        ad.size_cylinders(machine, space, Requirements(thrust_share=1.0), catalogue=[(120 * mm, 80 * mm)])
+    limits = Requirements(oil_total_share=0.99, oil_each_share=2, thrust_share=2)
+    with pytest.raises(InfeasibleError, match=r"oil.cap.total"):
+        ad.size_cylinders(machine, space, limits, catalogue=[(100 * mm, 63 * mm), (110 * mm, 70 * mm)])
+    # by hand: 100/50 buckles (50⁴/100² < 63⁴/100²), 115/80 thrusts 1.32 times as much; either limit could be met
+    limits = Requirements(oil_total_share=1.5, oil_each_share=1.5, thrust_share=1.2)
+    with pytest.raises(InfeasibleError, match=r"meet thrust.(lift|fold) together with buckling.\1;") as error:
+        ad.size_cylinders(machine, space, limits, catalogue=[(100 * mm, 50 * mm), (115 * mm, 80 * mm)])
+    assert "\n" not in str(error.value)
+
+
+def test_what_no_pins_meet_either_is_a_conflict() -> None:
+    """No catalogue can give what free sizes cannot: less steel than nothing."""
+    with pytest.raises(InfeasibleError, match="no design meets cylinder_mass") as error:
+        ad.optimize(double(), workspace_of("double"), Requirements(cylinder_mass=1.0), catalogue=AROUND, starts=1)
+    assert "cylinder_mass" in [c.name for c in error.value.conflict]
+
+
+@pytest.mark.parametrize(
+    ("catalogue", "words"),
+    [
+        ("din", 'give "iso", "5mm"'),
+        ([], "is empty"),
+        ([(140, 100)], r"\(140, 100\) m is not 0 < rod < bore < 2 m; give pairs of bore and rod in metres"),
+        ([(0.1, 0.1)], "is not 0 < rod < bore"),
+        ([(0.1, math.nan)], "is not 0 < rod < bore"),
+        ([0.1, 0.2], "is not a pair of numbers"),
+    ],
+)
+def test_what_is_no_catalogue(catalogue: object, words: str) -> None:
+    with pytest.raises(ArmDesignError, match=words):
+        ad.size_cylinders(double(), workspace_of("double"), catalogue=catalogue)  # type: ignore[arg-type]
+
+
+def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_hang_on_them() -> None:
+    with pytest.raises(ArmDesignError, match='add "areas"'):
+        ad.optimize(double(), workspace_of("double"), vary=("pins",), catalogue="iso")
+    machine = named("redundant")
+    with pytest.raises(ArmDesignError, match="4 cylinders on 2 joints"):
+        ad.size_cylinders(machine, Workspace.grid(machine, points=3), catalogue="iso")
+
+
+def test_named_catalogues() -> None:
+    """THEORY §7: the public pairs of ISO 3320 sizes, and sizes of makers of excavators."""
+    pairs = {(round(b / mm), round(r / mm)) for b, r in sizes_of("iso")}
+    public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110), (180, 110), (200, 140),
+              (250, 180), (320, 220)}  # fmt: skip
+    assert public <= pairs
+    bores = {round(b / mm) for b, _ in sizes_of("5mm")}
+    assert {105, 115, 120, 135, 145} <= bores
+    for name in ("iso", "5mm"):
+        assert all(0 < rod < bore for bore, rod in sizes_of(name))
+
+
+def test_catalogue_file(tmp_path: Path) -> None:
+    good = tmp_path / "own.csv"
+    good.write_text("name, rod_mm, bore_mm\nb, 63, 100\na, 45, 80\n", encoding="utf-8")
+    assert read_sizes(good) == pytest.approx(np.array([(0.08, 0.045), (0.1, 0.063)]))
+    for text, words in (
+        ("bore,rod\n1,2\n", "has columns bore, rod"),
+        ("", "has columns none"),
+        ("bore_mm,rod_mm\n100,63\nx,63\n", "line 3: is not a pair"),
+        ("bore_mm,rod_mm\n100\n", "line 2: is not a pair"),
+        ("bore_mm,rod_mm\n", "is empty"),
+    ):
+        (tmp_path / "bad.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(ArmDesignError, match=words):
+            read_sizes(tmp_path / "bad.csv")
+    with pytest.raises(ArmDesignError, match="cannot be read"):
+        read_sizes(tmp_path / "none.csv")
