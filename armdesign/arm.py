@@ -281,13 +281,17 @@ def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[
 
 @dataclass(frozen=True, eq=False)
 class LoadedArm:
-    """An arm, a point mass [kg] on a link at [m] in its frame, and the point masses of bars that are no links."""
+    """An arm, a point mass [kg] on a link at [m] in its frame, and the point masses of bars that are no links.
+
+    Arms with equal ``bars``, whatever these are, have the same such point masses.
+    """
 
     arm: Arm
     link: str | None
     at: tuple[float, float, float]
     mass: float
     points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None
+    bars: tuple[object, ...] = ()
 
     def model(self) -> Any:
         """Pinocchio's model of the links with the point mass; the bars are not in it."""
@@ -318,7 +322,7 @@ class Dynamics:
         self._library, self._arms = pinocchio, tuple(arms)
         self._models = [loaded.model() for loaded in arms]
         self._data = [model.createData() for model in self._models]
-        self._order = arms[0].arm._pinocchio[2]
+        self._order, self._groups = arms[0].arm._pinocchio[2], self._alike()
         joints = [loaded.arm.joints for loaded in arms]
         self._tree = [(j, joints[0][j].parent) for j in arms[0].arm._order]
         self._slides = not all(joint.revolute for joint in joints[0])
@@ -363,7 +367,7 @@ class Dynamics:
             bias[row] = self._library.nonLinearEffects(model, data, at, speed)
         mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
         mass, bias = mass[np.ix_(np.arange(n), self._order, self._order)], bias[:, self._order]
-        for case, of_case in self._cases(n):
+        for case, of_case in self._groups:
             for m, point in self._bar_points(case, q[of_case]):
                 curvature = np.einsum("njki,nj,nk->ni", point.second, velocity[of_case], velocity[of_case])
                 curvature[:, 2] += GRAVITY
@@ -371,11 +375,20 @@ class Dynamics:
                 bias[of_case] += m * (point.first @ curvature[:, :, None])[:, :, 0]
         return np.asarray(np.linalg.solve(mass, (torque - bias)[:, :, None])[:, :, 0])
 
-    def _cases(self, count: int) -> list[tuple[int, slice]]:
-        """Index of each loaded arm and the rows of its cases."""
+    def _alike(self) -> list[tuple[int, slice | list[int]]]:
+        """Index of a loaded arm and the rows of all cases whose bars move as its own do."""
         if len(self._arms) == 1:
             return [(0, slice(None))]
-        return [(case, slice(case, case + 1)) for case in range(count)]
+        groups: list[list[int]] = []
+        for case, loaded in enumerate(self._arms):
+            for group in groups:
+                first = self._arms[group[0]]
+                if first.arm is loaded.arm and first.bars == loaded.bars:
+                    group.append(case)
+                    break
+            else:
+                groups.append([case])
+        return [(group[0], group) for group in groups]
 
     def _bar_points(self, case: int, q: Array) -> list[tuple[float, VectorJet]]:
         loaded = self._arms[case]

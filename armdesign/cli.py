@@ -22,10 +22,9 @@ from armdesign.units import SI, WORKSHOP, Units
 if TYPE_CHECKING:
     import pandas as pd
 
-    from armdesign.arrays import Array
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
-    from armdesign.maps import FrequencyMap
+    from armdesign.maps import FrequencyMap, WorstPose
     from armdesign.report import Sheet
     from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
@@ -181,18 +180,14 @@ def validate(
 ) -> None:
     """Prove the linear answer in nonlinear runs.
 
-    At the worst, the median and the best pose; writes validation.csv and the frequency responses.
+    Every cylinder at the worst, the median and the best pose; writes validation.csv and the frequency responses.
     """
     from armdesign import plots, report
-    from armdesign.maps import frequency_map
+    from armdesign.simulation import validation
 
-    with _progress("mapping the workspace") as say:
+    with _progress("simulating the worst, the median and the best pose"):
         model, workspace = _model(machine, points, out, allow_outside)
-        frequencies = frequency_map(model, workspace)
-        validations = {}
-        for label, (payload, q) in _poses_to_prove(frequencies).items():
-            say(f"simulating the {label} pose")
-            validations[label] = _validation(model, payload, q)
+        validations = validation.validate(model, workspace=workspace).by_pose
     with _outputs(out) as folder:
         _write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
@@ -221,7 +216,7 @@ def design(
         for label, frequencies in (("today", answer.before), ("new", answer.after)):
             say(f"simulating the worst pose, {label}")
             worst = frequencies.worst
-            validations[label] = _validation(frequencies.machine, worst.payload, worst.q)
+            validations[label] = _validation(frequencies.machine, worst)
         say("writing the report")
         sheets = [*report.design_sheets(answer, units.units), report.validation_sheet(validations)]
         with _outputs(out) as folder:
@@ -373,21 +368,11 @@ def _least(
     return made
 
 
-def _validation(model: Machine, payload: str, q: Array) -> Validation:
+def _validation(model: Machine, worst: WorstPose) -> Validation:
+    """The nonlinear proof of a worst pose, by the cylinder that limits it."""
     from armdesign.simulation.validation import validate
 
-    return validate(model.with_payload(payload), q)
-
-
-def _poses_to_prove(frequencies: FrequencyMap) -> dict[str, tuple[str, Array]]:
-    """Load case and pose of the worst, the median and the best pose of a map."""
-    frame, joints = frequencies.frame, list(frequencies.machine.joints)
-    order = frame["f1_hz"].to_numpy().argsort()
-    poses = {"worst": (frequencies.worst.payload, frequencies.worst.q)}
-    for label, place in (("median", len(order) // 2), ("best", -1)):
-        row = frame.iloc[int(order[place])]
-        poses[label] = (str(row["payload"]), row[joints].to_numpy(dtype=float))
-    return poses
+    return validate(model.with_payload(worst.payload), worst.q, cylinders=[worst.cylinder])
 
 
 # ---------------------------------------------------------------------------------------------------------- writing

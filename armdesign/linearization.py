@@ -13,13 +13,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.machine import Machine
 from armdesign.simulation.plant import Plant
+from armdesign.units import bar
 from armdesign.valve import Friction
 
 # Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table 1).
@@ -83,6 +86,30 @@ class LinearModel:
         """ζ = −Re λ/|λ| of ``modes``."""
         ratios = -self.modes.real / np.abs(self.modes)
         return np.asarray(np.where(np.abs(ratios) < ROUNDING, 0.0, ratios))
+
+    def to_control(self) -> Any:
+        """The same as a ``StateSpace`` of python-control, names of states, inputs and outputs with it.
+
+        Pressures are in bar there, all else SI: numbers of one order, which need no balancing by slycot.
+
+        Raises:
+            SimulationError: python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError:
+            remedy = "pip install 'armdesign[control]'"
+            raise SimulationError("to_control", "needs the package python-control", remedy) from None
+        unit = np.array([bar if name.endswith("pressure") else 1.0 for name in self.states])
+        return control.ss(
+            self.A * unit / unit[:, None],
+            self.B / unit[:, None],
+            self.C * unit,
+            self.D,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=[f"{name} position" for name in self.inputs],
+        )
 
 
 def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:

@@ -343,7 +343,8 @@ class Machine:
     def loaded_arm(self) -> LoadedArm:
         """Links, payload at work and bars: what moves in a simulation."""
         load = self.payload
-        return LoadedArm(self.arm, load.link, load.at, load.mass, self.bar_points if self.has_bars else None)
+        points = self.bar_points if self.has_bars else None
+        return LoadedArm(self.arm, load.link, load.at, load.mass, points, self.cylinders)
 
     @property
     def has_bars(self) -> bool:

@@ -338,7 +338,9 @@ def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measuremen
         Case(machine=m, q=pose, command={m.cylinders[0].name: sweep}, duration=sweep.duration, rate=RATE)
         for m in machines
     ]
-    held = [experiment.case(amplitude) for experiment, amplitude in zip(small, amplitudes, strict=True)]
+    held = [
+        experiment.case(experiment.sweep(amplitude)) for experiment, amplitude in zip(small, amplitudes, strict=True)
+    ]
     pairs = zip(
         small, amplitudes, simulate_all(cases, tolerance=COARSE), simulate_all(held, tolerance=FINE), strict=True
     )

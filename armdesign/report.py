@@ -333,12 +333,14 @@ def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
 
 def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     """Linear against identified frequencies; one validation per label."""
+    from armdesign.simulation.validation import AGREES
+
     rows = []
     for label, validation in validations.items():
         for run in validation.runs:
             rows.append(
                 (
-                    f"{label}, payload {run.payload}",
+                    f"{label}, {run.payload}",
                     run.cylinder,
                     f"{100 * run.amplitude:.2g} %",
                     f"{run.linear_frequency:.4f}",
@@ -346,14 +348,17 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
                     f"{100 * run.deviation:+.2f} %",
                     f"{run.linear_damping:.4f}",
                     f"{run.identified_damping:.4f}",
+                    run.remark,
                 )
             )
-    columns = ("pose", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ")
+    columns = ("pose, load", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ", "remark")
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=columns,
         rows=tuple(rows),
-        note="valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it",
+        note="valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
+        f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
+        "friction, or a fault",
     )
 
 

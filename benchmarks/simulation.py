@@ -45,7 +45,7 @@ def sweeps() -> list[Case]:
         machine = ad.load("excavator_20t").with_payload(400.0 + 40 * (number % 20))
         pose = POSE + np.array([0.0, 0.004, 0.003]) * number
         experiment = Experiment.of(machine, pose, 0, 0)
-        commands = experiment.commands(5e-4 * (1 + number % 3) / 2)
+        commands = experiment.commands(experiment.sweep(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
         found.append(Case(machine=machine, q=pose, command=commands, duration=16.0, rate=60, hold=hold))
     return found

@@ -33,6 +33,8 @@ ORDER = [
         "simulation.plant",
         "simulation.excitation",
         "simulation.identification",
+        "simulation.response",
+        "simulation.decay",
         "simulation.integrator",
         "simulation.loop",
         "simulation.events",
@@ -59,6 +61,7 @@ DOORS = {  # library: the only modules that may import it
     "pydantic": {"schema", "machine_file"},
     "typer": {"cli"},
     "jinja2": {"report"},
+    "control": {"linearization"},
 }
 
 

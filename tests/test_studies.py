@@ -103,6 +103,25 @@ def test_speed_frequency_finds_its_headline() -> None:
     assert found == pytest.approx(printed, abs=0.02)  # squares of gains that a coarse grid has within 0.5 %
 
 
+def test_nonlinear_proof_finds_its_headline() -> None:
+    """The coarse grid of the fast run has other median and best poses, whose deviations differ by a few 0.01 %."""
+    module = study("05_nonlinear_proof")
+    words = module.__doc__ or ""
+    count = re.search(r"all (\d+) sweeps", words)
+    full, half = (float(share) for share in re.findall(r"([\d.]+) %", words))
+    worst = re.search(r"([\d.]+) → ([\d.]+) Hz", words)
+    assert count is not None
+    assert worst is not None
+    sweeps, validations = module.run(fast=True)
+    table = module.summary(sweeps)
+    assert len(sweeps) == int(count[1])
+    assert set(sweeps["remark"]) == {"agrees"}
+    assert 100 * table[["full", "half"]].max().to_numpy() == pytest.approx([full, half], abs=0.1)
+    lowest = table["identified_hz"].groupby(level="machine", sort=False).min()
+    assert lowest.to_list() == pytest.approx([float(worst[1]), float(worst[2])], abs=2e-3)
+    assert list(validations) == ["today, empty", "today, full", "new, empty", "new, full"]
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

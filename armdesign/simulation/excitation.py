@@ -1,14 +1,20 @@
-"""What moves the spool in a frequency measurement: a sine whose frequency sweeps slowly, faded in and out."""
+"""What moves the spool in a frequency measurement, as functions of time.
+
+A sine whose frequency sweeps slowly, faded in and out; many sines at once; one sine after the other; a pulse, after
+which the arm rings by itself.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.simulation.plant import Plant
 from armdesign.valve import Valve, opening, spool_position
 
@@ -35,6 +41,92 @@ class Sweep:
         envelope = 0.5 - 0.5 * math.cos(math.pi * edge) if edge < 1 else 1.0
         phase = 2 * math.pi * time * (self.start + (self.stop - self.start) * share / 2)
         return self.amplitude * envelope * math.sin(phase)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Multisine:
+    """Sines of all the lines k/``period`` from ``start`` to ``stop`` [Hz] at once, ``periods`` times; 0 outside.
+
+    u = a √(1/N) Σ sin(2π k t/T + φ_k), with phases φ_k = −π k (k − 1)/N, k = 1…N, that keep its peaks low
+    (Schroeder 1970): its mean square is that of one sine of ``amplitude`` a, its largest value about 1.3 a.
+    """
+
+    amplitude: float
+    start: float
+    stop: float
+    period: float
+    periods: int = 1
+
+    def __post_init__(self) -> None:
+        if not (self.start >= 0 and self.period > 0 and self.periods >= 1 and len(self.lines)):
+            problem = f"has no line from {self.start:.4g} to {self.stop:.4g} Hz in a period of {self.period:g} s"
+            raise SimulationError("multisine", problem, "take a longer period or a wider band")
+
+    @cached_property
+    def lines(self) -> Array:
+        """Frequencies of the sines (N,) [Hz]."""
+        first, last = math.ceil(max(self.start * self.period, 1) - 1e-9), math.floor(self.stop * self.period + 1e-9)
+        return np.arange(first, last + 1) / self.period
+
+    @property
+    def duration(self) -> float:
+        """All periods [s]."""
+        return self.period * self.periods
+
+    @cached_property
+    def _phases(self) -> Array:
+        number = np.arange(1, len(self.lines) + 1)
+        return np.asarray(-math.pi * number * (number - 1) / len(self.lines))
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        if not 0 <= time < self.duration:
+            return 0.0
+        sines = np.sin(2 * math.pi * self.lines * time + self._phases)
+        return float(self.amplitude * sines.sum() / math.sqrt(len(self.lines)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteppedSine:
+    """Sine of ``amplitude`` at each of some ``frequencies`` [Hz] in turn, for whole ``cycles`` each; 0 afterwards."""
+
+    amplitude: float
+    frequencies: tuple[float, ...]
+    cycles: int
+
+    def __post_init__(self) -> None:
+        if not self.frequencies or min(self.frequencies) <= 0 or self.cycles < 1:
+            raise SimulationError("stepped sine", "needs frequencies above 0 Hz and whole cycles", "give some")
+
+    @cached_property
+    def edges(self) -> Array:
+        """When each frequency begins, and the end of the last (n + 1,) [s]."""
+        return np.concatenate([[0.0], np.cumsum(self.cycles / np.array(self.frequencies))])
+
+    @property
+    def duration(self) -> float:
+        """Of all steps [s]."""
+        return float(self.edges[-1])
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        step = int(np.searchsorted(self.edges, time, side="right")) - 1
+        if not 0 <= step < len(self.frequencies):
+            return 0.0
+        return self.amplitude * math.sin(2 * math.pi * self.frequencies[step] * (time - float(self.edges[step])))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pulse:
+    """A raised cosine of height ``amplitude`` within ``duration`` [s], then 0: oil shut in, the arm decays freely."""
+
+    amplitude: float
+    duration: float
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        share = time / self.duration
+        return self.amplitude * (0.5 - 0.5 * math.cos(2 * math.pi * share)) if 0 < share < 1 else 0.0
 
 
 @dataclass(frozen=True)

@@ -110,24 +110,29 @@ class Experiment:
         """The sweep of the valve's mean opening."""
         return Sweep(amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration)
 
-    def commands(self, amplitude: float) -> dict[str, Callable[[float], float]]:
-        """The sweep of one valve; of the others, those that make up for a leakage hold their place."""
-        sweep, trims = self.sweep(amplitude), self.plant.split(self.rest)[4].tolist()
+    def commands(self, excitation: Callable[[float], float]) -> dict[str, Callable[[float], float]]:
+        """What moves one valve's opening; of the others, those that make up for a leakage hold their place."""
+        trims = self.plant.split(self.rest)[4].tolist()
         centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
             cylinder.name: partial(_held, trim)
             for cylinder, trim in zip(self.machine.functions, trims, strict=True)
             if trim != 0
         }
-        return commands | {self.cylinder: lambda time: self.even.spool(centre + sweep(time))}
+        return commands | {self.cylinder: lambda time: self.even.spool(centre + excitation(time))}
 
-    def case(self, amplitude: float) -> Case:
-        """The sweep as a run of the nonlinear model, a slow loop holding the mean."""
+    def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
+        """A run of the nonlinear model under an excitation of the opening, a slow loop holding the mean.
+
+        Args:
+            excitation: ``sweep``, or another function of time.
+            duration: [s]; default: the sweep's.
+        """
         return Case(
             machine=self.machine,
             q=self.pose,
-            command=self.commands(amplitude),
-            duration=self.duration,
+            command=self.commands(excitation),
+            duration=duration or self.duration,
             rate=self.rate,
             hold=HOLD_SHARE * self.band[0],
         )

@@ -84,37 +84,46 @@ def fit_modes(
         raise SimulationError(part, f"{len(time) * step:.3g} s are too short", f"record {least:.3g} s or more")
     if not (np.all(np.isfinite(u)) and np.all(np.isfinite(y)) and np.abs(u).max() > 0 and np.abs(y).max() > 0):
         raise SimulationError(part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode")
-    omega = 2 * math.pi * math.sqrt(band[0] * band[1])
-    s = 2j * math.pi * frequency / omega
     scale = np.abs(y).max() / np.abs(u).max()
-    a, b, e, covariance, residual = _solved(s, u * scale, y, modes)
-    roots = np.roots([1.0, *a[::-1]])
-    roots = roots[roots.imag > 0]
-    if len(roots) < modes:
-        raise SimulationError(part, "shows no oscillation in the band", "it is overdamped, or the amplitude too small")
-    roots = roots[np.argsort(np.abs(roots))]
-    size, zeta, size_deviation, zeta_deviation = _spread(roots, a, covariance)
-    denominator = _polynomial(s, [*a, 1.0])
-    dense = np.linspace(frequency[0], frequency[-1], 800)
-    s_dense = 2j * math.pi * dense / omega
-    magnitude = np.abs(_polynomial(s_dense, b) / _polynomial(s_dense, [*a, 1.0])) * scale
-    return Fit(
-        natural_frequencies=size * omega / (2 * math.pi),
-        damping_ratios=zeta,
-        frequency_deviations=size_deviation * omega / (2 * math.pi),
-        damping_deviations=zeta_deviation,
-        frequency=frequency,
-        response=(y - _polynomial(s, e) / denominator) / u,
-        fitted=_polynomial(s, b) / denominator * scale,
-        curve=np.stack([dense, magnitude]),
-        residual=residual,
-    )
+    omega = 2 * math.pi * math.sqrt(band[0] * band[1])
+    found = _solved(2j * math.pi * frequency / omega, u * scale, y, _degrees(modes), np.ones(len(frequency)))
+    leftover = found.ends / found.denominator
+    return _fit(found, frequency, (y - leftover) / u, omega, scale, modes, part)
+
+
+def fit_response(
+    frequency: Array, response: Array, modes: int = 1, deviations: Array | None = None, part: str = "response"
+) -> Fit:
+    """Fit ``modes`` natural frequencies and damping ratios to a frequency response that was measured line by line.
+
+    Args:
+        frequency: lines (k,) [Hz], not zero.
+        response: answer over excitation (k,), complex.
+        modes: how many modes lie between the lines.
+        deviations: standard deviation of every line's response (k,), or what is in proportion; default: all the same.
+        part: name of the record for messages.
+
+    Raises:
+        SimulationError: too few lines, or no oscillation in them.
+    """
+    degrees = (*_degrees(modes)[:2], 0)
+    least = LEAST_EQUATIONS * sum(degrees) // 2
+    if len(frequency) < least:
+        raise SimulationError(part, f"{len(frequency)} lines are too few", f"measure {least} or more")
+    scale = float(np.abs(response).max())
+    weight = np.ones(len(frequency)) if deviations is None else np.median(deviations) / deviations
+    omega = 2 * math.pi * math.sqrt(frequency.min() * frequency.max())
+    ones = np.full(len(frequency), scale, dtype=complex)
+    found = _solved(2j * math.pi * frequency / omega, ones, np.asarray(response, dtype=complex), degrees, weight)
+    return _fit(found, frequency, np.asarray(response), omega, scale, modes, part)
 
 
 def spectral_peak(time: Array, answer: Array, band: tuple[float, float], part: str = "response") -> float:
     """Frequency [Hz] of the highest line that the answer's plain spectrum has within a band.
 
-    What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it.
+    What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it. The
+    spectrum itself is highest too low, by 1.5 % (ζ = 0) to 3 % (ζ = 0.1) in a sweep of ten periods, hardly after 300;
+    ``fit_modes`` has no such bias.
 
     Args:
         time: even instants (n,) [s].
@@ -146,29 +155,73 @@ def _degrees(modes: int) -> tuple[int, int, int]:
     return 2 * modes, 2 * modes - 1 + SPARE, 2 * modes + SPARE
 
 
+def _fit(found: _Solution, frequency: Array, response: Array, omega: float, scale: float, modes: int, part: str) -> Fit:
+    """The fit of a solution in s = jω/``omega`` and an input times ``scale``."""
+    roots = np.roots([1.0, *found.a[::-1]])
+    roots = roots[roots.imag > 0]
+    if len(roots) < modes:
+        raise SimulationError(part, "shows no oscillation in the band", "it is overdamped, or the amplitude too small")
+    roots = roots[np.argsort(np.abs(roots))]
+    size, zeta, size_deviation, zeta_deviation = _spread(roots, found.a, found.covariance)
+    dense = np.linspace(frequency.min(), frequency.max(), 800)
+    s_dense = 2j * math.pi * dense / omega
+    magnitude = np.abs(_polynomial(s_dense, found.b) / _polynomial(s_dense, [*found.a, 1.0])) * scale
+    return Fit(
+        natural_frequencies=size * omega / (2 * math.pi),
+        damping_ratios=zeta,
+        frequency_deviations=size_deviation * omega / (2 * math.pi),
+        damping_deviations=zeta_deviation,
+        frequency=frequency.copy(),
+        response=response.copy(),
+        fitted=found.numerator / found.denominator * scale,
+        curve=np.stack([dense, magnitude]),
+        residual=found.residual,
+    )
+
+
 def _unknowns(modes: int) -> int:
     return sum(_degrees(modes))
 
 
-def _solved(s: Array, u: Array, y: Array, modes: int) -> tuple[Array, Array, Array, Array, float]:
-    """Coefficients of A (without its leading 1), B and E, lowest first; covariance of A's; relative residual."""
-    na, nb, ne = _degrees(modes)
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Coefficients of A (without its leading 1) and B, lowest first, covariance of A's, and A, B, E at the lines."""
+
+    a: Array
+    b: Array
+    covariance: Array
+    denominator: Array
+    numerator: Array
+    ends: Array
+    residual: float
+
+
+def _solved(s: Array, u: Array, y: Array, degrees: tuple[int, int, int], prior: Array) -> _Solution:
+    """A y = B u + E at lines s, in the sense of least squares of (y − (B u + E)/A) × ``prior``."""
+    na, nb, ne = degrees
     powers = s[:, None] ** np.arange(max(na, nb, ne) + 1)
     columns = np.hstack([y[:, None] * powers[:, :na], -u[:, None] * powers[:, :nb], -powers[:, :ne]])
     target = -y * powers[:, na]
-    weight = np.ones(len(s))
+    weight = prior
     for _ in range(ROUNDS):
         rows = _real(columns * weight[:, None])
         size = np.linalg.norm(rows, axis=0)
         basis, triangle = np.linalg.qr(rows / size)
         solution = np.linalg.solve(triangle, basis.T @ _real(target * weight)) / size
-        weight = 1 / np.abs(_polynomial(s, [*solution[:na], 1.0]))
+        weight = prior / np.abs(_polynomial(s, [*solution[:na], 1.0]))
     rest = _real(target * weight) - _real(columns * weight[:, None]) @ solution
     variance = float(rest @ rest) / (len(rest) - len(solution))
     inverse = np.linalg.inv(triangle) / size[:, None]
-    covariance = variance * (inverse @ inverse.T)[:na, :na]
     a, b, e = np.split(solution, [na, na + nb])
-    return a, b, e, covariance, math.sqrt(float(rest @ rest) / float(np.sum(np.abs(y) ** 2)))
+    return _Solution(
+        a=a,
+        b=b,
+        covariance=variance * (inverse @ inverse.T)[:na, :na],
+        denominator=_polynomial(s, [*a, 1.0]),
+        numerator=_polynomial(s, b),
+        ends=_polynomial(s, e) if ne else np.zeros_like(s),
+        residual=math.sqrt(float(rest @ rest) / float(np.sum(np.abs(prior * y) ** 2))),
+    )
 
 
 def _spread(roots: Array, a: Array, covariance: Array) -> tuple[Array, Array, Array, Array]:

@@ -21,11 +21,13 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
 from armdesign.machine import Machine
+from armdesign.maps import frequency_map
 from armdesign.modes import energy_shares, natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification import Fit
 from armdesign.simulation.motion import Simulation, simulate_all
+from armdesign.workspace import Workspace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,6 +41,7 @@ class Run:
     """One sweep and what was found in it; arrays are read-only.
 
     Attributes:
+        pose: "worst", "median", "best", or the number of a pose that was asked for, from 1.
         payload: name of the load case.
         q: pose (nq,) [rad, m].
         cylinder: name of the one that moves.
@@ -54,6 +57,7 @@ class Run:
             but the cylinder has dry friction; else "fault".
     """
 
+    pose: str
     payload: str
     q: Array
     cylinder: str
@@ -111,16 +115,28 @@ class Validation:
                 "linear_damping": run.linear_damping,
                 "identified_damping": run.identified_damping,
                 "amplitude": run.amplitude,
+                "pose": run.pose,
+                "remark": run.remark,
+                "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
+                "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
+                **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
+                **{f"{joint}_span": span for joint, span in zip(self.joints, run.span.tolist(), strict=True)},
             }
             for run in self.runs
         ]
         return pd.DataFrame(rows)
 
+    @property
+    def by_pose(self) -> dict[str, Validation]:
+        """The runs of every pose by its name."""
+        names = dict.fromkeys(run.pose for run in self.runs)
+        return {name: Validation(self.joints, tuple(run for run in self.runs if run.pose == name)) for name in names}
+
     def plot(self) -> Any:
-        """Measured and fitted frequency response of the first sweep; returns the figure."""
+        """Measured and fitted frequency response of every pose's first sweep; returns the figure."""
         from armdesign import plots
 
-        return plots.frequency_responses({f"payload {self.runs[0].payload}": self})
+        return plots.frequency_responses(self.by_pose)
 
     @property
     def worst_deviation(self) -> float:
@@ -130,22 +146,25 @@ class Validation:
 
 def validate(
     machine: Machine,
-    q: ArrayLike,
+    q: ArrayLike | None = None,
     *,
     payloads: Sequence[str] | None = None,
     cylinders: Sequence[str] | None = None,
     amplitude: float | None = None,
+    workspace: Workspace | None = None,
 ) -> Validation:
-    """Natural frequencies measured in the nonlinear model against the linear ones.
+    """Natural frequencies measured in the nonlinear model against the linear ones, all sweeps as one stacked run.
 
     Args:
         machine: the machine; every cylinder needs a valve.
-        q: pose (nq,) or poses (n, nq) [rad, m].
-        payloads: names of load cases; default: the one at work.
-        cylinders: names of the cylinders that sweep, each over the mode in which it takes its largest share;
-            default: the one that takes the largest share of the lowest mode, over that mode.
+        q: pose (nq,) or poses (n, nq) [rad, m]. Default: the worst, the median and the best pose over the workspace and
+            the load cases, each under its load case.
+        payloads: names of load cases; default: all where poses are chosen, else the one at work.
+        cylinders: names of the cylinders and motors that sweep, each over the mode in which it takes its largest share.
+            Default: all, the lowest mode's first; the one that takes the largest share of that mode sweeps over it.
         amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it. Default: see
             ``Experiment.default_amplitude``.
+        workspace: where poses are chosen; default: ``Workspace.grid(machine)``.
 
     Raises:
         PoseError: a pose cannot be taken.
@@ -153,46 +172,68 @@ def validate(
     """
     if amplitude is not None and not 0 < amplitude <= 1:
         raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
-    loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
     sweeps: list[_Sweep] = []
-    for pose in machine.at(q).q:
-        for case in loaded:
-            for index, mode in _choices(case, case.at(pose), cylinders):
-                sweeps += _sweeps(Experiment.of(case, pose, index, mode), amplitude)
-    motions = simulate_all([sweep.experiment.case(sweep.amplitude) for sweep in sweeps], tolerance=TOLERANCE)
+    for label, case, pose in _places(machine, q, payloads, workspace):
+        for index, mode in _choices(case, case.at(pose), cylinders):
+            sweeps += _sweeps(label, Experiment.of(case, pose, index, mode), amplitude)
+    cases = [sweep.experiment.case(sweep.experiment.sweep(sweep.amplitude)) for sweep in sweeps]
+    motions = simulate_all(cases, tolerance=TOLERANCE)
     runs = [_run(sweep, motion) for sweep, motion in zip(sweeps, motions, strict=True)]
     pairs = zip(sweeps[::2], runs[::2], runs[1::2], strict=True)
     return Validation(machine.joints, tuple(run for sweep, *pair in pairs for run in _judged(pair, sweep.experiment)))
 
 
+def _places(
+    machine: Machine, q: ArrayLike | None, payloads: Sequence[str] | None, workspace: Workspace | None
+) -> list[tuple[str, Machine, Array]]:
+    """Name, machine under its load case, and pose of every measurement."""
+    if q is not None:
+        loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
+        poses = machine.at(q).q
+        return [(str(number), case, pose) for number, pose in enumerate(poses, 1) for case in loaded]
+    found = frequency_map(machine, workspace or Workspace.grid(machine))
+    names = found.worst_of if payloads is None else payloads
+    worst = min((found.worst_of[machine.with_payload(name).payload.name] for name in names), key=lambda w: w.frequency)
+    frame = found.frame[found.frame["payload"].isin(list(names))].sort_values("f1_hz", kind="stable")
+    chosen = [("worst", worst.payload, worst.q)]
+    for label, row in (("median", frame.iloc[len(frame) // 2]), ("best", frame.iloc[-1])):
+        chosen.append((label, str(row["payload"]), row[list(machine.joints)].to_numpy(dtype=float)))
+    return [(label, machine.with_payload(payload), pose) for label, payload, pose in chosen]
+
+
 def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
     shares, names = energy_shares(poses, natural_modes(poses))[0], [function.name for function in machine.functions]
+    modes = np.argmax(shares, axis=0)
     if cylinders is None:
-        return [(int(np.argmax(shares[0])), 0)]
+        first = int(np.argmax(shares[0]))
+        modes[first] = 0
+        order = sorted(range(len(names)), key=lambda index: (modes[index], index != first))
+        return [(index, int(modes[index])) for index in order]
     for name in cylinders:
         if name not in names:
             part = f"{machine.name}: cylinder {name}"
             raise SimulationError(part, "does not exist", f"choose from: {', '.join(names)}")
-    return [(names.index(name), int(np.argmax(shares[:, names.index(name)]))) for name in cylinders]
+    return [(names.index(name), int(modes[names.index(name)])) for name in cylinders]
 
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """One run to be: an experiment at an amplitude, and the damping ratio of its linear mode."""
+    """One run to be: an experiment at a named pose and an amplitude, and the damping ratio of its linear mode."""
 
+    pose: str
     experiment: Experiment
     amplitude: float
     damping: float
 
 
-def _sweeps(experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
+def _sweeps(pose: str, experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
     """At full and half amplitude."""
     full = amplitude or experiment.default_amplitude()
     linear = linearize(experiment.machine, experiment.pose)
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
-    return [_Sweep(experiment, size, damping) for size in (full, full / 2)]
+    return [_Sweep(pose, experiment, size, damping) for size in (full, full / 2)]
 
 
 def _run(sweep: _Sweep, motion: Simulation) -> Run:
@@ -200,6 +241,7 @@ def _run(sweep: _Sweep, motion: Simulation) -> Run:
     experiment = sweep.experiment
     fit = experiment.fit(motion)
     return Run(
+        pose=sweep.pose,
         payload=experiment.machine.payload.name,
         q=np.array(experiment.pose),
         cylinder=experiment.cylinder,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import helpers
 import machines
@@ -11,6 +12,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import Machine
+from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
@@ -77,3 +79,24 @@ def test_shapes_names_and_spool(excavator: Machine) -> None:
     assert np.sum(np.isclose(np.abs(model.poles), omega)) == 6
     with pytest.raises(ValueError, match="read-only"):
         model.A[0, 0] = 1.0
+
+
+def test_python_control_sees_the_same_plant(excavator: Machine) -> None:
+    """Poles but for rounding, and the response at 3 rad/s by C (jω − A)⁻¹ B in SI."""
+    pytest.importorskip("control")
+    linear = linearize(excavator, WORST)
+    system = linear.to_control()
+    assert system.state_labels == list(linear.states)
+    assert system.input_labels == list(linear.inputs)
+    assert system.output_labels[0] == "boom position"
+    theirs = system.poles()
+    for pole in linear.modes:
+        assert np.abs(theirs - pole).min() < 1e-6 * abs(pole)
+    response = linear.C @ np.linalg.solve(3j * np.eye(len(linear.A)) - linear.A, linear.B)
+    np.testing.assert_allclose(system(3j), response, rtol=1e-6, atol=1e-9 * np.abs(response).max())
+
+
+def test_without_python_control_the_remedy_is_named(excavator: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(SimulationError, match=r"needs the package python-control; pip install 'armdesign\[control\]'"):
+        linearize(excavator, WORST).to_control()

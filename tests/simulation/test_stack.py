@@ -10,9 +10,11 @@ import machines
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign import Machine
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.motion import Case, simulate, simulate_all
+from armdesign.simulation.plant import Plant
 
 WORST = (1.154, -1.199, -2.191)
 
@@ -119,3 +121,16 @@ def test_answer_converges_with_the_tolerance(excavator: Machine) -> None:
     errors = [np.abs(run - runs[0]).max() for run in runs[1:]]
     assert errors[0] < 1e-7
     assert errors[0] < errors[1] < 1e-5
+
+
+def test_bars_of_unlike_machines_do_not_mix() -> None:
+    """Cases with the same bars are evaluated together: as each alone, whatever load, pose and bars beside it."""
+    machine = ad.load("loader_crane")
+    cases = [machine.with_payload(name) for name in ("full", "empty", "full")]
+    cases.append(machine.replace({"cylinder.lift.barrel_kg": 99.0}))
+    q = ad.Workspace.grid(machine, 5).q[3:39:9]
+    states = np.array([Plant(case).rest(pose) for case, pose in zip(cases, q, strict=True)])
+    states[:, 3:6] = np.random.default_rng(0).normal(size=(4, 3)) / 10
+    shut = np.zeros((4, 3))
+    alone = [Plant(case).derivative(state[None], shut[:1])[0] for case, state in zip(cases, states, strict=True)]
+    np.testing.assert_allclose(Plant(*cases).derivative(states, shut), alone, rtol=1e-12, atol=1e-9)
