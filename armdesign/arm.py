@@ -125,6 +125,13 @@ class Arm:
         ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
         return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
 
+    def reach_and_height(self, q: Array, place: VectorJet) -> tuple[Array, Array]:
+        """Reach and height (n, 2) [m] of places seen from the root, and their derivatives by the joints (n, 2, k)."""
+        radius = self.reach(q, place.value)
+        outward = place.value[:, :2] / np.where(radius == 0, np.inf, radius)[:, None]
+        slopes = np.stack([(place.first[:, :, :2] @ outward[:, :, None])[..., 0], place.first[:, :, 2]], axis=1)
+        return np.stack([radius, place.value[:, 2]], axis=1), slopes
+
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
         if (start, end) not in self._paths:

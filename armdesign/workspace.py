@@ -249,11 +249,7 @@ def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
     parts = []
     for rows in chunks(len(q)):
         tool = arm.motion(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at), arm.root, joints)
-        flat = tool.value[:, :2]
-        radius = arm.reach(q[rows], tool.value)
-        outward = flat / np.where(radius == 0, np.inf, radius)[:, None]
-        slopes = np.stack([(tool.first[:, :, :2] @ outward[:, :, None])[..., 0], tool.first[:, :, 2]], axis=1)
-        parts.append((np.stack([radius, tool.value[:, 2]], axis=1), slopes))
+        parts.append(arm.reach_and_height(q[rows], tool))
     return np.concatenate([place for place, _ in parts]), np.concatenate([slope for _, slope in parts])
 
 

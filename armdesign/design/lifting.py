@@ -107,13 +107,11 @@ def _reaching(machine: Machine, lift: Lift, q: Array, free: Array) -> Array:
     found = np.repeat(q, LATTICE**2, axis=0)
     found[:, free] = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     joints, span = tuple(int(j) for j in free), np.ptp(machine.ranges[free], axis=1)
+    wanted = np.array([lift.reach or 0.0, lift.height or 0.0])
     for _ in range(30):
         point = machine.arm.motion(machine.arm.kinematics(found), *_point(machine, lift), machine.arm.root, joints)
-        flat = point.value[:, :2]
-        reach = machine.arm.reach(found, point.value)
-        outward = flat / np.where(reach == 0, np.inf, reach)[:, None]
-        slope = np.stack([(point.first[:, :, :2] @ outward[:, :, None])[..., 0], point.first[:, :, 2]], axis=1)
-        missed = np.stack([reach - (lift.reach or 0.0), point.value[:, 2] - (lift.height or 0.0)], axis=1)
+        place, slope = machine.arm.reach_and_height(found, point)
+        missed = place - wanted
         step = (np.linalg.pinv(slope * span, rcond=1e-6) @ missed[..., None])[..., 0]
         found[:, free] -= span * np.clip(step, -0.2, 0.2)
     met = found[np.abs(missed).max(axis=1) < TOLERANCE]
