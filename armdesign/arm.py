@@ -9,10 +9,9 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.jets import VectorJet, cross
 from armdesign.units import GRAVITY
-from armdesign.urdf import Joint, read_urdf, rotations
+from armdesign.urdf import read_urdf, rotations
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +228,11 @@ class Arm:
 
     # ------------------------------------------------------------------------------------------------ Pinocchio
 
+    @property
+    def model_order(self) -> Array:
+        """For each coordinate of ours, its index in Pinocchio's model (nq,)."""
+        return self._pinocchio[2]
+
     @cached_property
     def _pinocchio(self) -> tuple[Any, Any, Array]:
         """Model, scratch data and, for each coordinate of ours, its index in the model."""
@@ -312,126 +316,3 @@ class LoadedArm:
             joint = model.getJointId(self.arm.names[body.joint])
             model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
         return model
-
-
-class Dynamics:
-    """Motion of loaded arms of one shape under joint torques, stacked: axis 0 is the case.
-
-    One arm alone serves any number of cases. Placements are batched numpy, forward dynamics Pinocchio's, case by case.
-
-    Args:
-        arms: one per case, or one for all; joints, their parents and kinds are the same in all of them.
-    """
-
-    def __init__(self, arms: Sequence[LoadedArm]) -> None:
-        import pinocchio
-
-        self._library, self._arms = pinocchio, tuple(arms)
-        self._models = [loaded.model() for loaded in arms]
-        self._data = [model.createData() for model in self._models]
-        self._order, self._groups = arms[0].arm._pinocchio[2], self._alike()
-        joints = [loaded.arm.joints for loaded in arms]
-        self._tree = [(j, joints[0][j].parent) for j in arms[0].arm._order]
-        self._slides = not all(joint.revolute for joint in joints[0])
-        local = np.array([[_local_motion(joint) for joint in row] for row in joints])
-        self._still, self._sine, self._cosine, self._slide = np.moveaxis(local, 2, 0)
-
-    def frames(self, q: Array) -> Array:
-        """Joint frames in the world (n, nq + 1, 4, 4) at q (n, nq), homogeneous; the last is the world itself."""
-        turns = q[:, :, None, None]
-        local = self._still + np.sin(turns) * self._sine + np.cos(turns) * self._cosine
-        if self._slides:
-            local = local + turns * self._slide
-        frames = np.empty((len(q), q.shape[1] + 1, 4, 4))
-        frames[:, -1] = np.eye(4)
-        for joint, parent in self._tree:
-            np.matmul(frames[:, parent], local[:, joint], out=frames[:, joint])
-        return frames
-
-    def acceleration(self, q: Array, velocity: Array, torque: Array) -> Array:
-        """q̈ = M⁻¹(τ − h) (n, nq) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms.
-
-        With bars that are no links M and h are summed instead: a point mass adds m JᵀJ and m Jᵀ(q̇ᵀ ∂²P/∂q² q̇ + g e_z).
-        """
-        pairs = self._pairs(len(q))
-        if self._arms[0].points is not None:
-            return self._with_bars(q, velocity, torque, pairs)
-        aba, rows = self._library.aba, zip(*(self._ordered(x) for x in (q, velocity, torque)), strict=True)
-        found = [aba(model, data, *row) for (model, data), row in zip(pairs, rows, strict=True)]
-        return np.array(found)[:, self._order]
-
-    def _pairs(self, count: int) -> Iterable[tuple[Any, Any]]:
-        """Model and scratch data of each case."""
-        pairs = zip(self._models, self._data, strict=True)
-        return repeat(next(pairs), count) if len(self._models) == 1 else pairs
-
-    def _with_bars(self, q: Array, velocity: Array, torque: Array, pairs: Iterable[tuple[Any, Any]]) -> Array:
-        n, nq = q.shape
-        mass, bias = np.empty((n, nq, nq)), np.empty((n, nq))
-        rows = zip(pairs, self._ordered(q), self._ordered(velocity), strict=True)
-        for row, ((model, data), at, speed) in enumerate(rows):
-            mass[row] = self._library.crba(model, data, at)
-            bias[row] = self._library.nonLinearEffects(model, data, at, speed)
-        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
-        mass, bias = mass[np.ix_(np.arange(n), self._order, self._order)], bias[:, self._order]
-        for case, of_case in self._groups:
-            for m, point in self._bar_points(case, q[of_case]):
-                curvature = np.einsum("njki,nj,nk->ni", point.second, velocity[of_case], velocity[of_case])
-                curvature[:, 2] += GRAVITY
-                mass[of_case] += m * point.first @ np.swapaxes(point.first, 1, 2)
-                bias[of_case] += m * (point.first @ curvature[:, :, None])[:, :, 0]
-        return np.asarray(np.linalg.solve(mass, (torque - bias)[:, :, None])[:, :, 0])
-
-    def _alike(self) -> list[tuple[int, slice | list[int]]]:
-        """Index of a loaded arm and the rows of all cases whose bars move as its own do."""
-        if len(self._arms) == 1:
-            return [(0, slice(None))]
-        groups: list[list[int]] = []
-        for case, loaded in enumerate(self._arms):
-            for group in groups:
-                first = self._arms[group[0]]
-                if first.arm is loaded.arm and first.bars == loaded.bars:
-                    group.append(case)
-                    break
-            else:
-                groups.append([case])
-        return [(group[0], group) for group in groups]
-
-    def _bar_points(self, case: int, q: Array) -> list[tuple[float, VectorJet]]:
-        loaded = self._arms[case]
-        return loaded.points(loaded.arm.kinematics(q)) if loaded.points else []
-
-    def energy(self, case: int, q: Array, velocity: Array) -> Array:
-        """Kinetic and potential energy [J] of links, mass and bars of one loaded arm at states (m, nq)."""
-        model, data, library = self._models[case], self._data[case], self._library
-        total = np.zeros(len(q))
-        for row, (at, speed) in enumerate(zip(self._ordered(q), self._ordered(velocity), strict=True)):
-            total[row] = library.computeKineticEnergy(model, data, at, speed)
-            total[row] += library.computePotentialEnergy(model, data, at)
-        for m, point in self._bar_points(case, q):
-            speed = np.einsum("nji,nj->ni", point.first, velocity)
-            total += m * (0.5 * np.einsum("ni,ni->n", speed, speed) + GRAVITY * point.value[:, 2])
-        return total
-
-    def _ordered(self, values: Array) -> Array:
-        """Rows in the order of the model."""
-        ordered = np.empty_like(values)
-        ordered[:, self._order] = values
-        return ordered
-
-
-def _local_motion(joint: Joint) -> Array:
-    """Frame of a joint in the one before it, as four matrices (4, 4, 4): A + sin q B + cos q C + q D.
-
-    Rodrigues: turned about the unit axis with cross-product matrix K by q is I + K² + sin q K − cos q K².
-    """
-    x, y, z = joint.axis
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    parts = np.zeros((4, 4, 4))
-    parts[0, :3, :3], parts[0, :3, 3], parts[0, 3, 3] = joint.rotation, joint.translation, 1.0
-    if joint.revolute:
-        parts[0, :3, :3] += joint.rotation @ k @ k
-        parts[1, :3, :3], parts[2, :3, :3] = joint.rotation @ k, -joint.rotation @ k @ k
-    else:
-        parts[3, :3, 3] = joint.rotation @ joint.axis
-    return parts

@@ -27,8 +27,11 @@ ORDER = [
     *("design.duality", "design.bound", "design.searching", "design.assortment", "design.optimum"),
     *("design.least", "design.pareto"),
     *(
-        "simulation.reach",
+        "simulation.compiled",
+        "simulation.vectors",
+        "simulation.kinematics",
         "simulation.hydraulics",
+        "simulation.bodies",
         "simulation.rest",
         "simulation.plant",
         "simulation.excitation",
@@ -54,7 +57,7 @@ UPWARDS = {
     ("paper", "plots"),
 }
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"arm"},
+    "pinocchio": {"arm", "simulation.bodies"},
     "matplotlib": {"plots"},
     "cvxpy": {"design.sizing"},
     "tomlkit": {"machine_file"},
@@ -62,6 +65,7 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli"},
     "jinja2": {"report"},
     "control": {"linearization"},
+    "numba": {"simulation.compiled"},
 }
 
 
@@ -135,7 +139,7 @@ def test_each_library_has_its_door(library: str) -> None:
 
 def test_importing_the_package_loads_no_heavy_library() -> None:
     """In a process of its own: `import armdesign` and the command line's module."""
-    heavy = ["pinocchio", "cvxpy", "matplotlib", "pandas", "scipy", "numpy", "joblib", "pydantic"]
+    heavy = ["pinocchio", "cvxpy", "matplotlib", "pandas", "scipy", "numpy", "joblib", "pydantic", "numba"]
     code = (
         "import sys, armdesign, armdesign.cli\n"
         f"print([name for name in {heavy} if name in sys.modules])\n"

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.machine import Machine
-from armdesign.simulation.hydraulics import VAPOUR_PRESSURE, Flows, Hydraulics
+from armdesign.simulation.hydraulics import VAPOUR_PRESSURE
 from armdesign.units import bar, l_per_min
 
 FULL = 0.999  # of the spool's travel
@@ -16,18 +16,18 @@ BACKWARDS = 1e-3  # of the rated flow, into the supply
 
 
 def events(
-    machine: Machine, hydraulics: Hydraulics, time: Array, extension: Array, pressure: Array, spool: Array, flows: Flows
+    machine: Machine, relief: Array, time: Array, extension: Array, pressure: Array, spool: Array, supplied: Array
 ) -> Iterator[tuple[float, str]]:
     """First time [s] and words of everything that limits cylinders, at n instants.
 
     Args:
         machine: the machine.
-        hydraulics: its numbers.
+        relief: where port reliefs open (nc,) [Pa].
         time: (n,) [s].
         extension: piston positions (n, nc) [m].
         pressure: of cap and annulus (n, 2, nc) [Pa].
         spool: (n, nc).
-        flows: of the oil.
+        supplied: flows from the supply into cap and annulus (n, 2, nc) [m³/s].
     """
     for i, cylinder in enumerate(machine.functions):
         name, place = cylinder.name, extension[:, i]
@@ -37,17 +37,17 @@ def events(
         yield from _told(time, np.abs(spool[:, i]) >= FULL, f"{name}'s spool was fully open")
         for k, side in enumerate(("cap", "annulus")):
             yield from _told(time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{name}'s {side} cavitated")
-            limit = hydraulics.relief[0, i]
+            limit = relief[i]
             words = f"the relief of {name}'s {side} was open above {limit / bar:.0f} bar"
             yield from _told(time, pressure[:, k, i] > limit, words)
         rated = cylinder.valve.rated_flow if cylinder.valve else 0.0
-        back = flows.from_supply[:, :, i].min(axis=1) < -BACKWARDS * rated
+        back = supplied[:, :, i].min(axis=1) < -BACKWARDS * rated
         yield from _told(time, back, f"{name}'s load pushed oil back into the supply")
 
 
-def pump_events(machine: Machine, time: Array, supply: Array, flows: Flows) -> Iterator[tuple[float, str]]:
+def pump_events(machine: Machine, time: Array, supply: Array, supplied: Array) -> Iterator[tuple[float, str]]:
     """The same of a pump that is asked for more than its flow; its pressures are (n,) [Pa]."""
-    pump, taken = machine.supply, flows.from_supply.sum(axis=(1, 2))
+    pump, taken = machine.supply, supplied.sum(axis=(1, 2))
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
         least, flow = supply.min() / bar, pump.flow / l_per_min

@@ -146,14 +146,12 @@ class EvenOpening:
     @classmethod
     def all(cls, plant: Plant, rest: Array) -> list[EvenOpening]:
         """For every cylinder of a plant of one machine at rest (size,)."""
-        state, hydraulics = rest[None], plant.hydraulics
-        places, pressures = plant.evaluate(state, np.zeros((1, plant.nc))).extensions, plant.pressures(state)
-        speeds = []
+        areas, still, speeds = plant.functions["areas"][0].T, np.zeros((1, plant.nc)), []
         for spool in (1.0, -1.0):
-            wide = np.full((1, plant.nc), spool)
-            flows = hydraulics.flows(pressures, wide, plant.supply_pressure(state))
-            free = hydraulics.free_speed(places, pressures, flows.from_supply - flows.to_return)
-            speeds.append(np.maximum(np.abs(free[0]), 1e-12))
+            wide = plant.evaluate(plant.with_spools(rest[None], spool), still)
+            share = areas / wide.capacities[0]  # a piston whose force does not change: Σ A Q/C = v Σ A²/C
+            free = (share * wide.valve_flows[0]).sum(axis=0) / (share * areas).sum(axis=0)
+            speeds.append(np.maximum(np.abs(free), 1e-12))
         mean = (speeds[0] + speeds[1]) / 2
         valves = [function.valve for function in plant.machine.functions]
         numbers = zip(valves, mean.tolist(), (mean / speeds[0]).tolist(), (mean / speeds[1]).tolist(), strict=True)

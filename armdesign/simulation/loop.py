@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
+from armdesign.simulation.compiled import compiled
 from armdesign.simulation.excitation import EvenOpening
 from armdesign.simulation.plant import Plant
 from armdesign.valve import opening, spool_position
@@ -84,19 +85,16 @@ class Loop:
         """Spool commands (n, nc): those asked for, with the loop's correction of the opening."""
         if not self.gains.any():
             return wanted
-        valve, nc = self.plant.hydraulics.valve, self.plant.nc
-        corrected = spool_position(valve, opening(valve, wanted) + state[:, -nc - 3 : -3])
-        return np.where(self.gains > 0, corrected, wanted)
+        corrected = np.empty_like(wanted)
+        _correct(wanted, state, self.gains, self.plant.functions, corrected)
+        return corrected
 
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
-        size, nc = self.plant.size, self.plant.nc
         wanted = np.array([asked(t) for asked, t in zip(self.asked, time.tolist(), strict=True)], dtype=float)
-        found = self.plant.evaluate(state[:, :size], self.commands(wanted, state))
-        first, second = state[:, size : size + nc], state[:, size + nc : size + 2 * nc]
-        errors = self.gains * (self.places - found.extensions)
-        lags = [self.corners * (errors - first), self.corners * (first - second)]
-        return np.concatenate([found.rates, *lags, found.powers / ENERGY], axis=1)
+        found = self.plant.evaluate(state, self.commands(wanted, state))
+        _follow(state, self.gains, self.places, self.corners, found.extensions, found.powers, found.rates)
+        return found.rates
 
     def energies(self, states: Array) -> Array:
         """Energy [J] supplied, put into oil and dissipated (3, m) since the start at states (m, …) of one case."""
@@ -119,3 +117,31 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
 
 def _shut(_: float) -> float:
     return 0.0
+
+
+@compiled
+def _correct(wanted: Any, state: Any, gains: Any, functions: Any, corrected: Any) -> None:
+    """Spool positions that open a valve by what the loop adds; those without a loop as they are."""
+    n, nc = wanted.shape
+    for case in range(n):
+        m = case if len(functions) > 1 else 0
+        for i in range(nc):
+            corrected[case, i] = wanted[case, i]
+            if gains[case, i] > 0:
+                share = opening(functions[m, i], wanted[case, i]) + state[case, state.shape[1] - nc - 3 + i]
+                corrected[case, i] = spool_position(functions[m, i], share)
+
+
+@compiled
+def _follow(state: Any, gains: Any, places: Any, corners: Any, extension: Any, power: Any, rates: Any) -> None:
+    """Write the rates of both low-passes and of the energies."""
+    n, nc = gains.shape
+    second = state.shape[1] - nc - 3
+    first = second - nc
+    for case in range(n):
+        for i in range(nc):
+            error, once = gains[case, i] * (places[case, i] - extension[case, i]), state[case, first + i]
+            rates[case, first + i] = corners[case, 0] * (error - once)
+            rates[case, second + i] = corners[case, 0] * (once - state[case, second + i])
+        for k in range(3):
+            rates[case, second + nc + k] = power[case, k] / ENERGY

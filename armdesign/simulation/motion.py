@@ -16,7 +16,7 @@ from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ByName, Command, Loop
-from armdesign.simulation.plant import Plant, stack_shape
+from armdesign.simulation.plant import SUPPLIED, Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
@@ -209,13 +209,10 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     found = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
     pressures = plant.pressures(body)
-    energy = plant.dynamics.energy(0, q, velocity)
-    springs, supply = (
-        plant.hydraulics.springs(found.extensions, pressures),
-        np.resize(plant.supply_pressure(body), len(body)),
-    )
-    told = [*events(machine, plant.hydraulics, time, found.extensions, pressures, spool, found.flows)]
-    told += pump_events(machine, time, supply, found.flows)
+    energy, supply, taken = plant.bodies.energy(q, velocity), plant.supply_pressure(body), found.flows[:, SUPPLIED]
+    relief = plant.functions["relief"][0]
+    told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
+    told += pump_events(machine, time, supply, taken)
     supplied, oil, dissipated = loop.energies(states)
     tool = machine.arm.point(machine.arm.kinematics(q), machine.tool.link, np.array(machine.tool.at))
     return Simulation(
@@ -225,13 +222,13 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
         pressures=np.swapaxes(pressures, 1, 2).copy(),
         spool=spool.copy(),
         command=commands,
-        flows=np.swapaxes(found.flows.from_supply - found.flows.to_return, 1, 2).copy(),
+        flows=np.swapaxes(found.valve_flows, 1, 2).copy(),
         extensions=found.extensions,
         speeds=found.speeds,
         tool=np.array(tool),
         energy=energy,
         supplied=supplied,
-        stored=energy - energy[0] + springs - springs[0] + oil,
+        stored=energy - energy[0] + found.springs - found.springs[0] + oil,
         dissipated=dissipated,
         supply=supply,
         events=tuple(words for _, words in sorted(told)),

@@ -1,6 +1,6 @@
 """The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases side by side.
 
-    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)                  joints, by Pinocchio
+    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)                  joints, see ``bodies``
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ                                      chambers, see ``hydraulics``
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                                          spool, x and its command u in [−1, 1]
     C_s ṗ_s = Q_pump(p_s) − Σ Q                                            supply line of a flow-limited pump
@@ -20,20 +20,33 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arm import Dynamics
 from armdesign.arrays import Array
 from armdesign.errors import PoseError
-from armdesign.linkage import Gear
 from armdesign.machine import Machine
-from armdesign.simulation.hydraulics import Flows, Hydraulics, Rates
-from armdesign.simulation.reach import Reach, shape
+from armdesign.simulation.bodies import Bodies
+from armdesign.simulation.compiled import compiled
+from armdesign.simulation.hydraulics import (
+    beyond_stop,
+    capacity,
+    friction,
+    functions_of,
+    piston_speed,
+    port,
+    pump_flow,
+    stop_force,
+    system_of,
+)
+from armdesign.simulation.kinematics import POINTS, add_bars, drives_of, joints_of, place_drive, place_joints
 from armdesign.simulation.rest import holding_pressures
 from armdesign.units import bar
 from armdesign.valve import spool_acceleration
+
+SUPPLIED, RETURNED, LEAKED = range(3)  # kinds of flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +57,24 @@ class Evaluation:
         rates: ẏ (n, size).
         extensions: piston positions s (n, nc) [m].
         speeds: rates of the pin-to-pin lengths (n, nc) [m/s].
-        flows: of the oil.
+        flows: from the supply, to the return (valve and reliefs), by leakage into each chamber (n, 3, 2, nc) [m³/s].
+        capacities: C of cap and annulus (n, 2, nc) [m³/Pa].
         powers: supplied, into oil compression, dissipated (n, 3) [W].
+        springs: energy in end stops and series compliances, ½ k δ² + ½ c F² (n,) [J].
     """
 
     rates: Array
     extensions: Array
     speeds: Array
-    flows: Flows
+    flows: Array
+    capacities: Array
     powers: Array
+    springs: Array
+
+    @property
+    def valve_flows(self) -> Array:
+        """From the supply less to the return, into each chamber (n, 2, nc) [m³/s]."""
+        return np.asarray(self.flows[:, SUPPLIED] - self.flows[:, RETURNED])
 
 
 class Plant:
@@ -70,12 +92,13 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
-        self.hydraulics = Hydraulics(machines)
-        self.dynamics = Dynamics([machine.loaded_arm for machine in machines])
-        self._reach = Reach([machine.linkages for machine in machines])
+        self.bodies = Bodies([machine.loaded_arm for machine in machines])
+        self.functions = np.stack([functions_of(machine) for machine in machines])
+        self._systems = np.stack([system_of(machine) for machine in machines])
+        self._joints = np.stack([joints_of(machine.arm) for machine in machines])
+        self._drives = np.stack([drives_of(machine) for machine in machines])
         self.nq, self.nc = len(self.machine.joints), len(self.machine.functions)
-        self._turned = [drive.joint for drive in self.machine.drives[self._reach.count :] if isinstance(drive, Gear)]
-        self.has_line = self.machine.supply.flow_limited
+        self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, int(self.has_line), self.nc, self.nc])
         self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
         self._chambers = slice(int(edges[2]), int(edges[4]))
@@ -106,8 +129,16 @@ class Plant:
         return np.asarray(state[:, self._chambers].reshape(-1, 2, self.nc) * bar)
 
     def supply_pressure(self, state: Array) -> Array:
-        """Supply pressures (n, 1) [Pa] of states (n, size); (1, 1) where one ideal pump serves all."""
-        return np.asarray(state[:, self._parts[4]] * bar if self.has_line else self.hydraulics.supply.pressure)
+        """Supply pressures (n,) [Pa] of states (n, size)."""
+        if self.has_line:
+            return np.asarray(state[:, self._parts[4]][:, 0] * bar)
+        return np.resize(self._systems["pressure"], len(state))
+
+    def with_spools(self, state: Array, position: float) -> Array:
+        """States (n, size) with all spools at a position −1…1."""
+        moved = state.copy()
+        moved[:, self._parts[5]] = position
+        return moved
 
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
         """State (size,) of static equilibrium of one machine at a pose (nq,).
@@ -146,47 +177,136 @@ class Plant:
         return self.evaluate(state, command).rates
 
     def evaluate(self, state: Array, command: Array) -> Evaluation:
-        """ẏ, and what it was made from."""
-        q, velocity, _, _, _, spool, spool_speed = (state[:, part] for part in self._parts)
-        pressures, supply = self.pressures(state), self.supply_pressure(state)
-        lengths, moment_arms = self._geometry(q)
-        speeds = (moment_arms @ velocity[:, :, None])[:, :, 0]
-        extensions = self.hydraulics.extension(lengths, pressures)
-        found = self.hydraulics.rates(extensions, speeds, pressures, spool, supply)
-        rates = np.empty_like(state)
-        parts = self._parts
-        rates[:, parts[0]], rates[:, parts[5]] = velocity, spool_speed
-        torque = (found.force[:, None] @ moment_arms)[:, 0]
-        rates[:, parts[1]] = self.dynamics.acceleration(q, velocity, torque)
-        rates[:, self._chambers] = found.pressure_rates.reshape(len(state), -1) / bar
-        taken = found.flows.from_supply.sum(axis=(1, 2))[:, None]
-        pump = self.hydraulics.pump_flow(supply, taken) if self.has_line else taken
-        if self.has_line:
-            rates[:, parts[4]] = (pump - taken) / self.hydraulics.line_capacity / bar
-        rates[:, parts[6]] = spool_acceleration(self.hydraulics.valve, spool, spool_speed, command)
-        powers = self._powers(pressures, supply, pump, taken, found)
-        return Evaluation(rates, extensions, speeds, found.flows, powers)
+        """ẏ, and what it was made from.
 
-    def _geometry(self, q: Array) -> tuple[Array, Array]:
-        """Lengths (n, nc) [m] and moment arms (n, nc, nq) at joint positions; of a motor the joint's angle and 1."""
-        lengths, moment_arms = self._reach(self.dynamics.frames(q))
-        if not self._turned:
-            return lengths, moment_arms
-        gears = np.broadcast_to(np.eye(self.nq)[self._turned], (len(q), len(self._turned), self.nq))
-        lengths = np.concatenate([lengths, q[:, self._turned]], axis=1)
-        return lengths, np.concatenate([moment_arms, gears], axis=1)
-
-    def _powers(self, pressures: Array, supply: Array, pump: Array, taken: Array, found: Rates) -> Array:
-        """Supplied, into oil compression and dissipated (n, 3) [W]; orifices dissipate what enters less what leaves."""
-        flows, back = found.flows, self.hydraulics.supply.return_pressure
-        line = (supply * (pump - taken))[:, 0]
-        supplied = (supply * pump)[:, 0] - back[:, 0] * flows.to_return.sum(axis=(1, 2))
-        throttled = supplied - line - (pressures * flows.net).sum(axis=(1, 2))
-        return np.stack([supplied, found.oil_power + line, throttled + found.rubbed_off], axis=1)
+        Args:
+            state: (n, size), or more columns, which are left alone: their rates are not set.
+            command: of the spools (n, nc).
+        """
+        n, nq, nc = len(state), self.nq, self.nc
+        rates, torque = np.empty_like(state), np.empty((n, nq))
+        found = Evaluation(
+            rates,
+            np.empty((n, nc)),
+            np.empty((n, nc)),
+            np.empty((n, 3, 2, nc)),
+            np.empty((n, 2, nc)),
+            np.empty((n, 3)),
+            np.empty(n),
+        )
+        weighs = n if self._weighs else 0
+        bar_mass, bar_force = np.zeros((weighs, nq, nq)), np.zeros((weighs, nq))
+        _evaluate(
+            state,
+            command,
+            self.functions,
+            self._systems,
+            self._joints,
+            self._drives,
+            self.has_line,
+            rates,
+            torque,
+            found.extensions,
+            found.speeds,
+            found.flows,
+            found.capacities,
+            found.powers,
+            found.springs,
+            bar_mass,
+            bar_force,
+        )
+        q, velocity = state[:, :nq], state[:, nq : 2 * nq]
+        if self._weighs:
+            rates[:, nq : 2 * nq] = self.bodies.with_bars(q, velocity, torque, bar_mass, bar_force)
+        else:
+            rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque)
+        return found
 
 
 def stack_shape(machine: Machine) -> Hashable:
     """What machines must have in common to be cases of one plant."""
-    tree = tuple((joint.parent, joint.revolute) for joint in machine.arm.joints)
-    turned = tuple(motor.joint for motor in machine.motors)
-    return tree, shape(machine.linkages), turned, machine.has_bars, machine.supply.flow_limited
+    order = tuple(machine.arm.model_order.tolist())
+    return order, len(machine.functions), machine.has_bars, machine.supply.flow_limited
+
+
+@compiled
+def _evaluate(
+    state: Any,
+    command: Any,
+    functions: Any,
+    systems: Any,
+    joints: Any,
+    drives: Any,
+    has_line: bool,
+    rates: Any,
+    torque: Any,
+    extension: Any,
+    speed: Any,
+    flow: Any,
+    capacities: Any,
+    power: Any,
+    spring: Any,
+    bar_mass: Any,
+    bar_force: Any,
+) -> None:
+    """All of a case but its accelerations: see ``Evaluation``; torques (n, nq), and bars' shares of M and h."""
+    n, nq, nc = len(state), joints.shape[1], drives.shape[1]
+    rotation, origin, axis = np.empty((nq, 3, 3)), np.empty((nq, 3)), np.empty((nq, 3))
+    slope, bias, arm = np.empty((POINTS, nq, 3)), np.empty((POINTS, 3)), np.empty(nq)
+    chambers, line = 2 * nq, 2 * nq + 2 * nc
+    spools = line + int(has_line)
+    for case in range(n):
+        m = case if len(functions) > 1 else 0
+        system, q, velocity = systems[m], state[case, :nq], state[case, nq : 2 * nq]
+        supply = state[case, line] * bar if has_line else system.pressure
+        rates[case, :nq], torque[case], spring[case] = velocity, 0.0, 0.0
+        place_joints(joints[m], q, rotation, origin, axis)
+        taken, returned, passed, oil, rubbed = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(nc):
+            function, drive = functions[m, i], drives[m, i]
+            if drive.gear >= 0:
+                arm[:] = 0.0
+                arm[drive.gear] = 1.0
+                length = q[drive.gear]
+            else:
+                length, span = place_drive(drive, joints[m], rotation, origin, axis, velocity, slope, bias, arm)
+                if len(bar_mass):
+                    add_bars(drive, length, span, velocity, slope, bias, bar_mass[case], bar_force[case])
+            pins = 0.0
+            for j in range(nq):
+                pins += arm[j] * velocity[j]
+            p1, p2 = state[case, chambers + i] * bar, state[case, chambers + nc + i] * bar
+            spool, spool_speed = state[case, spools + i], state[case, spools + nc + i]
+            a1, a2 = function.areas[0], function.areas[1]
+            oil_force = a1 * p1 + a2 * p2
+            place = length - function.closed_length + function.compliance * oil_force
+            s1, r1, l1 = port(function, system, 0, p1, p2, spool, supply)
+            s2, r2, l2 = port(function, system, 1, p2, p1, spool, supply)
+            c1, c2 = capacity(function, system, 0, place, p1), capacity(function, system, 1, place, p2)
+            q1, q2 = s1 - r1 + l1, s2 - r2 + l2
+            piston = piston_speed(function, pins, a1 * q1 / c1 + a2 * q2 / c2, a1 * a1 / c1 + a2 * a2 / c2)
+            fill1, fill2 = q1 - a1 * piston, q2 - a2 * piston
+            beyond, rub = beyond_stop(function, place), friction(function, piston)
+            stop = stop_force(function, beyond, piston) if beyond != 0.0 else 0.0
+            force = oil_force - rub + stop
+            for j in range(nq):
+                torque[case, j] += arm[j] * force
+            rates[case, chambers + i], rates[case, chambers + nc + i] = fill1 / c1 / bar, fill2 / c2 / bar
+            rates[case, spools + i] = spool_speed
+            rates[case, spools + nc + i] = spool_acceleration(function, spool, spool_speed, command[case, i])
+            extension[case, i], speed[case, i] = place, pins
+            capacities[case, 0, i], capacities[case, 1, i] = c1, c2
+            flow[case, 0, 0, i], flow[case, 1, 0, i], flow[case, 2, 0, i] = s1, r1, l1
+            flow[case, 0, 1, i], flow[case, 1, 1, i], flow[case, 2, 1, i] = s2, r2, l2
+            taken, returned = taken + s1 + s2, returned + r1 + r2
+            passed, oil = passed + p1 * q1 + p2 * q2, oil + p1 * fill1 + p2 * fill2
+            rubbed += rub * pins - stop * pins - function.stop * beyond * piston
+            spring[case] += (function.stop * beyond**2 + function.compliance * oil_force**2) / 2
+        pump = taken
+        if has_line:
+            pump = pump_flow(system, supply)
+            rates[case, line] = (pump - taken) / system.line_capacity / bar
+        stored = supply * (pump - taken)
+        power[case, 0] = supply * pump - system.return_pressure * returned
+        power[case, 1] = oil + stored
+        power[case, 2] = power[case, 0] - stored - passed + rubbed  # edges dissipate what enters less what leaves

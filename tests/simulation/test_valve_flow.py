@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armdesign import Machine, load
-from armdesign.simulation.hydraulics import Hydraulics
+from armdesign.simulation.plant import Plant
 from armdesign.units import bar, l_per_min
 from armdesign.valve import (
     LAMINAR_DROP,
@@ -62,9 +62,11 @@ def test_spool_position_opens_by_the_share(share: float) -> None:
 
 def ports(machine: Machine, spool: float) -> list[float]:
     """Flows [l/min] into cap and annulus of its one cylinder at 100 and 50 bar."""
-    hydraulics, supply = Hydraulics([machine]), np.array([[machine.supply.pressure]])
-    flows = hydraulics.flows(np.array([[[100 * bar], [50 * bar]]]), np.array([[spool]]), supply)
-    return list((flows.net[0, :, 0] / l_per_min).tolist())
+    plant = Plant(machine)
+    state = plant.with_spools(np.zeros((1, plant.size)), spool)
+    state[0, 2 * plant.nq : 2 * plant.nq + 2] = 100.0, 50.0
+    from_supply, to_return, leakage = plant.evaluate(state, np.zeros((1, 1))).flows[0, :, :, 0]
+    return list(((from_supply - to_return + leakage) / l_per_min).tolist())
 
 
 def lifting(**changes: object) -> Machine:
