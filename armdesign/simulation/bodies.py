@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import repeat
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,32 +22,40 @@ class Bodies:
         import pinocchio
 
         self._library, self._arm = pinocchio, arms[0]
-        self._models = [loaded.model() for loaded in arms]
-        self._data = [model.createData() for model in self._models]
+        models = [loaded.model() for loaded in arms]
+        self._pairs = [(model, model.createData()) for model in models]
         self._order = arms[0].arm.model_order
         self._same = bool(np.all(self._order == np.arange(len(self._order))))
 
-    def acceleration(self, q: Array, velocity: Array, torque: Array) -> Array:
-        """q̈ = M⁻¹(τ − h) (n, nq) by the articulated-body algorithm, h: Coriolis, centrifugal and gravity terms."""
-        aba, rows = self._library.aba, zip(*(self._ordered(x) for x in (q, velocity, torque)), strict=True)
-        found = np.array([aba(model, data, *row) for (model, data), row in zip(self._pairs(q), rows, strict=True)])
+    def acceleration(self, q: Array, velocity: Array, torque: Array, bars: tuple[Array, Array] | None = None) -> Array:
+        """q̈ = M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms.
+
+        By the articulated-body algorithm. With what bars add to M (n, nq, nq) and to h (n, nq), M is computed by
+        composite bodies and h by Newton and Euler's recursion, and the sums are solved.
+        """
+        q, velocity, torque = self._ordered(q), self._ordered(velocity), self._ordered(torque)
+        if bars is not None:
+            return self._with_bars(q, velocity, torque, *bars)
+        aba, pairs, found = self._library.aba, self._pairs, np.empty(q.shape)
+        for row, (at, speed, push) in enumerate(zip(q, velocity, torque, strict=True)):
+            found[row] = aba(*pairs[row % len(pairs)], at, speed, push)
         return found if self._same else found[:, self._order]
 
-    def with_bars(self, q: Array, velocity: Array, torque: Array, bar_mass: Array, bar_force: Array) -> Array:
-        """The same with what bars add to M (n, nq, nq) and to h (n, nq): M by composite bodies, h by Newton–Euler."""
-        mass, force = np.empty(bar_mass.shape), np.empty(bar_force.shape)
-        rows = zip(self._pairs(q), self._ordered(q), self._ordered(velocity), strict=True)
-        for row, ((model, data), at, speed) in enumerate(rows):
+    def _with_bars(self, q: Array, velocity: Array, torque: Array, bar_mass: Array, bar_force: Array) -> Array:
+        mass, force, pairs = np.empty(bar_mass.shape), np.empty(bar_force.shape), self._pairs
+        for row, (at, speed) in enumerate(zip(q, velocity, strict=True)):
+            model, data = pairs[row % len(pairs)]
             mass[row] = self._library.crba(model, data, at)
             force[row] = self._library.nonLinearEffects(model, data, at, speed)
         mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)  # crba fills the upper triangle only
+        torque = torque - force
         if not self._same:
-            mass, force = mass[np.ix_(np.arange(len(q)), self._order, self._order)], force[:, self._order]
-        return np.asarray(np.linalg.solve(mass + bar_mass, (torque - force - bar_force)[:, :, None])[:, :, 0])
+            mass, torque = mass[np.ix_(np.arange(len(q)), self._order, self._order)], torque[:, self._order]
+        return np.asarray(np.linalg.solve(mass + bar_mass, (torque - bar_force)[:, :, None])[:, :, 0])
 
     def energy(self, q: Array, velocity: Array) -> Array:
         """Kinetic and potential energy [J] of links, payload and bars of one loaded arm at states (m, nq)."""
-        model, data, library = self._models[0], self._data[0], self._library
+        (model, data), library = self._pairs[0], self._library
         total = np.zeros(len(q))
         for row, (at, speed) in enumerate(zip(self._ordered(q), self._ordered(velocity), strict=True)):
             total[row] = library.computeKineticEnergy(model, data, at, speed)
@@ -59,11 +65,6 @@ class Bodies:
             moved = np.einsum("nji,nj->ni", point.first, velocity)
             total += m * (0.5 * np.einsum("ni,ni->n", moved, moved) + GRAVITY * point.value[:, 2])
         return total
-
-    def _pairs(self, q: Array) -> Iterable[tuple[Any, Any]]:
-        """Model and scratch data of each case."""
-        pairs = zip(self._models, self._data, strict=True)
-        return repeat(next(pairs), len(q)) if len(self._models) == 1 else pairs
 
     def _ordered(self, values: Array) -> Array:
         """Rows in the order of the model."""

@@ -9,6 +9,7 @@ passes hardly any pressure drop, a fast spool, a piston in dry friction) is fini
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.simulation.compiled import compiled
 
 WINDOW, STIFF = 300, 20.0  # a case is stiff when its steps over a window are this much shorter than stability asks
 NOT_FINITE = "a four-bar has opened, or numbers grew without bound"
@@ -47,38 +49,25 @@ class GaveUpError(Exception):
 
 @dataclass
 class _Records:
-    """States at evenly spaced instants of every case."""
+    """States at evenly spaced instants of every case, one case below the other."""
 
-    states: list[Array]
-    spacing: Array
-    done: Array
+    states: Array  # (rows, m)
+    first: Array  # row of each case's start
+    last: Array
+    spacing: Array  # [s]
+    done: Array  # row filled last
 
     @classmethod
     def of(cls, start: Array, durations: Array, counts: Array) -> _Records:
-        states = [np.empty((int(count) + 1, start.shape[1])) for count in counts]
-        for rows, state in zip(states, start, strict=True):
-            rows[0] = state
-        return cls(states, durations / counts, np.zeros(len(counts), dtype=int))
+        ends = np.cumsum(counts + 1)
+        first = ends - counts - 1
+        states = np.empty((ends[-1], start.shape[1]))
+        states[first] = start
+        return cls(states, first, ends - 1, durations / counts, first.copy())
 
-    def keep(self, cases: Array, time: Array, step: Array, state: Array, slopes: Array, interpolant: Array) -> None:
-        """Record what lies within a step of some cases: y(t + θ h) = y + h Σ_k K_k P_kj θ^j."""
-        passed = np.minimum(np.floor((time + step) / self.spacing[cases] * (1 + 1e-12)), self._last(cases)).astype(int)
-        count = passed - self.done[cases]
-        if not count.any():
-            return
-        rows = np.repeat(np.arange(len(cases)), count)
-        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + self.done[cases][rows] + 1
-        share = (number * self.spacing[cases][rows] - time[rows]) / step[rows]
-        weights = (share[:, None] ** np.arange(1, interpolant.shape[1] + 1)) @ interpolant.T
-        values = state[rows] + step[rows, None] * np.einsum("rk,krm->rm", weights, slopes[:, rows])
-        start = 0
-        for case, first, n in zip(cases.tolist(), self.done[cases].tolist(), count.tolist(), strict=True):
-            self.states[case][first + 1 : first + 1 + n] = values[start : start + n]
-            start += n
-        self.done[cases] = passed
-
-    def _last(self, cases: Array) -> Array:
-        return np.array([len(self.states[case]) - 1 for case in cases])
+    def split(self) -> list[Array]:
+        """States of each case."""
+        return [self.states[a : b + 1] for a, b in zip(self.first.tolist(), self.last.tolist(), strict=True)]
 
 
 def integrate(
@@ -118,7 +107,7 @@ def integrate(
                     _implicitly(front.system.picked([row]), case, begin, at, records, tolerance, 7 * most_steps)
                     front.time[row] = front.ends[row]
             if front.drop_finished():
-                return records.states
+                return records.split()
     row = int(np.argmin(front.time / front.ends))
     raise front.gave_up(row, f"more than {most_steps} steps")
 
@@ -127,68 +116,137 @@ class _Front:
     """Where the cases are that are still under way."""
 
     def __init__(self, system: System, start: Array, durations: Array, fastest: Array, swiftest: Array) -> None:
+        from scipy.integrate import RK45
+
         self.system, self.cases, self.ends = system, np.arange(len(start)), durations.astype(float)
         self.most = STABLE / np.maximum(fastest, STABLE / durations)
         self.needed = np.minimum(self.most, STABLE / np.maximum(swiftest, STABLE / durations))
         self.time, self.state, self.slope = np.zeros(len(start)), start.copy(), start
-        self.step, self.alive = np.minimum(FIRST_STEP, durations), np.ones(len(start), dtype=bool)
+        self.step = np.minimum(np.minimum(FIRST_STEP, self.most), durations)
         self._before = self.time.copy()
+        weights = [np.ascontiguousarray(RK45.A[stage, :stage]) for stage in range(1, 6)]
+        self._stages = [*zip(RK45.C[1:].tolist(), weights, strict=True), (1.0, np.asarray(RK45.B))]
+        self._error, self._interpolant = np.asarray(RK45.E), np.asarray(RK45.P)
 
     def advance(self, records: _Records, tolerance: float) -> None:
         """One step of every case, taken or refused."""
-        from scipy.integrate import RK45
-
-        limit = np.minimum(self.most, self.ends - self.time)
-        step = np.where(self.alive, np.minimum(self.step, limit), 0.0)
-        slopes, after, error = _attempt(self.system, self.time, self.state, self.slope, step, RK45)
-        scale = tolerance * (1 + np.maximum(np.abs(self.state), np.abs(after)))
-        norm = np.sqrt(np.mean((error / scale) ** 2, axis=1))
-        good = (norm < 1) & self.alive
-        taken = np.flatnonzero(good)
-        records.keep(self.cases[taken], self.time[taken], step[taken], self.state[taken], slopes[:, taken], RK45.P)
-        self.time[taken] += step[taken]
-        self.state[taken], self.slope[taken] = after[taken], slopes[-1][taken]
-        factor = SAFETY * np.maximum(norm, 1e-10) ** -0.2
-        self.step = step * np.where(np.isfinite(norm), np.clip(factor, SHRINK, GROW), SHRINK)
-        stuck = self.alive & ~good & (self.step < 1e-14 * np.maximum(self.time, 1.0))
-        if stuck.any():
-            raise self.gave_up(int(np.argmax(stuck)), f"no step is small enough: {NOT_FINITE}")
+        slopes, ahead = np.empty((7, *self.state.shape)), np.empty_like(self.state)
+        slopes[0] = self.slope
+        for stage, (share, weights) in enumerate(self._stages, start=1):
+            _step_ahead(slopes, weights, self.state, self.step, ahead)
+            slopes[stage] = self.system.rates(self.time + share * self.step, ahead)
+        stuck = _settle(
+            slopes,
+            ahead,
+            tolerance,
+            self._error,
+            self._interpolant,
+            self.cases,
+            self.ends,
+            self.most,
+            self.time,
+            self.state,
+            self.slope,
+            self.step,
+            records.states,
+            records.first,
+            records.last,
+            records.spacing,
+            records.done,
+        )
+        if stuck >= 0:
+            raise self.gave_up(stuck, f"no step is small enough: {NOT_FINITE}")
 
     def stiff(self) -> list[int]:
         """Cases whose steps of late were far below what their oscillations need."""
-        slow = self.alive & (self.time - self._before < WINDOW * self.needed / STIFF)
+        slow = self.time - self._before < WINDOW * self.needed / STIFF
         self._before = self.time.copy()
         return [int(row) for row in np.flatnonzero(slow & (self.time < self.ends))]
 
     def drop_finished(self) -> bool:
         """Let go of cases at their end once they are half of all; whether all are."""
-        self.alive = self.time < self.ends * (1 - 1e-14)
-        if 2 * self.alive.sum() <= len(self.alive) and self.alive.any():
-            left = np.flatnonzero(self.alive)
+        left = np.flatnonzero(self.time < self.ends)
+        if 0 < 2 * len(left) <= len(self.time):
             self.system = self.system.picked(left.tolist())
-            for name in ("cases", "ends", "most", "needed", "time", "state", "slope", "step", "alive", "_before"):
+            for name in ("cases", "ends", "most", "needed", "time", "state", "slope", "step", "_before"):
                 setattr(self, name, getattr(self, name)[left])
-        return not self.alive.any()
+        return len(left) == 0
 
     def gave_up(self, row: int, cause: str) -> GaveUpError:
         """The error of a case that cannot go on."""
         return GaveUpError(int(self.cases[row]), float(self.time[row]), self.state[row], cause)
 
 
-def _attempt(
-    system: System, time: Array, state: Array, slope: Array, step: Array, tableau: Any
-) -> tuple[Array, Array, Array]:
-    """Slopes (7, n, m) of a step, the state after it and the estimate of its error."""
+@compiled
+def _step_ahead(slopes: Any, weights: Any, state: Any, step: Any, ahead: Any) -> None:
+    """Y + h Σ_k a_k K_k of every case."""
     n, m = state.shape
-    slopes = np.empty((7, n, m))
-    flat, height = slopes.reshape(7, -1), step[:, None]
-    slopes[0] = slope
-    for stage in range(1, 6):
-        change = (tableau.A[stage, :stage] @ flat[:stage]).reshape(n, m)
-        slopes[stage] = system.rates(time + tableau.C[stage] * step, state + height * change)
-    after = state + height * (tableau.B @ flat[:6]).reshape(n, m)
-    slopes[6] = system.rates(time + step, after)
-    return slopes, after, height * (tableau.E @ flat).reshape(n, m)
+    for case in range(n):
+        for i in range(m):
+            change = 0.0
+            for k in range(len(weights)):
+                change += weights[k] * slopes[k, case, i]
+            ahead[case, i] = state[case, i] + step[case] * change
+
+
+@compiled
+def _settle(
+    slopes: Any,
+    ahead: Any,
+    tolerance: float,
+    error_weights: Any,
+    interpolant: Any,
+    cases: Any,
+    ends: Any,
+    most: Any,
+    time: Any,
+    state: Any,
+    slope: Any,
+    step: Any,
+    records: Any,
+    first: Any,
+    last: Any,
+    spacing: Any,
+    done: Any,
+) -> int:
+    """Take or refuse the step of every case, by the estimate of its error, and choose the next one's size.
+
+    What lies within a step is recorded by y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j. Returns a case that is stuck, or −1.
+    """
+    n, m = state.shape
+    for case in range(n):
+        h = step[case]
+        if h == 0.0:
+            continue
+        total = 0.0
+        for i in range(m):
+            error = 0.0
+            for k in range(7):
+                error += error_weights[k] * slopes[k, case, i]
+            total += (h * error / (1 + max(abs(state[case, i]), abs(ahead[case, i])))) ** 2
+        norm = math.sqrt(total / m) / tolerance
+        if norm < 1:
+            row, begin = cases[case], time[case]
+            reached = ends[case] - (begin + h) < 1e-14 * ends[case]
+            passed = last[row] if reached else first[row] + int((begin + h) / spacing[row] * (1 + 1e-12))
+            for record in range(done[row] + 1, min(passed, last[row]) + 1):
+                share = ((record - first[row]) * spacing[row] - begin) / h
+                for i in range(m):
+                    change = 0.0
+                    for k in range(7):
+                        weight = interpolant[k, 3]
+                        for power in range(2, -1, -1):
+                            weight = weight * share + interpolant[k, power]
+                        change += weight * share * slopes[k, case, i]
+                    records[record, i] = state[case, i] + h * change
+                done[row] = record
+            time[case] = ends[case] if reached else begin + h
+            state[case], slope[case] = ahead[case], slopes[6, case]
+        factor = min(max(SAFETY * max(norm, 1e-10) ** -0.2, SHRINK), GROW) if math.isfinite(norm) else SHRINK
+        if not norm < 1 and h * factor < 1e-14 * max(time[case], 1.0):
+            return case
+        step[case] = min(h * factor, most[case], ends[case] - time[case])
+    return -1
 
 
 def _implicitly(
@@ -197,7 +255,8 @@ def _implicitly(
     """The rest of one stiff case by LSODA (Petzold 1983), which turns implicit by itself, and back."""
     from scipy.integrate import solve_ivp
 
-    states, done, spacing = records.states[case], int(records.done[case]), float(records.spacing[case])
+    states, spacing = records.split()[case], float(records.spacing[case])
+    done = int(records.done[case] - records.first[case])
     end, last, count = spacing * (len(states) - 1), (begin, state), 0
 
     def rates(time: float, at: Array) -> Array:
@@ -214,4 +273,4 @@ def _implicitly(
         run = solve_ivp(rates, (begin, end), state, method="LSODA", t_eval=instants, rtol=tolerance, atol=tolerance)
     if not run.success:
         raise GaveUpError(case, *last, str(run.message))
-    states[done + 1 :], records.done[case] = run.y.T, len(states) - 1
+    states[done + 1 :], records.done[case] = run.y.T, records.last[case]

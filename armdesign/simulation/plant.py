@@ -18,9 +18,8 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,8 +48,7 @@ from armdesign.valve import spool_acceleration
 SUPPLIED, RETURNED, LEAKED = range(3)  # kinds of flow
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(NamedTuple):
     """The plant at one instant of n cases.
 
     Attributes:
@@ -216,10 +214,8 @@ class Plant:
             bar_force,
         )
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
-        if self._weighs:
-            rates[:, nq : 2 * nq] = self.bodies.with_bars(q, velocity, torque, bar_mass, bar_force)
-        else:
-            rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque)
+        bars = (bar_mass, bar_force) if self._weighs else None
+        rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, bars)
         return found
 
 

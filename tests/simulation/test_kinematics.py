@@ -63,7 +63,7 @@ def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine
     torque = np.tile(np.linspace(-1e3, 1e3, len(machine.joints)), (3, 1))
     expected = np.linalg.solve(poses.mass_matrix, (torque - poses.gravity_torque)[:, :, None])[:, :, 0]
     bars = [placed(machine, at, 0 * at)[4:] for at in q]
-    found = bodies.with_bars(q, 0 * q, torque, *(np.array(part) for part in zip(*bars, strict=True)))
+    found = bodies.acceleration(q, 0 * q, torque, tuple(np.array(part) for part in zip(*bars, strict=True)))
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     if not machine.has_bars:
         np.testing.assert_allclose(bodies.acceleration(q, 0 * q, torque), expected, rtol=1e-8, atol=1e-8)
