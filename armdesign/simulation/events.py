@@ -27,7 +27,7 @@ def events(
         extension: piston positions (n, nc) [m].
         pressure: of cap and annulus (n, 2, nc) [Pa].
         spool: (n, nc).
-        supplied: flows from the supply into cap and annulus (n, 2, nc) [m³/s].
+        supplied: flows from the supply into cap and annulus (n, nc, 2) [m³/s].
     """
     for i, cylinder in enumerate(machine.functions):
         name, place = cylinder.name, extension[:, i]
@@ -41,7 +41,7 @@ def events(
             words = f"the relief of {name}'s {side} was open above {limit / bar:.0f} bar"
             yield from _told(time, pressure[:, k, i] > limit, words)
         rated = cylinder.valve.rated_flow if cylinder.valve else 0.0
-        back = supplied[:, :, i].min(axis=1) < -BACKWARDS * rated
+        back = supplied[:, i].min(axis=1) < -BACKWARDS * rated
         yield from _told(time, back, f"{name}'s load pushed oil back into the supply")
 
 

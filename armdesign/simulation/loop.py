@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -81,9 +82,13 @@ class Loop:
         asked = tuple(self.asked[row] for row in rows)
         return Loop(plant, self.start[rows], asked, self.corners[rows], self.gains[rows], self.places[rows])
 
+    @cached_property
+    def _corrects(self) -> bool:
+        return bool(self.gains.any())
+
     def commands(self, wanted: Array, state: Array) -> Array:
         """Spool commands (n, nc): those asked for, with the loop's correction of the opening."""
-        if not self.gains.any():
+        if not self._corrects:
             return wanted
         corrected = np.empty_like(wanted)
         _correct(wanted, state, self.gains, self.plant.functions, corrected)
@@ -93,7 +98,7 @@ class Loop:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
         wanted = np.array([asked(t) for asked, t in zip(self.asked, time.tolist(), strict=True)], dtype=float)
         found = self.plant.evaluate(state, self.commands(wanted, state))
-        _follow(state, self.gains, self.places, self.corners, found.extensions, found.powers, found.rates)
+        _follow(state, self.gains, self.places, self.corners, found.told, found.powers, found.rates)
         return found.rates
 
     def energies(self, states: Array) -> Array:
@@ -111,12 +116,15 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
     for name in command:
         if name not in names:
             raise SimulationError(f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}")
-    parts = [command.get(name, _shut) for name in names]
-    return lambda time: [part(time) for part in parts]
+    parts = [(names.index(name), part) for name, part in command.items()]
 
+    def asked(time: float) -> list[float]:
+        spools = [0.0] * len(names)
+        for index, part in parts:
+            spools[index] = part(time)
+        return spools
 
-def _shut(_: float) -> float:
-    return 0.0
+    return asked
 
 
 @compiled
@@ -133,14 +141,14 @@ def _correct(wanted: Any, state: Any, gains: Any, functions: Any, corrected: Any
 
 
 @compiled
-def _follow(state: Any, gains: Any, places: Any, corners: Any, extension: Any, power: Any, rates: Any) -> None:
+def _follow(state: Any, gains: Any, places: Any, corners: Any, told: Any, power: Any, rates: Any) -> None:
     """Write the rates of both low-passes and of the energies."""
     n, nc = gains.shape
     second = state.shape[1] - nc - 3
     first = second - nc
     for case in range(n):
         for i in range(nc):
-            error, once = gains[case, i] * (places[case, i] - extension[case, i]), state[case, first + i]
+            error, once = gains[case, i] * (places[case, i] - told[case, i].extension), state[case, first + i]
             rates[case, first + i] = corners[case, 0] * (error - once)
             rates[case, second + i] = corners[case, 0] * (once - state[case, second + i])
         for k in range(3):

@@ -16,7 +16,7 @@ from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ByName, Command, Loop
-from armdesign.simulation.plant import SUPPLIED, Plant, stack_shape
+from armdesign.simulation.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
@@ -209,7 +209,7 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     found = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
     pressures = plant.pressures(body)
-    energy, supply, taken = plant.bodies.energy(q, velocity), plant.supply_pressure(body), found.flows[:, SUPPLIED]
+    energy, supply, taken = plant.bodies.energy(q, velocity), plant.supply_pressure(body), found.told["supplied"]
     relief = plant.functions["relief"][0]
     told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
     told += pump_events(machine, time, supply, taken)
@@ -222,9 +222,9 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
         pressures=np.swapaxes(pressures, 1, 2).copy(),
         spool=spool.copy(),
         command=commands,
-        flows=np.swapaxes(found.valve_flows, 1, 2).copy(),
+        flows=found.valve_flows,
         extensions=found.extensions,
-        speeds=found.speeds,
+        speeds=found.told["speed"].copy(),
         tool=np.array(tool),
         energy=energy,
         supplied=supplied,

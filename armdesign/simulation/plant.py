@@ -45,7 +45,15 @@ from armdesign.simulation.rest import holding_pressures
 from armdesign.units import bar
 from armdesign.valve import spool_acceleration
 
-SUPPLIED, RETURNED, LEAKED = range(3)  # kinds of flow
+TOLD = np.dtype(  # what a function does at an instant; of cap and annulus
+    [
+        ("extension", "f8"),  # of the piston, s [m]
+        ("speed", "f8"),  # rate of the pin-to-pin length [m/s]
+        *((name, "f8", 2) for name in ("supplied", "returned", "leaked")),  # from supply, to return, into it [m³/s]
+        ("capacity", "f8", 2),  # C [m³/Pa]
+    ],
+    align=True,
+)
 
 
 class Evaluation(NamedTuple):
@@ -53,26 +61,25 @@ class Evaluation(NamedTuple):
 
     Attributes:
         rates: ẏ (n, size).
-        extensions: piston positions s (n, nc) [m].
-        speeds: rates of the pin-to-pin lengths (n, nc) [m/s].
-        flows: from the supply, to the return (valve and reliefs), by leakage into each chamber (n, 3, 2, nc) [m³/s].
-        capacities: C of cap and annulus (n, 2, nc) [m³/Pa].
+        told: of every function (n, nc), records ``TOLD``.
         powers: supplied, into oil compression, dissipated (n, 3) [W].
         springs: energy in end stops and series compliances, ½ k δ² + ½ c F² (n,) [J].
     """
 
     rates: Array
-    extensions: Array
-    speeds: Array
-    flows: Array
-    capacities: Array
+    told: Array
     powers: Array
     springs: Array
 
     @property
+    def extensions(self) -> Array:
+        """Piston positions s (n, nc) [m]."""
+        return np.array(self.told["extension"])
+
+    @property
     def valve_flows(self) -> Array:
-        """From the supply less to the return, into each chamber (n, 2, nc) [m³/s]."""
-        return np.asarray(self.flows[:, SUPPLIED] - self.flows[:, RETURNED])
+        """From the supply less to the return, into cap and annulus (n, nc, 2) [m³/s]."""
+        return np.array(self.told["supplied"] - self.told["returned"])
 
 
 class Plant:
@@ -181,41 +188,16 @@ class Plant:
             state: (n, size), or more columns, which are left alone: their rates are not set.
             command: of the spools (n, nc).
         """
-        n, nq, nc = len(state), self.nq, self.nc
-        rates, torque = np.empty_like(state), np.empty((n, nq))
-        found = Evaluation(
-            rates,
-            np.empty((n, nc)),
-            np.empty((n, nc)),
-            np.empty((n, 3, 2, nc)),
-            np.empty((n, 2, nc)),
-            np.empty((n, 3)),
-            np.empty(n),
-        )
-        weighs = n if self._weighs else 0
+        state, n, nq = np.ascontiguousarray(state), len(state), self.nq
+        found = Evaluation(np.empty_like(state), np.empty((n, self.nc), TOLD), np.empty((n, 3)), np.empty(n))
+        torque, weighs = np.empty((n, nq)), n if self._weighs else 0
         bar_mass, bar_force = np.zeros((weighs, nq, nq)), np.zeros((weighs, nq))
-        _evaluate(
-            state,
-            command,
-            self.functions,
-            self._systems,
-            self._joints,
-            self._drives,
-            self.has_line,
-            rates,
-            torque,
-            found.extensions,
-            found.speeds,
-            found.flows,
-            found.capacities,
-            found.powers,
-            found.springs,
-            bar_mass,
-            bar_force,
-        )
+        numbers = (self.functions, self._systems, self._joints, self._drives)
+        command = np.ascontiguousarray(command)
+        _evaluate(state, command, *numbers, self.has_line, *found, torque, bar_mass, bar_force)
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
         bars = (bar_mass, bar_force) if self._weighs else None
-        rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, bars)
+        found.rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, bars)
         return found
 
 
@@ -235,13 +217,10 @@ def _evaluate(
     drives: Any,
     has_line: bool,
     rates: Any,
-    torque: Any,
-    extension: Any,
-    speed: Any,
-    flow: Any,
-    capacities: Any,
+    told: Any,
     power: Any,
     spring: Any,
+    torque: Any,
     bar_mass: Any,
     bar_force: Any,
 ) -> None:
@@ -290,10 +269,10 @@ def _evaluate(
             rates[case, chambers + i], rates[case, chambers + nc + i] = fill1 / c1 / bar, fill2 / c2 / bar
             rates[case, spools + i] = spool_speed
             rates[case, spools + nc + i] = spool_acceleration(function, spool, spool_speed, command[case, i])
-            extension[case, i], speed[case, i] = place, pins
-            capacities[case, 0, i], capacities[case, 1, i] = c1, c2
-            flow[case, 0, 0, i], flow[case, 1, 0, i], flow[case, 2, 0, i] = s1, r1, l1
-            flow[case, 0, 1, i], flow[case, 1, 1, i], flow[case, 2, 1, i] = s2, r2, l2
+            row = told[case, i]
+            row.extension, row.speed = place, pins
+            row.supplied[0], row.returned[0], row.leaked[0], row.capacity[0] = s1, r1, l1, c1
+            row.supplied[1], row.returned[1], row.leaked[1], row.capacity[1] = s2, r2, l2, c2
             taken, returned = taken + s1 + s2, returned + r1 + r2
             passed, oil = passed + p1 * q1 + p2 * q2, oil + p1 * fill1 + p2 * fill2
             rubbed += rub * pins - stop * pins - function.stop * beyond * piston

@@ -65,8 +65,8 @@ def ports(machine: Machine, spool: float) -> list[float]:
     plant = Plant(machine)
     state = plant.with_spools(np.zeros((1, plant.size)), spool)
     state[0, 2 * plant.nq : 2 * plant.nq + 2] = 100.0, 50.0
-    from_supply, to_return, leakage = plant.evaluate(state, np.zeros((1, 1))).flows[0, :, :, 0]
-    return list(((from_supply - to_return + leakage) / l_per_min).tolist())
+    told = plant.evaluate(state, np.zeros((1, 1))).told[0, 0]
+    return list(((told["supplied"] - told["returned"] + told["leaked"]) / l_per_min).tolist())
 
 
 def lifting(**changes: object) -> Machine:
