@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from armdesign.arm import LoadedArm
 from armdesign.arrays import Array
+from armdesign.simulation.compiled import compiled
 from armdesign.units import GRAVITY
 
 
@@ -28,30 +31,24 @@ class Bodies:
         self._same = bool(np.all(self._order == np.arange(len(self._order))))
 
     def acceleration(self, q: Array, velocity: Array, torque: Array, bars: tuple[Array, Array] | None = None) -> Array:
-        """q̈ = M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms.
+        """q̈ = M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms; NaN where the bars' shares are.
 
         By the articulated-body algorithm. With what bars add to M (n, nq, nq) and to h (n, nq), M is computed by
         composite bodies and h by Newton and Euler's recursion, and the sums are solved.
         """
-        q, velocity, torque = self._ordered(q), self._ordered(velocity), self._ordered(torque)
-        if bars is not None:
-            return self._with_bars(q, velocity, torque, *bars)
-        aba, pairs, found = self._library.aba, self._pairs, np.empty(q.shape)
-        for row, (at, speed, push) in enumerate(zip(q, velocity, torque, strict=True)):
-            found[row] = aba(*pairs[row % len(pairs)], at, speed, push)
-        return found if self._same else found[:, self._order]
-
-    def _with_bars(self, q: Array, velocity: Array, torque: Array, bar_mass: Array, bar_force: Array) -> Array:
-        mass, force, pairs = np.empty(bar_mass.shape), np.empty(bar_force.shape), self._pairs
+        q, velocity, pairs, found = self._ordered(q), self._ordered(velocity), self._pairs, np.empty(q.shape)
+        if bars is None:
+            aba = self._library.aba
+            for row, (at, speed, push) in enumerate(zip(q, velocity, self._ordered(torque), strict=True)):
+                found[row] = aba(*pairs[row % len(pairs)], at, speed, push)
+            return found if self._same else found[:, self._order]
+        mass, force = np.empty(bars[0].shape), np.empty(q.shape)
         for row, (at, speed) in enumerate(zip(q, velocity, strict=True)):
             model, data = pairs[row % len(pairs)]
             mass[row] = self._library.crba(model, data, at)
             force[row] = self._library.nonLinearEffects(model, data, at, speed)
-        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)  # crba fills the upper triangle only
-        torque = torque - force
-        if not self._same:
-            mass, torque = mass[np.ix_(np.arange(len(q)), self._order, self._order)], torque[:, self._order]
-        return np.asarray(np.linalg.solve(mass + bar_mass, (torque - bar_force)[:, :, None])[:, :, 0])
+        _solve(mass, force, self._order, *bars, torque, found)
+        return found
 
     def energy(self, q: Array, velocity: Array) -> Array:
         """Kinetic and potential energy [J] of links, payload and bars of one loaded arm at states (m, nq)."""
@@ -73,3 +70,16 @@ class Bodies:
         ordered = np.empty_like(values)
         ordered[:, self._order] = values
         return ordered
+
+
+@compiled
+def _solve(mass: Any, force: Any, order: Any, bar_mass: Any, bar_force: Any, torque: Any, found: Any) -> None:
+    """(M + M_bars)⁻¹(τ − h − h_bars) of every case; Pinocchio fills the upper triangle of M, in its own order."""
+    for case in range(len(found)):
+        whole, rest = bar_mass[case].copy(), torque[case] - bar_force[case]
+        for j in range(len(order)):
+            rest[j] -= force[case, order[j]]
+            for k in range(len(order)):
+                whole[j, k] += mass[case, min(order[j], order[k]), max(order[j], order[k])]
+        finite = math.isfinite(whole.sum() + rest.sum())
+        found[case] = np.linalg.solve(whole, rest) if finite else np.full(len(order), np.nan)
