@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError
+from armdesign.errors import SimulationError, raise_together
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
@@ -144,13 +144,25 @@ def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list
 
     Raises:
         PoseError: a pose cannot be taken.
-        SimulationError: a valve is missing, or the integration of a case gives up.
+        SimulationError: a valve is missing, or the integration of some cases gives up: all of them are named.
+    """
+    found = attempt_all(cases, tolerance=tolerance)
+    raise_together([run for run in found if isinstance(run, SimulationError)])
+    return [run for run in found if isinstance(run, Simulation)]
+
+
+def attempt_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation | SimulationError]:
+    """As ``simulate_all``; but a case whose integration gives up is an error in its place, and the others go on.
+
+    Raises:
+        PoseError: a pose cannot be taken.
+        SimulationError: a valve is missing.
     """
     stacks: dict[Hashable, list[int]] = {}
     for index, case in enumerate(cases):
         _refuse(case)
         stacks.setdefault(stack_shape(case.machine), []).append(index)
-    found: dict[int, Simulation] = {}
+    found: dict[int, Simulation | SimulationError] = {}
     for rows in stacks.values():
         found |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
     return [found[index] for index in range(len(cases))]
@@ -163,22 +175,32 @@ def _refuse(case: Case) -> None:
             raise SimulationError(f"{case.machine.name}: {name}", f"{value:g} is not allowed", "give a positive number")
 
 
-def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation]:
-    plants = [Plant(case.machine) for case in cases]
-    rests = [plant.rest(case.q, case.preloaded) for plant, case in zip(plants, cases, strict=True)]
-    columns = ([case.command for case in cases], [case.hold for case in cases])
-    loop = Loop.of(plants, rests, *columns)
+def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
+    """Runs of one shape; after one has given up the others begin anew without it."""
+    found: list[Simulation | SimulationError | None] = [None] * len(cases)
+    while left := [index for index, run in enumerate(found) if run is None]:
+        under_way = [cases[index] for index in left]
+        plants = [Plant(case.machine) for case in under_way]
+        rests = [plant.rest(case.q, case.preloaded) for plant, case in zip(plants, under_way, strict=True)]
+        loop = Loop.of(plants, rests, [case.command for case in under_way], [case.hold for case in under_way])
+        try:
+            states = _states(loop, under_way, tolerance)
+        except GaveUpError as stop:
+            found[left[stop.case]] = _failure(plants[stop.case], stop)
+            continue
+        for row, (index, case) in enumerate(zip(left, under_way, strict=True)):
+            found[index] = _recorded(loop.picked([row]), float(case.duration), states[row])
+    return [run for run in found if run is not None]
+
+
+def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array]:
+    """States of all cases at their instants."""
     durations = np.array([case.duration for case in cases], dtype=float)
     fastest = np.array([2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases])
     spools = [max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases]
     swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
-    try:
-        states = integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
-    except GaveUpError as stop:
-        raise _failure(plants[stop.case], stop) from None
-    picked = [loop.picked([index]) for index in range(len(cases))]
-    return [_recorded(*row) for row in zip(picked, durations.tolist(), states, strict=True)]
+    return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
 
 
 def _failure(plant: Plant, stop: GaveUpError) -> SimulationError:
