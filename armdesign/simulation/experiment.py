@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -85,6 +85,10 @@ class Experiment:
         duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
         even = EvenOpening.all(plant, rest)[index]
         return cls(machine, pose, index, mode, frequencies, band, duration, plant, rest, even)
+
+    def of_machine(self, machine: Machine) -> Experiment:
+        """The same experiment on a version of the machine that rests alike."""
+        return replace(self, machine=machine, plant=Plant(machine))
 
     @property
     def cylinder(self) -> str:
