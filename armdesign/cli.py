@@ -324,24 +324,27 @@ def paper(out: OutOption = Path("out")) -> None:
     """The source paper's 40 configurations, simulated.
 
     Its formulas against what nonlinear runs identify, its way and at small amplitude; its errata; what could have
-    given its printed error. Writes paper.csv, paper_errors.csv, paper_errata.csv, paper_scan.csv and its figures.
+    given its printed error; what a sweep alone gets wrong. Writes paper.csv, paper_errors.csv, paper_errata.csv,
+    paper_scan.csv, paper_sweep_bias.csv and its figures.
     """
     from armdesign import paper as source
     from armdesign import plots, report
+    from armdesign.simulation.bias import sweep_bias
 
     _check_out(out)
     with _progress("sweeping 40 configurations"):
         found = source.reproduce()
-        errata, scan = source.errata(found.mechanism), source.scan()
+        errata, scan, bias = source.errata(found.mechanism), source.scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
     with _outputs(out) as folder:
         _write_csv(found.frame, folder / "paper.csv")
         _write_csv(found.errors.reset_index(), folder / "paper_errors.csv")
         _write_csv(source.errata_frame(errata), folder / "paper_errata.csv")
         _write_csv(scan, folder / "paper_scan.csv")
+        _write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(found.plot(formula), folder / f"paper_figures_{name}.png")
-    _print(report.paper_sheets(found, errata, scan))
+    _print(report.paper_sheets(found, errata, scan, bias))
 
 
 def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say: Callable[[str], None]) -> Design:

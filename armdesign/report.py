@@ -589,11 +589,12 @@ def lead(design: Design) -> str:
 # ---------------------------------------------------------------------------------------------------------- the paper
 
 
-def paper_sheets(found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame) -> list[Sheet]:
-    """What was chosen, the configurations, the errors of the formulas, the errata, and what gives the printed error."""
+def paper_sheets(found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame, bias: pd.DataFrame) -> list[Sheet]:
+    """What was chosen, the configurations, what a peak is worth, errors, errata, what gives the printed error."""
     return [
         _paper_choices(found),
         _paper_frequencies(found),
+        _sweep_bias(bias),
         _paper_errors(found),
         _paper_errata(errata),
         *_paper_scan(scan),
@@ -644,6 +645,20 @@ def _paper_frequencies(found: Reproduction) -> Sheet:
         note=f"fitted at small amplitude: at most {100 * worst:.2g} % off; the sweep made the oil cavitate in "
         f"{found.cavitated} of {len(exact)} and moved the piston by up to "
         f"{1000 * max(abs(one.drift) for one in found.measurements):.0f} mm",
+    )
+
+
+def _sweep_bias(bias: pd.DataFrame) -> Sheet:
+    rows = [
+        (f"{one.periods:g}", f"{one.damping:g}", *(f"{100 * one[name]:+.2f} %" for name in BIASES))
+        for _, one in bias.iterrows()
+    ]
+    return Sheet(
+        title="What a sweep alone gets wrong: an oscillator, read off by the highest point of a spectrum, and fitted",
+        columns=("periods in the sweep", "ζ", *BIASES.values()),
+        rows=tuple(rows),
+        note="a short record ends while it still rings; the position of a long one peaks at √(1 − 2ζ²) of the natural "
+        "frequency: a resonance, not a bias; lines as wide as 1/T add up to half of one",
     )
 
 
@@ -716,6 +731,7 @@ def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
     )
 
 
+BIASES = {"speed_peak": "peak of speed", "position_peak": "peak of position", "speed_fit": "fit to speed"}
 SCANNED = {
     "static_11": "(11)",
     "static_12": "(12)",

@@ -80,6 +80,8 @@ class Run(Sweep):
     Attributes:
         fit: the response, measured and fitted.
         found: which of the fit's modes it is.
+        peak: where the plain spectrum of the speed is highest near the mode [Hz]. It has the bias of short sweeps, see
+            ``bias``, and that of the modes beside it: to be known, not to be used.
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
         remark: what to think of the deviation: "agrees"; "amplitude" if it shrinks with it; "friction" if it is gone
@@ -88,6 +90,7 @@ class Run(Sweep):
 
     fit: Fit
     found: int
+    peak: float
     mean: Array
     span: Array
     remark: str = ""
@@ -162,6 +165,7 @@ class Validation:
             "pose": run.pose,
             "dry_friction": run.dry_friction,
             "remark": run.remark,
+            "peak_hz": run.peak,
             "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
             "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
             **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
@@ -300,11 +304,12 @@ class _Trial:
         if isinstance(motion, SimulationError):
             return Failure(**told, error=motion)
         try:
-            fit = self.experiment.fit(motion)
+            fit, peak = self.experiment.fit(motion), self.experiment.peak(motion)
         except SimulationError as error:
             return Failure(**told, error=error)
         found = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
-        return Run(**told, fit=fit, found=found, mean=motion.q.mean(axis=0), span=np.ptp(motion.q, axis=0))
+        mean, span = motion.q.mean(axis=0), np.ptp(motion.q, axis=0)
+        return Run(**told, fit=fit, found=found, peak=peak, mean=mean, span=span)
 
 
 def _trials(

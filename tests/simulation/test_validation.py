@@ -18,6 +18,7 @@ from armdesign.machine import shipped
 from armdesign.modes import energy_shares, natural_modes
 from armdesign.simulation import motion
 from armdesign.simulation import validation as judging
+from armdesign.simulation.bias import sweep_bias
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
@@ -65,6 +66,15 @@ def test_frame_shows_the_poses_visited(worst: Validation) -> None:
     for index, joint in enumerate(worst.joints):
         assert list(frame[f"{joint}_mean"]) == [run.mean[index] for run in worst.runs]
         assert list(frame[f"{joint}_span"]) == [run.span[index] for run in worst.runs]
+
+
+def test_frame_shows_what_the_raw_peak_would_say(worst: Validation) -> None:
+    """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator, far more than the fit."""
+    expected = sweep_bias(periods=(16,), damping=(0.0,))["speed_peak"][0]
+    off = worst.frame["peak_hz"] / worst.frame["linear_hz"] - 1
+    assert (off < 0).all()
+    assert off.to_numpy() == pytest.approx(np.full(6, expected), abs=5e-3)
+    assert (off.abs() > 5 * worst.frame["deviation"].abs()).all()
 
 
 def test_measured_at_the_pose_asked_for(worst: Validation) -> None:
