@@ -5,6 +5,7 @@ Every command computes first and writes at the end, all files or none. Bad input
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import tempfile
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
-    from armdesign.maps import FrequencyMap, WorstPose
+    from armdesign.maps import FrequencyMap
     from armdesign.report import Sheet
     from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
@@ -191,7 +192,7 @@ def validate(
     with _outputs(out) as folder:
         _write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-    _print([report.validation_sheet(validations)])
+    _print([report.validation_sheet(validations), report.verdict(list(validations.values()))])
 
 
 @app.command()
@@ -208,25 +209,28 @@ def design(
     Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file, maps, CSVs and report.
     """
     from armdesign import plots, report
+    from armdesign.simulation.validation import validate_maps
 
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
         answer = _design(model, workspace, "areas,pins", catalogue, say)
-        validations = {}
-        for label, frequencies in (("today", answer.before), ("new", answer.after)):
-            say(f"simulating the worst pose, {label}")
-            worst = frequencies.worst
-            validations[label] = _validation(frequencies.machine, worst)
+        say("simulating the worst, the median and the best pose, today and new")
+        proof = dict(zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True))
         say("writing the report")
-        sheets = [*report.design_sheets(answer, units.units), report.validation_sheet(validations)]
+        sheets, worst = report.design_sheets(answer, units.units), {k: v.by_pose["worst"] for k, v in proof.items()}
+        every = {f"{label} {pose}": one for label, found in proof.items() for pose, one in found.by_pose.items()}
+        said = report.verdict(list(proof.values()))
         with _outputs(out) as folder:
             pictures = _write_design(answer, folder)
-            _write_validations(validations, folder)
-            response = plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
+            _write_validations(proof, folder, "version")
+            response = plots.save(plots.frequency_responses(worst), folder / "frequency_responses.png")
             pictures.append(("Nonlinear simulation: a small slow sweep at each machine's worst pose", response))
             title = f"{model.section.title or model.name}: new cylinders and pins"
-            page = report.html(title, report.lead(answer), sheets, pictures)
+            lead = f"{report.lead(answer)} In nonlinear simulation, {said}."
+            page = report.html(title, lead, [*sheets, report.validation_sheet(every)], pictures)
             (folder / "report.html").write_text(page, encoding="utf-8")
+        shown = report.validation_sheet({label: found.limiting for label, found in worst.items()})
+        sheets.append(dataclasses.replace(shown, note=f"{said}: validation.csv; {shown.note}"))
     _print([*sheets, report.lead(answer)])
 
 
@@ -320,24 +324,27 @@ def paper(out: OutOption = Path("out")) -> None:
     """The source paper's 40 configurations, simulated.
 
     Its formulas against what nonlinear runs identify, its way and at small amplitude; its errata; what could have
-    given its printed error. Writes paper.csv, paper_errors.csv, paper_errata.csv, paper_scan.csv and its figures.
+    given its printed error; what a sweep alone gets wrong. Writes paper.csv, paper_errors.csv, paper_errata.csv,
+    paper_scan.csv, paper_sweep_bias.csv and its figures.
     """
     from armdesign import paper as source
     from armdesign import plots, report
+    from armdesign.simulation.bias import sweep_bias
 
     _check_out(out)
     with _progress("sweeping 40 configurations"):
         found = source.reproduce()
-        errata, scan = source.errata(found.mechanism), source.scan()
+        errata, scan, bias = source.errata(found.mechanism), source.scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
     with _outputs(out) as folder:
         _write_csv(found.frame, folder / "paper.csv")
         _write_csv(found.errors.reset_index(), folder / "paper_errors.csv")
         _write_csv(source.errata_frame(errata), folder / "paper_errata.csv")
         _write_csv(scan, folder / "paper_scan.csv")
+        _write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(found.plot(formula), folder / f"paper_figures_{name}.png")
-    _print(report.paper_sheets(found, errata, scan))
+    _print(report.paper_sheets(found, errata, scan, bias))
 
 
 def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say: Callable[[str], None]) -> Design:
@@ -366,13 +373,6 @@ def _least(
     say("mapping the new machine")
     _ = made.before, made.after
     return made
-
-
-def _validation(model: Machine, worst: WorstPose) -> Validation:
-    """The nonlinear proof of a worst pose, by the cylinder that limits it."""
-    from armdesign.simulation.validation import validate
-
-    return validate(model.with_payload(worst.payload), worst.q, cylinders=[worst.cylinder])
 
 
 # ---------------------------------------------------------------------------------------------------------- writing
@@ -410,10 +410,12 @@ def _write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
 
 
-def _write_validations(validations: dict[str, Validation], folder: Path) -> None:
+def _write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
+    """All of them in one file; the names go into a column ``label``."""
     import pandas as pd
 
-    _write_csv(pd.concat([v.frame for v in validations.values()], ignore_index=True), folder / "validation.csv")
+    frames = [v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()]
+    _write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
 
 
 def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[Machine, Workspace]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 
@@ -76,6 +76,17 @@ class InfeasibleError(ArmDesignError):
 
 class SimulationError(ArmDesignError):
     """The nonlinear run could not be completed or identified."""
+
+
+def raise_together(errors: Sequence[ArmDesignError]) -> None:
+    """Raise an error of the first one's kind that says all of them, each once; nothing if there are none."""
+    different = list({str(error): error for error in errors}.values())
+    if len(different) == 1:
+        raise different[0]
+    if different:
+        first, *others = different
+        told = "; also: ".join([str(first).removeprefix(f"{first.part}: "), *map(str, others)])
+        raise type(first)(first.part, told)
 
 
 def choose(name: str, known: Collection[str]) -> str:

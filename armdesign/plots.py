@@ -197,9 +197,10 @@ def trade_off(found: Pareto, ax: Any = None) -> Any:
 
 
 def frequency_responses(validations: dict[str, Validation]) -> Any:
-    """Measured and fitted response of every validation's first sweep; returns the figure."""
-    fig, axes = figure(len(validations), 5.4, 3.8)
-    for ax, (label, validation) in zip(axes, validations.items(), strict=True):
+    """Measured and fitted response of the first sweep of every validation that has one; returns the figure."""
+    shown = {label: validation for label, validation in validations.items() if validation.runs}
+    fig, axes = figure(len(shown), 5.4, 3.8)
+    for ax, (label, validation) in zip(axes, shown.items(), strict=True):
         run = validation.runs[0]
         ax.semilogy(run.fit.frequency, np.abs(run.fit.response), ".", color=INK, ms=5, label="nonlinear simulation")
         ax.semilogy(*run.fit.curve, "-", color=MARK, lw=1.5, label="fit")

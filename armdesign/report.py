@@ -7,6 +7,8 @@ units (mm, bar, l, kN, deg) or in SI.
 from __future__ import annotations
 
 import base64
+import math
+from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from armdesign.urdf import Joint
     from armdesign.workspace import Workspace
 
+SLIPPERY = "*"  # marks runs without dry friction
+MANY = 9  # columns stand closer together
 UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
 
 
@@ -332,33 +336,63 @@ def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
 
 
 def validation_sheet(validations: dict[str, Validation]) -> Sheet:
-    """Linear against identified frequencies; one validation per label."""
-    from armdesign.simulation.validation import AGREES
+    """Linear against identified frequencies; one validation per label. What failed is told below the table."""
+    from armdesign.simulation.validation import AGREES, Failure
 
-    rows = []
+    rows, told = [], []
     for label, validation in validations.items():
-        for run in validation.runs:
+        for one in validation.sweeps:
+            place, name = (
+                f"{label}, {one.payload}",
+                f"{one.cylinder}{SLIPPERY if one.dry_friction == 'left out' else ''}",
+            )
+            valve = "–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %"
+            linear = f"{one.linear_frequency:.4f}"
+            if isinstance(one, Failure):
+                rows.append((place, name, valve, linear, *4 * ("–",), "failed"))
+                told.append(f"{place}, {name}: {one.error}")
+                continue
             rows.append(
                 (
-                    f"{label}, {run.payload}",
-                    run.cylinder,
-                    f"{100 * run.amplitude:.2g} %",
-                    f"{run.linear_frequency:.4f}",
-                    f"{run.identified_frequency:.4f}",
-                    f"{100 * run.deviation:+.2f} %",
-                    f"{run.linear_damping:.4f}",
-                    f"{run.identified_damping:.4f}",
-                    run.remark,
+                    place,
+                    name,
+                    valve,
+                    linear,
+                    f"{one.identified_frequency:.4f}",
+                    f"{100 * one.deviation:+.2f} %",
+                    f"{one.linear_damping:.4f}",
+                    f"{one.identified_damping:.4f}",
+                    one.remark,
                 )
             )
     columns = ("pose, load", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ", "remark")
+    note = (
+        "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
+        f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
+        "friction (gone without dry friction), or a fault"
+    )
+    if any(run.dry_friction == "left out" for validation in validations.values() for run in validation.runs):
+        note += f"; {SLIPPERY}: repeated without dry friction, of which the linear answer knows nothing"
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=columns,
         rows=tuple(rows),
-        note="valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
-        f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "friction, or a fault",
+        note=". Failed: ".join([note, *told]),
+    )
+
+
+def verdict(validations: Sequence[Validation]) -> str:
+    """How many sweeps of how many there are agree, what is said of the others, and how far off they are."""
+    runs = [run for validation in validations for run in validation.runs]
+    remarks = Counter(run.remark for run in runs)
+    agree = remarks.pop("agrees", 0)
+    remarks["failed"] = sum(len(validation.failures) for validation in validations)
+    others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
+    smooth = [run for run in runs if run.dry_friction == "left out"]
+    largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, smooth) if some]
+    return (
+        f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best poses, every cylinder, "
+        f"agree{others}; largest deviation {', without dry friction '.join(largest)}"
     )
 
 
@@ -514,6 +548,7 @@ def rich_table(sheet: Sheet) -> Table:
     table = Table(
         box=box.SIMPLE_HEAD,
         pad_edge=False,
+        padding=(0, 1) if len(sheet.columns) < MANY else (0, 1, 0, 0),
         show_header=bool(sheet.columns),
     )
     for index, column in enumerate(sheet.columns or ("", "")):
@@ -554,11 +589,12 @@ def lead(design: Design) -> str:
 # ---------------------------------------------------------------------------------------------------------- the paper
 
 
-def paper_sheets(found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame) -> list[Sheet]:
-    """What was chosen, the configurations, the errors of the formulas, the errata, and what gives the printed error."""
+def paper_sheets(found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame, bias: pd.DataFrame) -> list[Sheet]:
+    """What was chosen, the configurations, what a peak is worth, errors, errata, what gives the printed error."""
     return [
         _paper_choices(found),
         _paper_frequencies(found),
+        _sweep_bias(bias),
         _paper_errors(found),
         _paper_errata(errata),
         *_paper_scan(scan),
@@ -609,6 +645,20 @@ def _paper_frequencies(found: Reproduction) -> Sheet:
         note=f"fitted at small amplitude: at most {100 * worst:.2g} % off; the sweep made the oil cavitate in "
         f"{found.cavitated} of {len(exact)} and moved the piston by up to "
         f"{1000 * max(abs(one.drift) for one in found.measurements):.0f} mm",
+    )
+
+
+def _sweep_bias(bias: pd.DataFrame) -> Sheet:
+    rows = [
+        (f"{one.periods:g}", f"{one.damping:g}", *(f"{100 * one[name]:+.2f} %" for name in BIASES))
+        for _, one in bias.iterrows()
+    ]
+    return Sheet(
+        title="What a sweep alone gets wrong: an oscillator, read off by the highest point of a spectrum, and fitted",
+        columns=("periods in the sweep", "ζ", *BIASES.values()),
+        rows=tuple(rows),
+        note="a short record ends while it still rings; the position of a long one peaks at √(1 − 2ζ²) of the natural "
+        "frequency: a resonance, not a bias; lines as wide as 1/T add up to half of one",
     )
 
 
@@ -681,6 +731,7 @@ def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
     )
 
 
+BIASES = {"speed_peak": "peak of speed", "position_peak": "peak of position", "speed_fit": "fit to speed"}
 SCANNED = {
     "static_11": "(11)",
     "static_12": "(12)",

@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from armdesign import paper
+from armdesign.simulation.bias import sweep_bias
 
 OUT = Path("out") / "00_paper_validation"
 OPENINGS = (0.002, 0.01, 0.05)  # of the valve in the raw sweep; the paper does not say
@@ -46,6 +47,7 @@ def main() -> None:
     found.frame.to_csv(OUT / "paper.csv", index=False)
     paper.errata_frame(paper.errata(found.mechanism)).to_csv(OUT / "errata.csv", index=False)
     paper.scan().to_csv(OUT / "scan.csv", index=False)
+    sweep_bias().to_csv(OUT / "sweep_bias.csv", index=False)  # what a sweep alone gets wrong
     for formula in ("static_11", "joint_42_as_printed", "joint_exact"):
         plots.save(found.plot(formula), OUT / f"{formula}.png")
 

@@ -36,6 +36,7 @@ ORDER = [
         "simulation.plant",
         "simulation.excitation",
         "simulation.identification",
+        "simulation.bias",
         "simulation.response",
         "simulation.decay",
         "simulation.integrator",

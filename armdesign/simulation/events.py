@@ -48,6 +48,9 @@ def events(
 def pump_events(machine: Machine, time: Array, supply: Array, supplied: Array) -> Iterator[tuple[float, str]]:
     """The same of a pump that is asked for more than its flow; its pressures are (n,) [Pa]."""
     pump, taken = machine.supply, supplied.sum(axis=(1, 2))
+    if pump.pressure <= pump.return_pressure:
+        words = f"the pump held {pump.pressure / bar:.0f} bar, no more than the return line's"
+        yield from _told(time, np.ones(len(time), dtype=bool), f"{words} {pump.return_pressure / bar:.0f} bar")
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
         least, flow = supply.min() / bar, pump.flow / l_per_min

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from armdesign.linearization import LinearModel, linearize
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.excitation import EvenOpening, Sweep
-from armdesign.simulation.identification import Fit, fit_modes, record_length
+from armdesign.simulation.identification import Fit, fit_modes, record_length, spectral_peak
 from armdesign.simulation.motion import Case, Simulation
 from armdesign.simulation.plant import Plant
 from armdesign.units import bar, mm
@@ -35,6 +35,7 @@ DETUNING = 0.02  # relative change of the linear frequency at the ends of the sw
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
+FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
 HOLD_SHARE = 0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
 
 
@@ -85,6 +86,10 @@ class Experiment:
         duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
         even = EvenOpening.all(plant, rest)[index]
         return cls(machine, pose, index, mode, frequencies, band, duration, plant, rest, even)
+
+    def of_machine(self, machine: Machine) -> Experiment:
+        """The same experiment on a version of the machine that rests alike."""
+        return replace(self, machine=machine, plant=Plant(machine))
 
     @property
     def cylinder(self) -> str:
@@ -142,6 +147,13 @@ class Experiment:
         asked = np.asarray(self.even.speed * self.even.share(motion.spool[:, self.index]))
         part = f"{self.machine.name}: sweep of {self.cylinder}"
         return fit_modes(motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part)
+
+    def peak(self, motion: Simulation) -> float:
+        """Where the spectrum of the piston's speed is highest near the mode in a run [Hz], between its lines, too."""
+        near = (max(self.band[0], self.target / NEIGHBOUR), min(self.band[1], self.target * NEIGHBOUR))
+        speed, step = motion.speeds[:, self.index], float(motion.time[1])
+        padded = np.concatenate([speed, np.zeros((FINER - 1) * len(speed))])
+        return spectral_peak(step * np.arange(len(padded)), padded, near, f"{self.machine.name}: {self.cylinder}")
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""

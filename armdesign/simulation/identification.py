@@ -122,8 +122,7 @@ def spectral_peak(time: Array, answer: Array, band: tuple[float, float], part: s
     """Frequency [Hz] of the highest line that the answer's plain spectrum has within a band.
 
     What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude has pushed it. The
-    spectrum itself is highest too low, by 1.5 % (ζ = 0) to 3 % (ζ = 0.1) in a sweep of ten periods, hardly after 300;
-    ``fit_modes`` has no such bias.
+    spectrum itself is highest too low after a short sweep, see ``bias``; ``fit_modes`` has no such bias.
 
     Args:
         time: even instants (n,) [s].

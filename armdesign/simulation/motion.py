@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError
+from armdesign.cylinder import Cylinder, Motor
+from armdesign.errors import SimulationError, raise_together
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
+from armdesign.simulation.hydraulics import RELIEF_SHARE
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
@@ -21,6 +24,7 @@ from armdesign.simulation.plant import Plant, stack_shape
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
 FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
+F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +46,10 @@ class Simulation:
         joints: names, in order.
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank (n,) [J].
-        stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J].
+        stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J]. Oil
+            that enters or leaves a chamber at a pressure p brings or takes the energy of its own compression, p²/2β of
+            each m³; it is booked neither here nor in what was supplied or dissipated. It is p/2β of the oil's work p Q:
+            1 % at 300 bar. Shut in, oil is booked exactly.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
         events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
@@ -93,8 +100,10 @@ class Case:
     command: Command | ByName
     duration: float
     rate: float = 200.0
+    velocity: ArrayLike | None = None
     hold: float | None = None
     preloaded: bool | None = None
+    supply_pressure: float | None = None
 
 
 def simulate(
@@ -104,32 +113,48 @@ def simulate(
     *,
     duration: float,
     rate: float = 200.0,
+    velocity: ArrayLike | None = None,
     hold: float | None = None,
     preloaded: bool | None = None,
+    supply_pressure: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> Simulation:
-    """Motion of the machine under its payload from rest at one pose, by the nonlinear model of ``Plant``.
+    """Motion of the machine under its payload from one pose, by the nonlinear model of ``Plant``.
 
     At rest the pressures hold the load; without leakage a machine with shut valves stays there. Valves start shut,
-    or, with leakage, as far open as makes up for it.
+    or, with leakage, as far open as makes up for it. With ``velocity`` it starts as if struck: at the same pose and
+    pressures, but moving. With all valves shut it then rings freely, for ``identify_decay``.
 
     Args:
         machine: the machine; every cylinder needs a valve.
-        q: joint positions at rest (nq,) [rad, m].
+        q: joint positions at the start (nq,) [rad, m].
         command: spool commands −1…1 at a time [s], one per cylinder (positive extends); or one function of time per
             cylinder name, the others shut.
         duration: [s].
         rate: instants recorded per second.
+        velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder near its place;
             None: no loop.
         preloaded: chamber pressures at rest, see ``Plant.rest``.
+        supply_pressure: that the pump holds [Pa] instead of the machine's, to which its reliefs stay set. 0: a dead
+            pump, open to whatever flows back.
         tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
 
     Raises:
         PoseError: the pose cannot be taken.
         SimulationError: a valve is missing, or the integration gives up.
     """
-    case = Case(machine=machine, q=q, command=command, duration=duration, rate=rate, hold=hold, preloaded=preloaded)
+    case = Case(
+        machine=machine,
+        q=q,
+        command=command,
+        duration=duration,
+        rate=rate,
+        velocity=velocity,
+        hold=hold,
+        preloaded=preloaded,
+        supply_pressure=supply_pressure,
+    )
     return simulate_all([case], tolerance=tolerance)[0]
 
 
@@ -144,41 +169,103 @@ def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list
 
     Raises:
         PoseError: a pose cannot be taken.
-        SimulationError: a valve is missing, or the integration of a case gives up.
+        SimulationError: a valve is missing, or the integration of some cases gives up: all of them are named.
+    """
+    found = attempt_all(cases, tolerance=tolerance)
+    raise_together([run for run in found if isinstance(run, SimulationError)])
+    return [run for run in found if isinstance(run, Simulation)]
+
+
+def attempt_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation | SimulationError]:
+    """As ``simulate_all``; but a case whose integration gives up is an error in its place, and the others go on.
+
+    Raises:
+        PoseError: a pose cannot be taken.
+        SimulationError: a valve is missing.
     """
     stacks: dict[Hashable, list[int]] = {}
+    cases = [_supplied(case) for case in cases]
     for index, case in enumerate(cases):
         _refuse(case)
         stacks.setdefault(stack_shape(case.machine), []).append(index)
-    found: dict[int, Simulation] = {}
+    found: dict[int, Simulation | SimulationError] = {}
     for rows in stacks.values():
         found |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
     return [found[index] for index in range(len(cases))]
 
 
+def _supplied(case: Case) -> Case:
+    """The case on a machine whose pump holds the pressure asked for, with the reliefs where they are today."""
+    pressure, machine = case.supply_pressure, case.machine
+    if pressure is None:
+        return case
+    if not (math.isfinite(pressure) and pressure >= 0):
+        raise SimulationError(f"{machine.name}: supply_pressure", f"{pressure:g} Pa is not allowed", "give 0 or more")
+
+    def set_as_today(function: F) -> F:
+        valve = function.valve
+        if valve is None or valve.relief is not None:
+            return function
+        return replace(function, valve=replace(valve, relief=RELIEF_SHARE * machine.supply.pressure))
+
+    flow_limited = (
+        machine.supply.flow_limited and pressure > 0
+    )  # a dead pump has no share of its pressure to cut off at
+    supplied = replace(
+        machine,
+        supply=replace(machine.supply, pressure=float(pressure), flow_limited=flow_limited),
+        cylinders=tuple(map(set_as_today, machine.cylinders)),
+        motors=tuple(map(set_as_today, machine.motors)),
+    )
+    return replace(case, machine=supplied)
+
+
 def _refuse(case: Case) -> None:
-    hold = 1.0 if case.hold is None else case.hold
-    for name, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
+    name, hold = case.machine.name, 1.0 if case.hold is None else case.hold
+    for what, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
         if not (math.isfinite(value) and value > 0):
-            raise SimulationError(f"{case.machine.name}: {name}", f"{value:g} is not allowed", "give a positive number")
+            raise SimulationError(f"{name}: {what}", f"{value:g} is not allowed", "give a positive number")
+    if case.velocity is not None:
+        given, joints = np.asarray(case.velocity, dtype=float), case.machine.joints
+        if given.shape != (len(joints),) or not np.all(np.isfinite(given)):
+            problem = f"{given.tolist()} is not one finite number per joint"
+            raise SimulationError(f"{name}: velocity", problem, f"give {', '.join(joints)} [rad/s, m/s]")
 
 
-def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation]:
-    plants = [Plant(case.machine) for case in cases]
-    rests = [plant.rest(case.q, case.preloaded) for plant, case in zip(plants, cases, strict=True)]
-    columns = ([case.command for case in cases], [case.hold for case in cases])
-    loop = Loop.of(plants, rests, *columns)
+def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
+    """Runs of one shape; after one has given up the others begin anew without it."""
+    found: list[Simulation | SimulationError | None] = [None] * len(cases)
+    while left := [index for index, run in enumerate(found) if run is None]:
+        under_way = [cases[index] for index in left]
+        plants = [Plant(case.machine) for case in under_way]
+        starts = [_start(plant, case) for plant, case in zip(plants, under_way, strict=True)]
+        loop = Loop.of(plants, starts, [case.command for case in under_way], [case.hold for case in under_way])
+        try:
+            states = _states(loop, under_way, tolerance)
+        except GaveUpError as stop:
+            found[left[stop.case]] = _failure(plants[stop.case], stop)
+            continue
+        for row, (index, case) in enumerate(zip(left, under_way, strict=True)):
+            found[index] = _recorded(loop.picked([row]), float(case.duration), states[row])
+    return [run for run in found if run is not None]
+
+
+def _start(plant: Plant, case: Case) -> Array:
+    """State (size,) at t = 0: rest, but for the velocity."""
+    state = plant.rest(case.q, case.preloaded)
+    if case.velocity is not None:
+        plant.split(state)[1][:] = case.velocity
+    return state
+
+
+def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array]:
+    """States of all cases at their instants."""
     durations = np.array([case.duration for case in cases], dtype=float)
     fastest = np.array([2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases])
     spools = [max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases]
     swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
-    try:
-        states = integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
-    except GaveUpError as stop:
-        raise _failure(plants[stop.case], stop) from None
-    picked = [loop.picked([index]) for index in range(len(cases))]
-    return [_recorded(*row) for row in zip(picked, durations.tolist(), states, strict=True)]
+    return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
 
 
 def _failure(plant: Plant, stop: GaveUpError) -> SimulationError:

@@ -5,12 +5,17 @@ position. Natural frequency and damping are fitted to the response of the cylind
 as it really stood asks for; so neither spool lag nor loop is in it, but the damping of the open valve is. It shows all
 coupled modes that the cylinder takes part in. Every sweep is run at full and at half amplitude: what belongs to
 amplitude shrinks with it, a fault of the model does not.
+
+The linear answer is one of the oil's spring alone; it knows no dry friction, which damps a small motion more than a
+large one, and at last holds a piston fast. So where any function has dry friction, both sweeps are repeated without it.
+What is then gone was friction; what is left is judged as it is elsewhere.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,27 +23,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError
-from armdesign.linearization import linearize
+from armdesign.errors import SimulationError, raise_together
+from armdesign.linearization import linearize, without_dry_friction
 from armdesign.machine import Machine
-from armdesign.maps import frequency_map
+from armdesign.maps import FrequencyMap, frequency_map
 from armdesign.modes import energy_shares, natural_modes
 from armdesign.poses import Poses
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification import Fit
-from armdesign.simulation.motion import Simulation, simulate_all
+from armdesign.simulation.motion import Case, Simulation, attempt_all
 from armdesign.workspace import Workspace
 
 if TYPE_CHECKING:
     import pandas as pd
 
-AGREES = 0.01  # relative deviation
+AGREES = 0.005  # relative deviation
 TOLERANCE = 1e-7  # of the integration
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """One sweep and what was found in it; arrays are read-only.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep:
+    """What one sweep is of; arrays are read-only.
 
     Attributes:
         pose: "worst", "median", "best", or the number of a pose that was asked for, from 1.
@@ -49,12 +54,7 @@ class Run:
         linear_frequency: of that mode [Hz].
         linear_damping: damping ratio of the plant linearised at rest, see ``linearize``.
         amplitude: mean opening of the valve in the sweep.
-        fit: the response, measured and fitted.
-        found: which of the fit's modes it is.
-        mean: mean pose during the sweep (nq,).
-        span: largest less smallest joint position during it (nq,).
-        remark: what to think of the deviation: "agrees"; "amplitude" if it shrinks with it; "friction" if it does not,
-            but the cylinder has dry friction; else "fault".
+        dry_friction: "none"; else whether the machine's was "left in" or "left out".
     """
 
     pose: str
@@ -65,15 +65,35 @@ class Run:
     linear_frequency: float
     linear_damping: float
     amplitude: float
+    dry_friction: str
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run(Sweep):
+    """One sweep and what was found in it; arrays are read-only.
+
+    Attributes:
+        fit: the response, measured and fitted.
+        found: which of the fit's modes it is.
+        peak: where the plain spectrum of the speed is highest near the mode [Hz]. It has the bias of short sweeps, see
+            ``bias``, and that of the modes beside it: to be known, not to be used.
+        mean: mean pose during the sweep (nq,).
+        span: largest less smallest joint position during it (nq,).
+        remark: what to think of the deviation: "agrees"; "amplitude" if it shrinks with it; "friction" if it is gone
+            without dry friction; else "fault". "not repeated" if the other amplitude's run failed.
+    """
+
     fit: Fit
     found: int
+    peak: float
     mean: Array
     span: Array
     remark: str = ""
-
-    def __post_init__(self) -> None:
-        for value in (self.q, self.mean, self.span):
-            value.setflags(write=False)
 
     @property
     def identified_frequency(self) -> float:
@@ -91,46 +111,95 @@ class Run:
         return self.identified_frequency / self.linear_frequency - 1
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Failure(Sweep):
+    """A sweep that came to nothing, and why: a load that cannot be held, a run that gave up, nothing that oscillates.
+
+    Damping and amplitude are nan where it did not come so far.
+    """
+
+    error: SimulationError
+
+
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Sweeps of a machine: ``runs`` in the order of poses, payloads, cylinders, amplitudes (full, half)."""
+    """Sweeps of a machine.
+
+    Attributes:
+        joints: names of the coordinates.
+        sweeps: all, in the order of poses, payloads, cylinders, dry friction (in, out), amplitudes (full, half).
+    """
 
     joints: tuple[str, ...]
-    runs: tuple[Run, ...]
+    sweeps: tuple[Run | Failure, ...]
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """Those in which something was found."""
+        return tuple(one for one in self.sweeps if isinstance(one, Run))
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """The others."""
+        return tuple(one for one in self.sweeps if isinstance(one, Failure))
 
     @property
     def frame(self) -> pd.DataFrame:
-        """One row per run, as in ``validation.csv``."""
+        """One row per sweep, as in ``validation.csv``; what a failure did not find is empty."""
         import pandas as pd
 
-        rows = [
-            {
-                "payload": run.payload,
-                **dict(zip(self.joints, run.q.tolist(), strict=True)),
-                "cylinder": run.cylinder,
-                "mode": run.mode,
-                "linear_hz": run.linear_frequency,
-                "identified_hz": run.identified_frequency,
-                "deviation": run.deviation,
-                "linear_damping": run.linear_damping,
-                "identified_damping": run.identified_damping,
-                "amplitude": run.amplitude,
-                "pose": run.pose,
-                "remark": run.remark,
-                "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
-                "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
-                **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
-                **{f"{joint}_span": span for joint, span in zip(self.joints, run.span.tolist(), strict=True)},
-            }
-            for run in self.runs
-        ]
-        return pd.DataFrame(rows)
+        return pd.DataFrame([self._row(one) if isinstance(one, Run) else self._failed_row(one) for one in self.sweeps])
+
+    def _row(self, run: Run) -> dict[str, object]:
+        return {
+            "payload": run.payload,
+            **dict(zip(self.joints, run.q.tolist(), strict=True)),
+            "cylinder": run.cylinder,
+            "mode": run.mode,
+            "linear_hz": run.linear_frequency,
+            "identified_hz": run.identified_frequency,
+            "deviation": run.deviation,
+            "linear_damping": run.linear_damping,
+            "identified_damping": run.identified_damping,
+            "amplitude": run.amplitude,
+            "pose": run.pose,
+            "dry_friction": run.dry_friction,
+            "remark": run.remark,
+            "peak_hz": run.peak,
+            "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
+            "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
+            **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
+            **{f"{joint}_span": span for joint, span in zip(self.joints, run.span.tolist(), strict=True)},
+        }
+
+    def _failed_row(self, failure: Failure) -> dict[str, object]:
+        return {
+            "payload": failure.payload,
+            **dict(zip(self.joints, failure.q.tolist(), strict=True)),
+            "cylinder": failure.cylinder,
+            "mode": failure.mode,
+            "linear_hz": failure.linear_frequency,
+            "linear_damping": failure.linear_damping,
+            "amplitude": failure.amplitude,
+            "pose": failure.pose,
+            "dry_friction": failure.dry_friction,
+            "remark": f"failed: {failure.error}",
+        }
 
     @property
     def by_pose(self) -> dict[str, Validation]:
-        """The runs of every pose by its name."""
-        names = dict.fromkeys(run.pose for run in self.runs)
-        return {name: Validation(self.joints, tuple(run for run in self.runs if run.pose == name)) for name in names}
+        """The sweeps of every pose by its name."""
+        names = dict.fromkeys(one.pose for one in self.sweeps)
+        return {name: self._of(one for one in self.sweeps if one.pose == name) for name in names}
+
+    @property
+    def limiting(self) -> Validation:
+        """The sweeps over the lowest mode alone."""
+        least = min(one.mode for one in self.sweeps)
+        return self._of(one for one in self.sweeps if one.mode == least)
+
+    def _of(self, sweeps: Iterable[Run | Failure]) -> Validation:
+        return Validation(self.joints, tuple(sweeps))
 
     def plot(self) -> Any:
         """Measured and fitted frequency response of every pose's first sweep; returns the figure."""
@@ -140,8 +209,8 @@ class Validation:
 
     @property
     def worst_deviation(self) -> float:
-        """Largest deviation without its sign."""
-        return max(abs(run.deviation) for run in self.runs)
+        """Largest deviation without its sign; inf where a run failed."""
+        return math.inf if self.failures else max(abs(run.deviation) for run in self.runs)
 
 
 def validate(
@@ -168,31 +237,32 @@ def validate(
 
     Raises:
         PoseError: a pose cannot be taken.
-        SimulationError: a valve is missing, a run gives up, or its response cannot be fitted.
+        SimulationError: a valve is missing, the load cannot be held, or no run at all can be made and fitted; those
+            that can are worth having without the others, which are ``failures``.
     """
     if amplitude is not None and not 0 < amplitude <= 1:
         raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
-    sweeps: list[_Sweep] = []
-    for label, case, pose in _places(machine, q, payloads, workspace):
-        for index, mode in _choices(case, case.at(pose), cylinders):
-            sweeps += _sweeps(label, Experiment.of(case, pose, index, mode), amplitude)
-    cases = [sweep.experiment.case(sweep.experiment.sweep(sweep.amplitude)) for sweep in sweeps]
-    motions = simulate_all(cases, tolerance=TOLERANCE)
-    runs = [_run(sweep, motion) for sweep, motion in zip(sweeps, motions, strict=True)]
-    pairs = zip(sweeps[::2], runs[::2], runs[1::2], strict=True)
-    return Validation(machine.joints, tuple(run for sweep, *pair in pairs for run in _judged(pair, sweep.experiment)))
-
-
-def _places(
-    machine: Machine, q: ArrayLike | None, payloads: Sequence[str] | None, workspace: Workspace | None
-) -> list[tuple[str, Machine, Array]]:
-    """Name, machine under its load case, and pose of every measurement."""
-    if q is not None:
+    if q is None:
+        places = _chosen(frequency_map(machine, workspace or Workspace.grid(machine)), payloads)
+    else:
         loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
-        poses = machine.at(q).q
-        return [(str(number), case, pose) for number, pose in enumerate(poses, 1) for case in loaded]
-    found = frequency_map(machine, workspace or Workspace.grid(machine))
-    names = found.worst_of if payloads is None else payloads
+        places = [(str(number), case, pose) for number, pose in enumerate(machine.at(q).q, 1) for case in loaded]
+    return _measured([_trials(places, cylinders, amplitude)])[0]
+
+
+def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
+    """``validate`` for several machines at once, at the worst, the median and the best pose of the map of each.
+
+    Raises:
+        PoseError: a pose cannot be taken.
+        SimulationError: as of ``validate``.
+    """
+    return _measured([_trials(_chosen(found, None), None, None) for found in maps])
+
+
+def _chosen(found: FrequencyMap, payloads: Sequence[str] | None) -> list[tuple[str, Machine, Array]]:
+    """Name, machine under its load case, and pose of the worst, the median and the best place of a map."""
+    machine, names = found.machine, found.worst_of if payloads is None else payloads
     worst = min((found.worst_of[machine.with_payload(name).payload.name] for name in names), key=lambda w: w.frequency)
     frame = found.frame[found.frame["payload"].isin(list(names))].sort_values("f1_hz", kind="stable")
     chosen = [("worst", worst.payload, worst.q)]
@@ -218,52 +288,116 @@ def _choices(machine: Machine, poses: Poses, cylinders: Sequence[str] | None) ->
 
 
 @dataclass(frozen=True, eq=False)
-class _Sweep:
-    """One run to be: an experiment at a named pose and an amplitude, and the damping ratio of its linear mode."""
+class _Trial:
+    """A sweep to be, and the experiment that it is part of."""
 
-    pose: str
+    sweep: Sweep
     experiment: Experiment
-    amplitude: float
-    damping: float
+
+    @property
+    def case(self) -> Case:
+        return self.experiment.case(self.experiment.sweep(self.sweep.amplitude))
+
+    def result(self, motion: Simulation | SimulationError) -> Run | Failure:
+        """What is found in the motion."""
+        told = vars(self.sweep)
+        if isinstance(motion, SimulationError):
+            return Failure(**told, error=motion)
+        try:
+            fit, peak = self.experiment.fit(motion), self.experiment.peak(motion)
+        except SimulationError as error:
+            return Failure(**told, error=error)
+        found = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
+        mean, span = motion.q.mean(axis=0), np.ptp(motion.q, axis=0)
+        return Run(**told, fit=fit, found=found, peak=peak, mean=mean, span=span)
 
 
-def _sweeps(pose: str, experiment: Experiment, amplitude: float | None) -> list[_Sweep]:
-    """At full and half amplitude."""
-    full = amplitude or experiment.default_amplitude()
-    linear = linearize(experiment.machine, experiment.pose)
+def _trials(
+    places: Sequence[tuple[str, Machine, Array]], cylinders: Sequence[str] | None, amplitude: float | None
+) -> tuple[tuple[str, ...], list[list[_Trial] | Failure]]:
+    """Names of the joints; all trials, one list per pose and cylinder, or why there are none."""
+    groups: list[list[_Trial] | Failure] = []
+    for label, case, pose in places:
+        poses = case.at(pose)
+        for index, mode in _choices(case, poses, cylinders):
+            sweep = Sweep(
+                pose=label,
+                payload=case.payload.name,
+                q=poses.q[0].copy(),
+                cylinder=case.functions[index].name,
+                mode=mode + 1,
+                linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
+                linear_damping=math.nan,
+                amplitude=math.nan,
+                dry_friction="none",
+            )
+            try:
+                groups.append(_group(sweep, Experiment.of(case, pose, index, mode), amplitude))
+            except SimulationError as error:
+                groups.append(Failure(**vars(sweep), error=error))
+    return places[0][1].joints, groups
+
+
+def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[_Trial]:
+    """Full and half amplitude; where there is dry friction, the same without it."""
+    machine, full = experiment.machine, amplitude or experiment.default_amplitude()
+    linear = linearize(machine, experiment.pose)
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
-    return [_Sweep(pose, experiment, size, damping) for size in (full, full / 2)]
+    ways = [("none", experiment)]
+    if any(function.friction.coulomb or function.friction.static for function in machine.functions):
+        ways = [("left in", experiment), ("left out", experiment.of_machine(without_dry_friction(machine)))]
+    return [
+        _Trial(dataclasses.replace(sweep, linear_damping=damping, amplitude=size, dry_friction=friction), version)
+        for friction, version in ways
+        for size in (full, full / 2)
+    ]
 
 
-def _run(sweep: _Sweep, motion: Simulation) -> Run:
-    """What is found in a sweep's motion."""
-    experiment = sweep.experiment
-    fit = experiment.fit(motion)
-    return Run(
-        pose=sweep.pose,
-        payload=experiment.machine.payload.name,
-        q=np.array(experiment.pose),
-        cylinder=experiment.cylinder,
-        mode=experiment.mode + 1,
-        linear_frequency=experiment.target,
-        linear_damping=sweep.damping,
-        amplitude=sweep.amplitude,
-        fit=fit,
-        found=int(np.argmin(np.abs(fit.natural_frequencies - experiment.target))),
-        mean=motion.q.mean(axis=0),
-        span=np.ptp(motion.q, axis=0),
-    )
+def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Failure]]]) -> list[Validation]:
+    """All trials as one stacked run."""
+    trials = [trial for _, groups in machines for group in groups if isinstance(group, list) for trial in group]
+    motions = iter(attempt_all([trial.case for trial in trials], tolerance=TOLERANCE))
+    found = []
+    for joints, groups in machines:
+        results: list[Run | Failure] = []
+        for group in groups:
+            if isinstance(group, Failure):
+                results.append(group)
+            else:
+                results += _judged([trial.result(next(motions)) for trial in group])
+        found.append(Validation(joints, tuple(results)))
+        if not found[-1].runs:
+            raise_together([failure.error for failure in found[-1].failures])
+    return found
 
 
-def _judged(runs: list[Run], experiment: Experiment) -> list[Run]:
-    """The runs with a remark on their deviation, which the half amplitude explains or does not."""
-    full, half = (abs(run.deviation) for run in runs)
-    dry = experiment.machine.functions[experiment.index].friction.coulomb > 0
-    if full <= AGREES and half <= AGREES:
-        remark = "agrees"
-    elif half < 0.75 * full:
-        remark = "amplitude"
-    else:
-        remark = "friction" if dry else "fault"
-    return [dataclasses.replace(run, remark=remark) for run in runs]
+def _judged(group: Sequence[Run | Failure]) -> list[Run | Failure]:
+    """The group with remarks on the deviations, which half the amplitude or no dry friction explains or does not."""
+    as_it_is, smooth = group[:2], group[-2:]
+    remarks = [_verdict(smooth)] * 2
+    if len(group) > 2:
+        remarks = [_friction_verdict(as_it_is, smooth)] * 2 + remarks
+    pairs = zip(group, remarks, strict=True)
+    return [dataclasses.replace(one, remark=words) if isinstance(one, Run) else one for one, words in pairs]
+
+
+def _verdict(pair: Sequence[Run | Failure]) -> str:
+    """Of a sweep at full and at half amplitude."""
+    deviations = [abs(one.deviation) for one in pair if isinstance(one, Run)]
+    if all(deviation <= AGREES for deviation in deviations):
+        return "agrees"
+    if len(deviations) < len(pair):
+        return "not repeated"
+    return "amplitude" if deviations[1] < 0.75 * deviations[0] else "fault"
+
+
+def _friction_verdict(pair: Sequence[Run | Failure], smooth: Sequence[Run | Failure]) -> str:
+    """Of the same with dry friction: what deviates as much without it has the same cause there."""
+    if (words := _verdict(pair)) == "agrees":
+        return words
+    both = [(a, b) for a, b in zip(pair, smooth, strict=True) if isinstance(a, Run) and isinstance(b, Run)]
+    if not both:
+        return "not repeated"
+    alike = all(abs(a.deviation - b.deviation) <= AGREES for a, b in both)
+    return _verdict(smooth) if alike else "friction"

@@ -18,6 +18,7 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import paper, report
 from armdesign.errors import SimulationError
+from armdesign.simulation.bias import sweep_bias
 from armdesign.simulation.identification import spectral_peak
 
 # paper_1dof by hand: 63/36 mm, stroke 200 mm, piston in the middle, 0.1 l dead on each side, pins 150 and 500 mm
@@ -273,13 +274,15 @@ def test_pictures_have_the_papers_form(corners: paper.Reproduction) -> None:
 
 
 def test_sheets_say_what_was_found(corners: paper.Reproduction, scanned: pd.DataFrame) -> None:
-    choices, frequencies, errors, errata, *scans = report.paper_sheets(
-        corners, paper.errata(corners.mechanism), scanned
+    choices, frequencies, bias, errors, errata, *scans = report.paper_sheets(
+        corners, paper.errata(corners.mechanism), scanned, sweep_bias(periods=(10, 300))
     )
     assert ("cylinder", "asymmetric", "63.0/36.0 mm, stroke 200.0 mm, dead 0.10 l and 0.10 l") in choices.rows
     assert [row[0] for row in frequencies.rows] == ["50 kg", "400 kg"]
     assert frequencies.rows[0][1].startswith("41.73")
     assert "23.49" in errors.note
+    assert bias.rows[1] == ("10", "0.05", "-1.57 %", "-3.00 %", "-0.00 %")  # tests/simulation/test_excitation.py
+    assert len(bias.rows) == 6
     assert errors.rows[-1][2] == f"{corners.errors['identified']['joint_exact']:.4g}"
     assert dict((row[0], row[3]) for row in errata.rows)["(12)"] == "+41.42 %"
     assert ["23.49" in sheet.title for sheet in scans] == [True, True]
@@ -296,7 +299,7 @@ def test_command_in_two_processes(
     monkeypatch.setattr(paper, "reproduce", lambda: made(**CORNERS))
     app(["paper", "--out", str(tmp_path / "out")], standalone_mode=False)
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    tables = {"paper.csv", "paper_errors.csv", "paper_errata.csv", "paper_scan.csv"}
+    tables = {"paper.csv", "paper_errors.csv", "paper_errata.csv", "paper_scan.csv", "paper_sweep_bias.csv"}
     assert names == tables | {f"paper_figures_{n}.png" for n in ("3_4", "5_6", "5_6_exact")}
     pd.testing.assert_frame_equal(
         pd.read_csv(tmp_path / "out" / "paper.csv"), corners.frame, rtol=1e-8, check_dtype=False
