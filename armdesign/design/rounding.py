@@ -62,7 +62,7 @@ def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
         if passed:
             break
     if passed:
-        return _better(max(passed, key=lambda machine: _worst(machine, search.problem)), search)
+        return _better(max(passed, key=lambda machine: worst_on_poses(machine, search.problem)), search)
     if not _hardly_gained(search):
         names = ", ".join(c.name for c in failed) or "all requirements"
         raise InfeasibleError(today.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
@@ -131,7 +131,7 @@ def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Arr
 def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...]]:
     """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
     today = search.problem.machine
-    if _hardly_gained(search) and _worst(machine, search.problem) <= _worst(today, search.problem):
+    if _hardly_gained(search) and worst_on_poses(machine, search.problem) <= worst_on_poses(today, search.problem):
         machine = today
     return machine, _judged(machine, search)
 
@@ -147,7 +147,7 @@ def _hardly_gained(search: Search) -> bool:
     return min(c.slack for c in checks) >= -TOLERANCE
 
 
-def _worst(machine: Machine, problem: Problem) -> float:
+def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
     workspace = problem.workspace
     if problem.bands != Bands():
