@@ -82,6 +82,10 @@ class Bands:
             motors=tuple(_with_oil(motor, volume) for motor in machine.motors),
         )
 
+    def softest(self, cylinder: Cylinder) -> Cylinder:
+        """The cylinder with the largest dead volumes: as ``oil`` has it at the soft end."""
+        return _with_oil(cylinder, self.dead_volume[1])
+
     def masses(self, machine: Machine) -> list[tuple[float, float]]:
         """Shares of payload and of link mass to try: the corners, and values between them where there is air."""
         air = machine.fluid.air > 0 or (self.air is not None and self.air[1] > 0)

@@ -23,6 +23,7 @@ from armdesign.units import SI, WORKSHOP, Units
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.bands import Bands
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap
@@ -60,6 +61,9 @@ ValuesOption = Annotated[
 ]
 CatalogueOption = Annotated[
     str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
+]
+RobustOption = Annotated[
+    bool, typer.Option("--robust", help="Raise the worst frequency within the file's [bands], not at its values.")
 ]
 OutsideOption = Annotated[bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")]
 
@@ -120,6 +124,7 @@ def optimize(
     catalogue: CatalogueOption = "",
     least: Annotated[str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")] = "",
     frequency: Annotated[float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")] = 0.0,
+    robust: RobustOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -133,10 +138,11 @@ def optimize(
         raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
+        bands = _bands(model) if robust else None
         if least:
-            design = _least(model, workspace, vary, least, frequency, say)
+            design = _least(model, workspace, vary, least, frequency, bands, say)
         else:
-            design = _design(model, workspace, vary, catalogue, say)
+            design = _design(model, workspace, vary, catalogue, bands, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
     _print(report.design_sheets(design, units.units))
@@ -150,6 +156,7 @@ def pareto(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
+    robust: RobustOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -163,7 +170,8 @@ def pareto(
     with _progress("looking for the best design under each limit"):
         numbers = _numbers(values)
         model, workspace = _model(machine, points, out, allow_outside)
-        found = trade_off(model, workspace, against=against, values=numbers, vary=_words(vary))
+        bands = _bands(model) if robust else None
+        found = trade_off(model, workspace, against=against, values=numbers, vary=_words(vary), bands=bands)
         table = found.frame
     with _outputs(out) as folder:
         _write_csv(table, folder / "pareto.csv")
@@ -201,6 +209,7 @@ def design(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     catalogue: CatalogueOption = "",
+    robust: RobustOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -213,7 +222,7 @@ def design(
 
     with _progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
-        answer = _design(model, workspace, "areas,pins", catalogue, say)
+        answer = _design(model, workspace, "areas,pins", catalogue, _bands(model) if robust else None, say)
         say("simulating the worst, the median and the best pose, today and new")
         proof = dict(zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True))
         say("writing the report")
@@ -347,7 +356,9 @@ def paper(out: OutOption = Path("out")) -> None:
     _print(report.paper_sheets(found, errata, scan, bias))
 
 
-def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say: Callable[[str], None]) -> Design:
+def _design(
+    model: Machine, workspace: Workspace, vary: str, catalogue: str, bands: Bands | None, say: Callable[[str], None]
+) -> Design:
     from armdesign.design.catalogue import read_sizes
     from armdesign.design.optimum import optimize, size_cylinders
 
@@ -355,21 +366,27 @@ def _design(model: Machine, workspace: Workspace, vary: str, catalogue: str, say
     say("looking for better sizes" if words == ("areas",) else "looking for a better design")
     offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
     if words == ("areas",):
-        made = size_cylinders(model, workspace, catalogue=offered)
+        made = size_cylinders(model, workspace, bands=bands, catalogue=offered)
     else:
-        made = optimize(model, workspace, vary=words, catalogue=offered)
+        made = optimize(model, workspace, vary=words, bands=bands, catalogue=offered)
     say("mapping the new machine")
     _ = made.before, made.after
     return made
 
 
 def _least(
-    model: Machine, workspace: Workspace, vary: str, of: str, frequency: float, say: Callable[[str], None]
+    model: Machine,
+    workspace: Workspace,
+    vary: str,
+    of: str,
+    frequency: float,
+    bands: Bands | None,
+    say: Callable[[str], None],
 ) -> Design:
     from armdesign.design.least import least
 
     say(f"looking for the least {of}")
-    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary))
+    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary), bands=bands)
     say("mapping the new machine")
     _ = made.before, made.after
     return made
@@ -427,6 +444,17 @@ def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[M
     _check_out(out)
     model = load(machine, allow_outside=allow_outside)
     return model, Workspace.grid(model, counts)
+
+
+def _bands(model: Machine) -> Bands:
+    """What ``--robust`` asks for: the bands of the file."""
+    from armdesign.bands import Bands
+
+    stated = Bands.of(model)
+    if stated == Bands():
+        example = "payload_share = [0.8, 1.2]"
+        raise ArmDesignError("--robust", f"{model.source.name} states no bands", f"add [bands] to it, like {example}")
+    return stated
 
 
 def _check_out(out: Path) -> None:

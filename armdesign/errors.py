@@ -61,7 +61,8 @@ class InfeasibleError(ArmDesignError):
     """No design meets the requirements.
 
     Attributes:
-        conflict: requirements that cannot be met together, though without any one of them the others can; empty where
+        conflict: requirements that cannot be met together, though without any one of them the others can; those that
+            the nearest sizes on a drawing's grid miss, where there are some off the grid that miss none; empty where
             none was found.
     """
 

@@ -186,6 +186,9 @@ def trade_off(found: Pareto, ax: Any = None) -> Any:
     today = found.designs[0].before.worst.frequency
     ax.plot(limits, found.frame["frequency_hz"], "o-", color=MARK, label="best design")
     ax.plot(now, today, "*", ms=15, color=INK, label="today's machine")
+    if found.robust:
+        ax.plot(limits, found.frame["banded_hz"], "o:", color=MARK, label="best design, worst within the bands")
+        ax.plot(now, found.designs[0].band_before.low.frequency, "*", ms=9, color=INK)
     if found.against == "oil":
         shares = np.linspace(min(*limits, now), max(*limits, now), 60)
         ax.plot(shares, today * np.sqrt(shares), "--", color=COMPUTED, label="frequency² × joint speed as today")

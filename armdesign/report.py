@@ -308,8 +308,9 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
 def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
     """What the worst frequency costs: a row for each limit, all else over today's."""
     box = found.against == "pin_box"
-    digs = "digging_share" in found.frame
-    rows = [("today", f"{found.designs[0].before.worst.frequency:.3f} Hz", *4 * ("",), *digs * ("",))]
+    digs, first = "digging_share" in found.frame, found.designs[0]
+    banded = [f"{first.band_before.low.frequency:.3f} Hz"] if found.robust else []
+    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))]
     for row in found.frame.to_dict("records"):
         shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
         rows.append(
@@ -317,14 +318,16 @@ def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
                 units.text(row["limit"], "m") if box else f"{row['limit']:g}",
                 f"{row['frequency_hz']:.3f} Hz",
                 f"{100 * row['gain']:+.1f} %",
+                *([f"{row['banded_hz']:.3f} Hz"] if found.robust else []),
                 *(f"{share:.3f}" for share in shares),
                 f"{row['squared_times_speed']:.2f}",
             )
         )
+    columns = ["limit", "frequency", "gain", *found.robust * ["in the bands"], "oil", "thrust", *digs * ["digging"]]
     each = "; oil of one cylinder's side at most 1.1 × the limit" if found.against == "oil" else ""
     return Sheet(
         title=f"{found.today.section.title or found.today.name}: worst natural frequency against {found.against}",
-        columns=("limit", "frequency", "gain", "oil", "thrust", *(["digging"] if digs else []), "f² × speed"),
+        columns=(*columns, "f² × speed"),
         rows=tuple(rows),
         note="; ".join(
             [f"oil, largest thrust, least digging torque and f² × speed over today's{each}", *found.sentences]

@@ -15,6 +15,7 @@ from typing import Any
 import armdesign as ad
 from armdesign.design.catalogue import Sizes, sized, sizes_of
 from armdesign.design.check import check
+from armdesign.design.choices import choices
 from armdesign.design.selection import select
 from armdesign.modes import lowest_frequency
 from armdesign.units import mm
@@ -63,7 +64,7 @@ def main() -> None:
     small = ad.Workspace.grid(machine, points=(5, 5, 9))
     limits = replace(ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3)
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
-    took, found = best_of(lambda: select(machine, machine, small, limits, sizes))
+    took, found = best_of(lambda: select(choices(machine, machine, small, limits, sizes)))
     slow, wanted = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
     print(
         f"{len(sizes)}³ combinations, {len(small.q)} poses: {found.frequency:.9f} Hz, bound {found.bound:.9f}, {took}"

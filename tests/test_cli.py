@@ -18,6 +18,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import cli, report
+from armdesign.bands import worst_within
 from armdesign.errors import ArmDesignError
 from armdesign.units import SI, WORKSHOP
 
@@ -26,7 +27,7 @@ OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
-    "pareto": ["--against", "--values", "--vary", "--out", "--points", "--units"],
+    "pareto": ["--against", "--values", "--vary", "--robust", "--out", "--points", "--units"],
 }
 QUICK = {  # what each writes for the one-joint machine
     "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
@@ -105,6 +106,50 @@ def test_least_oil_for_a_frequency(
     ):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err
+
+
+BANDED = "\n[bands]\npayload_share = [0.7, 1.3]\nbulk_modulus_share = [0.8, 1.0]\n"
+
+
+def stated(folder: Path, more: str = BANDED) -> str:
+    """A copy of the 20 t machine whose file says more."""
+    machine = machines.named("excavator_20t")
+    (folder / "excavator_20t.urdf").write_text(machine.urdf_text, encoding="utf-8")
+    (folder / "own.toml").write_text(machine.text + more, encoding="utf-8")
+    return str(folder / "own.toml")
+
+
+@pytest.mark.parametrize("more", [[], ["--catalogue", "5mm"], ["--least", "oil", "--frequency", "0.7"]])
+def test_robust_is_for_the_bands_of_the_file(
+    more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The machine written is that of ``ad.size_cylinders`` with the file's bands, and the report says so."""
+    words = ["optimize", stated(tmp_path), "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    assert main([*words, *more, "--robust"], monkeypatch) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    machine = ad.load(tmp_path / "own.toml")
+    bands, space = ad.Bands.of(machine), ad.Workspace.grid(machine, [3, 3, 5])
+    found = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
+    worst = worst_within(found, space, bands).frequency
+    if "--least" in more:
+        assert worst >= 0.7
+    else:
+        made = ad.size_cylinders(machine, space, bands=bands, catalogue="5mm" if more else None)
+        assert found.text == made.machine.text
+    assert f"{worst:.3f} Hz" in printed
+    assert "the new machine was made for the least" in printed
+
+
+@pytest.mark.parametrize("command", ["optimize", "design", "pareto"])
+def test_robust_without_bands_is_refused(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [command, "excavator_20t", "--robust", "--points", "3", "--out", str(tmp_path / "a")]
+    assert main(words, monkeypatch) == 2
+    assert capsys.readouterr().err == (
+        "armdesign: --robust: excavator_20t.toml states no bands; add [bands] to it, like payload_share = [0.8, 1.2]\n"
+    )
+    assert not (tmp_path / "a").exists()
 
 
 def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

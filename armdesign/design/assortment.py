@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue import Sizes, offered, relative_areas
-from armdesign.design.choices import TOLERANCE
+from armdesign.design.choices import TOLERANCE, choices
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
 from armdesign.design.searching import MISSED, finished, met, multistart
@@ -100,8 +100,17 @@ def _rank(search: Search) -> tuple[bool, float]:
 
 def _selected(problem: Problem, x: Array, sizes: Sizes) -> Selection:
     """The best sizes for the pins of x."""
-    given = (problem.machine, problem.workspace, problem.requirements, sizes, problem.proportional)
-    return select(problem.placed(x), *given, tolerance=MISSED if problem.moving else TOLERANCE, free=problem.resized)
+    offered = choices(
+        problem.placed(x),
+        problem.machine,
+        problem.workspace,
+        problem.requirements,
+        sizes,
+        proportional=problem.proportional,
+        tolerance=MISSED if problem.moving else TOLERANCE,
+        free=problem.resized,
+    )
+    return select(offered, problem.bands)
 
 
 def _sized(

@@ -54,8 +54,8 @@ class Condition:
 
     @property
     def slack(self) -> Array:
-        """Room (k,) of the first variant as a share of the limit, or of ``slack_scale``; ≥ 0 where met."""
-        room = self.value[0].real - self.limit if self.at_least else self.limit - self.value[0].real
+        """Room (b, k) as a share of the limit, or of ``slack_scale``; ≥ 0 where met."""
+        room = self.value.real - self.limit if self.at_least else self.limit - self.value.real
         slack = room / (self.slack_scale or abs(self.limit) or 1.0)
         slack[np.abs(slack) < 1e-12] = 0.0  # nothing but the rounding of the arithmetic is left
         return np.asarray(slack)
@@ -216,6 +216,23 @@ class Built:
         """See ``Candidate``."""
         base, end, *_ = self.machine.linkages[i].pins(rigid)
         return base[None], end[None]
+
+
+@dataclass(frozen=True, eq=False)
+class Resized(Built):
+    """A machine with many sizes on its pins and strokes: a variant for each of ``sizes``, areas (b, nc, 2) [m²]."""
+
+    sizes: Array
+
+    @property
+    def areas(self) -> Array:
+        """See ``Candidate``."""
+        return self.sizes
+
+    def moment_arms(self, rigid: RigidPoses) -> Array:
+        """See ``Candidate``."""
+        arms = super().moment_arms(rigid)
+        return np.broadcast_to(arms, (len(self.sizes), *arms.shape[1:]))
 
 
 @lru_cache(maxsize=64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.candidates import Built, Condition, frame_of
+from armdesign.design.candidates import Built, Condition, Frame, Resized, frame_of
 from armdesign.design.conditions import conditions, guaranteed, static_loads_held
 from armdesign.design.explicit import digging_forces as forces_at_tool
 from armdesign.design.explicit import estimated_masses
@@ -40,7 +40,7 @@ class Check:
     @classmethod
     def of(cls, condition: Condition) -> Check:
         """The condition where it has least slack."""
-        slack = condition.slack
+        slack = condition.slack[0]
         worst = int(slack.argmin())
         return cls(
             name=condition.name,
@@ -78,7 +78,9 @@ def check(
         requirements: the limits.
         loads: ``static_loads`` of the machine on the workspace, if known.
     """
-    return tuple(Check.of(condition) for condition in _judged(machine, today, workspace, requirements, loads))
+    frame = frame_of(today, requirements, SWEEP)
+    judged = _judged(Built(machine, frame), frame, workspace, loads or static_loads(machine, workspace))
+    return tuple(Check.of(condition) for condition in judged)
 
 
 def meets(
@@ -90,23 +92,40 @@ def meets(
     tolerance: float = 0.0,
 ) -> bool:
     """Whether no slack of ``check`` is below −``tolerance``; it stops at the first that is."""
-    judged = _judged(machine, today, workspace, requirements, loads)
+    frame = frame_of(today, requirements, SWEEP)
+    judged = _judged(Built(machine, frame), frame, workspace, loads or static_loads(machine, workspace))
     return all(condition.slack.min() >= -tolerance for condition in judged)
 
 
-def _judged(
+def slacks(
     machine: Machine,
+    areas: Array,
     today: Machine,
     workspace: Workspace,
     requirements: Requirements,
-    loads: tuple[Array, Array] | None,
-) -> Iterator[Condition]:
+    loads: tuple[Array, Array],
+) -> tuple[list[str], Array]:
+    """Names of the requirements (m), and what ``check`` finds as their slacks (b, m) for many sizes on one machine.
+
+    Args:
+        machine: pins, strokes and supply.
+        areas: of all functions (b, nc, 2) [m²], which static loads must not hang on.
+        today: as of ``check``.
+        workspace: as of ``check``.
+        requirements: as of ``check``.
+        loads: as of ``check``.
+    """
     frame = frame_of(today, requirements, SWEEP)
-    new = Built(machine, frame)
+    judged = list(_judged(Resized(machine, frame, areas), frame, workspace, loads))
+    least = [np.broadcast_to(condition.slack.min(axis=1), len(areas)) for condition in judged]
+    return [condition.name for condition in judged], np.stack(least, axis=1)
+
+
+def _judged(new: Built, frame: Frame, workspace: Workspace, loads: tuple[Array, Array]) -> Iterator[Condition]:
     yield from conditions(new, frame)
-    push, pull = loads or static_loads(machine, workspace)
+    push, pull = loads
     yield from static_loads_held(new, frame, np.stack([push, -pull])[None])
-    yield from guaranteed(new, frame, requirements.box(today, workspace))
+    yield from guaranteed(new, frame, frame.requirements.box(frame.today, workspace))
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:

@@ -6,20 +6,21 @@ one cylinder (thrust, holding, buckling), or a sum over the cylinders (oil): its
     slack = slack of the frame + Σ_i change by the size of cylinder i,
 
 and ``check``, asked once for every size of every cylinder, knows all combinations. A requirement for which
-this fails on random combinations is left to ``Choices.allowed``, which asks for one combination at a time.
+this fails on random combinations is left to ``Choices.allowed``, which judges combinations themselves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
-from armdesign.design.check import check, static_loads
+from armdesign.design.check import slacks, static_loads
 from armdesign.design.requirements import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -28,6 +29,45 @@ from armdesign.workspace import Workspace
 TOLERANCE = 1e-9  # of a slack
 PROBES = 40  # random combinations on which requirements must be sums
 TOUCHED = 1e-12  # a slack that moves less hangs on other things
+LOST = 1e3  # times its limit: a slack below minus this is as good as any other
+BATCH = 500  # combinations judged at a time
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judge:
+    """Every requirement's slack, with a tolerance added, for other cylinders on the pins and strokes of ``frame``."""
+
+    frame: Machine
+    today: Machine
+    workspace: Workspace
+    requirements: Requirements
+    tolerance: float
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the requirements (m)."""
+        return self._judged(self.own)[0]
+
+    @cached_property
+    def own(self) -> Array:
+        """Areas of the frame (1, nc, 2) [m², of a motor m³/rad]."""
+        return np.array([[[f.bore_area, f.annulus_area] for f in self.frame.functions]])
+
+    def slacks(self, areas: Array) -> Array:
+        """Slack (b, m) of every requirement at areas (b, nc, 2); what lies below −``LOST`` is lost anyhow."""
+        parts = np.array_split(areas, -(-len(areas) // BATCH))
+        return np.maximum(np.concatenate([self._judged(part)[1] for part in parts]) + self.tolerance, -LOST)
+
+    def _judged(self, areas: Array) -> tuple[list[str], Array]:
+        return slacks(self.frame, areas, self.today, self.workspace, self._requirements, self._loads)
+
+    @cached_property
+    def _requirements(self) -> Requirements:
+        return replace(self.requirements, pin_box=self.requirements.box(self.today, self.workspace))
+
+    @cached_property
+    def _loads(self) -> tuple[Array, Array]:
+        return static_loads(self.frame, self.workspace)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,43 +78,22 @@ class Choices:
         cylinders: of every function, the cylinders that meet all requirements of their own.
         slack: of the shared requirements (m,), without the changes, and the tolerance; a combination is allowed at ≥ 0.
         changes: of every function, what each of its cylinders changes on them (sizes, m).
-        judge: of all requirements, one combination at a time.
+        judge: of all requirements.
+        touched: requirements that hang on the sizes, by their number: those that ``allowed`` looks at.
     """
 
     cylinders: tuple[tuple[Cylinder, ...], ...]
     slack: Array
     changes: tuple[Array, ...]
     judge: Judge
+    touched: Array
 
-    def allowed(self, combination: Array) -> bool:
-        """Whether a combination meets every requirement that sizes touch."""
-        made = [options[o] for options, o in zip(self.cylinders, combination, strict=True)]
-        return bool(np.all(self.judge.slacks(made)[self.judge.counted] >= 0))
-
-
-@dataclass(eq=False, kw_only=True)
-class Judge:
-    """Every requirement's slack, with a tolerance added, for cylinders on the frame; ``counted`` those they touch."""
-
-    frame: Machine
-    today: Machine
-    workspace: Workspace
-    requirements: Requirements
-    tolerance: float
-    names: list[str] = field(init=False)
-    counted: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.requirements = replace(self.requirements, pin_box=self.requirements.box(self.today, self.workspace))
-        self._loads = static_loads(self.frame, self.workspace)
-        self.slacks(self.frame.cylinders)
-
-    def slacks(self, cylinders: Sequence[Cylinder]) -> Array:
-        """Slack of every requirement (m,)."""
-        machine = replace(self.frame, cylinders=tuple(cylinders))
-        checks = check(machine, self.today, self.workspace, self.requirements, self._loads)
-        self.names = [c.name for c in checks]
-        return np.array([c.slack for c in checks]) + self.tolerance
+    def allowed(self, combinations: Array) -> Flags:
+        """Whether combinations (k, nc) meet every requirement that sizes touch (k,)."""
+        areas = np.tile(self.judge.own, (len(combinations), 1, 1))
+        for i, options in enumerate(self.cylinders):
+            areas[:, i] = _areas(options)[combinations[:, i]]
+        return np.asarray(np.all(self.judge.slacks(areas)[:, self.touched] >= 0, axis=1))
 
 
 def choices(
@@ -112,8 +131,7 @@ def choices(
             "choose sizes without a catalogue",
         )
     judge = Judge(frame=frame, today=today, workspace=workspace, requirements=requirements, tolerance=tolerance)
-    own, options, changes = list(frame.cylinders), [], []
-    slack = judge.slacks(own)
+    options = []
     for i, old in enumerate(today.cylinders):
         stroke, closed = frame.cylinders[i].stroke, frame.cylinders[i].closed_length
         own_sizes = offered(old, sizes, *free[i]) if free else sizes
@@ -121,38 +139,49 @@ def choices(
             replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed) for bore, rod in own_sizes
         ]
         options.append(made)
-        changes.append(np.array([judge.slacks([*own[:i], c, *own[i + 1 :]]) for c in made]) - slack)
-    return _allowed(judge, slack, options, changes)
+    return _allowed(judge, options)
 
 
-def _allowed(judge: Judge, slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Choices:
+def _areas(options: Sequence[Cylinder]) -> Array:
+    """Areas (sizes, 2) [m²]."""
+    return np.array([[c.bore_area, c.annulus_area] for c in options])
+
+
+def _allowed(judge: Judge, options: list[list[Cylinder]]) -> Choices:
     """What is left of the options when each meets the requirements of its own cylinder."""
-    whole = _not_sums(judge, slack, options, changes)
+    areas = [_areas(made) for made in options]
+    (slack,), changes = judge.slacks(judge.own), []
+    for i, own in enumerate(areas):
+        tried = np.tile(judge.own, (len(own), 1, 1))
+        tried[:, i] = own
+        changes.append(judge.slacks(tried) - slack)
+    whole = _not_sums(judge, slack, areas, changes)
     moved = np.array([np.any(np.abs(change) > TOUCHED, axis=0) for change in changes])
-    touched, judge.counted = moved & ~whole, moved.any(axis=0) | whole
+    touched = moved & ~whole
     if not _possible(slack, changes, touched, np.flatnonzero(touched.any(axis=0))):
         what = _conflict(judge.names, slack, changes, touched)
         raise InfeasibleError(judge.frame.name, f"no sizes of the catalogue meet {what}", "loosen them or offer others")
-    own, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
-    kept = [_meeting(slack, change, np.flatnonzero(own & touched[i])) for i, change in enumerate(changes)]
+    own_alone, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
+    kept = [_meeting(slack, change, np.flatnonzero(own_alone & touched[i])) for i, change in enumerate(changes)]
     return Choices(
         cylinders=tuple(tuple(made[o] for o in keep) for made, keep in zip(options, kept, strict=True)),
         slack=slack[shared],
         changes=tuple(change[np.ix_(keep, shared)] for change, keep in zip(changes, kept, strict=True)),
         judge=judge,
+        touched=np.flatnonzero(moved.any(axis=0) | whole),
     )
 
 
-def _not_sums(judge: Judge, slack: Array, options: list[list[Cylinder]], changes: list[Array]) -> Array:
+def _not_sums(judge: Judge, slack: Array, areas: list[Array], changes: list[Array]) -> Flags:
     """Requirements (m,) whose slack at some random combinations is not the sum of the changes."""
     random = np.random.default_rng(0)
-    found = np.zeros(len(slack), dtype=bool)
-    for _ in range(PROBES):
-        chosen = [int(random.integers(len(made))) for made in options]
-        foreseen = slack + sum(change[o] for change, o in zip(changes, chosen, strict=True))
-        true = judge.slacks([made[o] for made, o in zip(options, chosen, strict=True)])
-        found |= np.abs(true - foreseen) > 1e-9 * (1 + np.abs(true))
-    return found
+    chosen = [random.integers(len(own), size=PROBES) for own in areas]
+    tried = np.tile(judge.own, (PROBES, 1, 1))
+    for i, (own, o) in enumerate(zip(areas, chosen, strict=True)):
+        tried[:, i] = own[o]
+    foreseen = slack + sum(change[o] for change, o in zip(changes, chosen, strict=True))
+    true = judge.slacks(tried)
+    return np.asarray(np.any(np.abs(true - foreseen) > 1e-9 * (1 + np.abs(true)), axis=0))
 
 
 def _meeting(slack: Array, change: Array, columns: Array) -> Array:

@@ -144,15 +144,21 @@ def _transmissions(new: Candidate, frame: Frame) -> Iterator[Condition]:
 
 
 def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[Condition]:
-    """Static forces (b, k, nc) [N, + pushes] within a share of what the supply holds."""
+    """Static forces (b, k, nc) [N, + pushes] within a share of what the supply holds.
+
+    The share used is infinite where the supply holds nothing: pulling on a rod so thick that the return pressure on the
+    bore outdoes the supply's on the annulus.
+    """
     share, supply = frame.requirements.holding_share, new.machine.supply
     for i, function in enumerate(frame.today.functions):
         pushes = forces[0, :, i].real > 0
         held = holding_force(new.areas[:, i, None, 0], new.areas[:, i, None, 1], supply, pushes)
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
+        holds, loaded = held.real > 0, used.real > 0
+        ratio = np.where(holds, used / np.where(holds, held, 1.0), np.where(loaded, np.inf, 0.0))
         scale = supply.pressure * float(frame.old.areas[0, i, 0])
         yield bounded(
-            f"holding.{function.name}", f"static load of the {function.name} {kind(function)}", "", used / held, share,
+            f"holding.{function.name}", f"static load of the {function.name} {kind(function)}", "", ratio, share,
             room=(share * held - used) / scale, easing=share * held / scale,
         )  # fmt: skip
 

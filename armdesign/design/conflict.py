@@ -261,6 +261,12 @@ def sentence(conflict: Sequence[Concession], settles: bool) -> str:
     return f"no design meets {names}: they must give {each}{alone}{more}"
 
 
+def nearest(missed: Sequence[Concession]) -> str:
+    """What the nearest of some designs misses, in plain words; nothing if that is not known."""
+    words = " and ".join(f"{_named(c)} by {_given(c, c.together)}" for c in missed)
+    return f": the nearest misses {words}" if words else ""
+
+
 def _named(c: Concession) -> str:
     return f"{c.name} ({c.words} {'at least' if c.at_least else 'at most'} {WORKSHOP.short(c.limit, c.unit)})"
 

@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.bands import Bands
 from armdesign.design.check import cylinder_mass
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
+from armdesign.design.rounding import worst_on_poses
 from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -40,6 +42,8 @@ def least(
     vary: Sequence[str] = ("areas", "pins"),
     starts: int = STARTS,
     seed: int = 0,
+    workers: int = 1,
+    bands: Bands | None = None,
 ) -> Design:
     """The machine that needs least oil, pump flow or steel and still has a given worst frequency on the workspace.
 
@@ -57,6 +61,8 @@ def least(
         vary: as in ``optimize``.
         starts: as in ``optimize``.
         seed: as in ``optimize``.
+        workers: as in ``optimize``.
+        bands: what is not known exactly: the worst frequency within them is then what may not fall below.
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
@@ -65,9 +71,9 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    problem = posed(machine, workspace, requirements, vary)
+    problem = posed(machine, workspace, requirements, vary, bands=bands)
     hunt = _Hunt(problem=problem, limit=AMOUNTS[of], today=cylinder_mass(machine) if of == "mass" else 1.0)
-    return hunt.rounded(hunt.least(frequency, starts, seed), frequency)
+    return hunt.rounded(hunt.least(frequency, starts, seed, workers), frequency)
 
 
 @dataclass(eq=False, kw_only=True)
@@ -79,9 +85,9 @@ class _Hunt:
     today: float
     reached: tuple[float, ...] = ()
 
-    def least(self, frequency: float, starts: int, seed: int) -> Search:
+    def least(self, frequency: float, starts: int, seed: int, workers: int) -> Search:
         """The search under the smallest amount that reaches a frequency [Hz], before rounding."""
-        search, self.reached = multistart(self._under(self.today), starts, seed, workers=1)
+        search, self.reached = multistart(self._under(self.today), starts, seed, workers)
         search, low = self._enough(search, frequency)
         slope = 0.5  # of log frequency by log amount: ω² grows with the oil, at first
         for _ in range(SEARCHES):
@@ -124,7 +130,7 @@ class _Hunt:
                 design = Design.of(self._search(amount * (1 + more), search) if more else search, self.reached)
             except InfeasibleError:  # no room to round in
                 continue
-            worst = float(design.after.frame["f1_hz"].min())
+            worst = worst_on_poses(design.machine, design.problem)
             if worst >= frequency:
                 return design
         raise InfeasibleError(

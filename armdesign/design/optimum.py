@@ -213,12 +213,12 @@ def optimize(
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine; no
-            catalogue, or one of no use, or one with bands or a start.
+            catalogue, or one of no use, or one with a start.
         InfeasibleError: no design meets the requirements.
     """
-    if catalogue is not None and (start is not None or bands is not None):
-        raise ArmDesignError("catalogue", "goes with neither start nor bands", "leave them out")
-    problem = posed(machine, workspace, requirements, vary, bands=bands or Bands())
+    if catalogue is not None and start is not None:
+        raise ArmDesignError("catalogue", "does not go with a start", "leave one out")
+    problem = posed(machine, workspace, requirements, vary, bands=bands)
     if catalogue is not None and problem.moving:
         return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers))
     if catalogue is not None:
@@ -235,6 +235,7 @@ def size_cylinders(
     requirements: Requirements | None = None,
     *,
     dead_volume: str = "fixed",
+    bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
@@ -249,12 +250,14 @@ def size_cylinders(
     combination is the best of all; ``bound`` equals ``unrounded`` where that is proved, and lies above it by the gap
     that is left where the combinations are too many.
 
+    With ``bands`` the worst frequency within them counts, as in ``optimize``, for the bound too.
+
     Raises:
         InfeasibleError: no sizes meet the requirements.
     """
     if dead_volume not in ("fixed", "proportional"):
         raise ArmDesignError("dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"')
-    problem = posed(machine, workspace, requirements, ("areas",), dead_volume == "proportional")
+    problem = posed(machine, workspace, requirements, ("areas",), dead_volume == "proportional", bands)
     if catalogue is not None:
         return _of_catalogue(problem, catalogue)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)

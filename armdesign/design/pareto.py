@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.bands import Bands
 from armdesign.design.optimum import Design, optimize
 from armdesign.design.requirements import Requirements
 from armdesign.design.searching import STARTS
@@ -51,15 +52,22 @@ class Pareto:
     left_out: dict[float, str]
     today: Machine
 
+    @property
+    def robust(self) -> bool:
+        """Whether the designs were made for the worst within bands."""
+        return self.designs[0].problem.bands != Bands()
+
     @cached_property
     def frame(self) -> pd.DataFrame:
         """A row for each design, with what it has of everything that trades against frequency.
 
         ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``: of the optimum, on
-        the workspace's poses; ``gain``. ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
-        ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose digging counts (no
-        column where none does); ``pin_move_m``: largest move of any pin coordinate or bar. ``squared_times_speed``:
-        frequency² × 1/``oil_share``, which is what the pump's flow makes of the speed, over today's.
+        the workspace's poses; ``gain``. ``banded_hz``: the worst within the bands that the designs were made for, on
+        the workspace's poses (no column without bands). ``oil_share``, ``annulus_oil_share``: summed over the
+        cylinders, over today's; ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those
+        whose digging counts (no column where none does); ``pin_move_m``: largest move of any pin coordinate or bar.
+        ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the pump's flow makes of the speed, over
+        today's.
         """
         import pandas as pd
 
@@ -88,6 +96,7 @@ def pareto(
     starts: int = STARTS,
     seed: int = 0,
     workers: int = 1,
+    bands: Bands | None = None,
 ) -> Pareto:
     """The worst frequency that can be had under each value of one limit, all other requirements as they are.
 
@@ -103,6 +112,7 @@ def pareto(
         starts: how many starts each point has: its tighter neighbour, today's machine and drawn ones, in this order.
         seed: of the drawn starts.
         workers: processes that share the starts.
+        bands: as in ``optimize``: every design is made for the worst within them.
 
     Raises:
         ArmDesignError: a trade-off that does not exist, or values that cannot be.
@@ -121,8 +131,9 @@ def pareto(
         limited = _limited(requirements, against, limit)
         try:
             tighter = optimize(
-                machine, workspace, limited, vary, starts=starts, seed=seed, workers=workers, start=tighter
-            )
+                machine, workspace, limited, vary,
+                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
+            )  # fmt: skip
             found[limit] = tighter
         except InfeasibleError as error:
             left_out[limit] = error.problem
@@ -168,6 +179,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "frequency_hz": after,
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
+        **({"banded_hz": design.band_after.low.frequency} if design.problem.bands != Bands() else {}),
         "oil_share": oil,
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),

@@ -22,9 +22,10 @@ from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
+from armdesign.design.conflict import nearest
 from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES, key_of
-from armdesign.errors import InfeasibleError
+from armdesign.errors import Concession, InfeasibleError
 from armdesign.linkage import BARS
 from armdesign.machine import Machine, load
 from armdesign.modes import lowest_frequency
@@ -49,23 +50,22 @@ def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
     limits are drawn in more.
     """
     today = search.problem.machine
-    failed: list[Check] = []
     passed = [machine for machine in _tuned(search) if not _failed(machine, search)]
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3) if not passed else ():
         inner = _near(search, search.problem.tightened(tightening), search.x, search.bounds).run(0.02, 1e-5)
         for changes in _candidates(inner):
             machine = _through_file(today, changes)
-            failed = _failed(machine, search)
-            if not failed:
+            if not _failed(machine, search):
                 passed.append(machine)
                 break
         if passed:
             break
     if passed:
-        return _better(max(passed, key=lambda machine: _worst(machine, search.problem)), search)
+        return _better(max(passed, key=lambda machine: worst_on_poses(machine, search.problem)), search)
     if not _hardly_gained(search):
-        names = ", ".join(c.name for c in failed) or "all requirements"
-        raise InfeasibleError(today.name, f"no sizes on the 0.1 mm grid meet {names}", "loosen them")
+        missed = _nearest_misses(search)
+        words = f"no sizes on the 0.1 mm grid meet all requirements{nearest(missed)}"
+        raise InfeasibleError(today.name, words, "loosen them", missed)
     return today, _judged(today, search)
 
 
@@ -131,7 +131,7 @@ def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Arr
 def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...]]:
     """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
     today = search.problem.machine
-    if _hardly_gained(search) and _worst(machine, search.problem) <= _worst(today, search.problem):
+    if _hardly_gained(search) and worst_on_poses(machine, search.problem) <= worst_on_poses(today, search.problem):
         machine = today
     return machine, _judged(machine, search)
 
@@ -147,7 +147,7 @@ def _hardly_gained(search: Search) -> bool:
     return min(c.slack for c in checks) >= -TOLERANCE
 
 
-def _worst(machine: Machine, problem: Problem) -> float:
+def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
     workspace = problem.workspace
     if problem.bands != Bands():
@@ -157,12 +157,41 @@ def _worst(machine: Machine, problem: Problem) -> float:
     return min(float(lowest_frequency(case.evaluate(rigid)).min()) for case, rigid in held if len(rigid) > 0)
 
 
+def _nearest_misses(search: Search) -> tuple[Concession, ...]:
+    """What the sizes on the grid that miss least miss."""
+    problem = search.problem
+    frame, loads = _placed(search, problem.workspace)
+    limits = replace(problem.requirements, pin_box=problem.requirements.box(problem.machine, problem.workspace))
+    tried = [replace(frame, cylinders=_resized(frame, choice)) for choice in _choices(search, COMBINATIONS)]
+    judged = [check(machine, problem.machine, problem.workspace, limits, loads) for machine in tried]
+    failed = [[c for c in checks if c.slack < -TOLERANCE] for checks in judged]
+    least = min(failed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks)))
+    return tuple(
+        Concession(
+            name=c.name,
+            words=c.words,
+            unit=c.unit,
+            limit=c.limit,
+            at_least=c.at_least,
+            together=abs(c.value - c.limit),
+            alone=abs(c.value - c.limit) if len(least) == 1 else None,
+        )
+        for c in least
+    )
+
+
+def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array, Array] | None]:
+    """Today's sizes on pins and strokes on the grid, and its static loads; None where they hang on the sizes."""
+    changes = _pin_changes(search.problem, search.x)
+    frame = search.problem.machine.replace(changes) if changes else search.problem.machine
+    return frame, static_loads(frame, workspace) if len(frame.functions) == len(frame.joints) else None
+
+
 def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     """Changes to the machine file for roundings of the bores and rods that pass a first check, best first."""
     problem = search.problem
-    today = problem.machine
-    changes = _pin_changes(problem, search.x)
-    frame = today.replace(changes) if changes else today  # pins and strokes as they will be, sizes of today
+    today, light = problem.machine, _light_workspace(search)
+    frame, loads = _placed(search, light)
     low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
     found = []
     for choice in _choices(search, COMBINATIONS):
@@ -170,14 +199,12 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
         x = _with_sizes(problem, search.x, cylinders)
         found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
     found.sort(key=lambda entry: -entry[0])
-    light = _light_workspace(search)
     limits = replace(problem.requirements, pin_box=problem.requirements.box(today, problem.workspace))
-    loads = static_loads(frame, light) if len(frame.functions) == len(frame.joints) else None  # else they hang on areas
     passed = 0
     for _, cylinders, choice, x in found:
         trial = replace(frame, cylinders=cylinders)
         if meets(trial, today, light, limits, loads, TOLERANCE):
-            yield changes | _size_changes(problem, choice, x)
+            yield _pin_changes(problem, search.x) | _size_changes(problem, choice, x)
             passed += 1
         if passed == 5:
             return

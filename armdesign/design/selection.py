@@ -13,6 +13,7 @@ is branched on, branches whose bound lies below what is reached are cut, and wha
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -20,11 +21,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.bands import Bands, scaled_links
 from armdesign.cylinder import Fluid
 from armdesign.design.catalogue import Sizes
-from armdesign.design.choices import TOLERANCE, Choices, choices
+from armdesign.design.choices import Choices
 from armdesign.design.codesign import hertz
-from armdesign.design.requirements import Requirements
 from armdesign.design.sizing import certificate, programme
 from armdesign.errors import InfeasibleError
 from armdesign.machine import Machine
@@ -70,52 +71,40 @@ class Loads:
         return Loads(**{name: value[rows] for name, value in vars(self).items()})
 
 
-def select(
-    frame: Machine,
-    today: Machine,
-    workspace: Workspace,
-    requirements: Requirements,
-    sizes: Sizes,
-    proportional: bool = False,
-    tolerance: float = TOLERANCE,
-    free: Sequence[tuple[bool, bool]] = (),
-) -> Selection:
+def select(offered: Choices, bands: Bands | None = None) -> Selection:
     """The sizes that raise the lowest frequency most, among all combinations that meet the requirements.
 
     Args:
-        frame: the machine whose pins, strokes and oil count.
-        today: the machine that requirements and proportional dead volumes refer to.
-        workspace: today's.
-        requirements: the limits.
-        sizes: bores and rods of the catalogue.
-        proportional: dead volumes grow with the areas.
-        tolerance: by which a requirement may be missed, for pins that are not final.
-        free: of every cylinder, whether its bore and whether its rod may change; all may if empty.
+        offered: cylinders to choose from, on a machine whose pins, strokes and oil count.
+        bands: what is not known exactly: the worst frequency within them counts; None: all is exact.
 
     Raises:
-        ArmDesignError: more cylinders and motors than joints; no size with a bore or rod that stays.
         InfeasibleError: no combination meets the requirements.
     """
-    offered = choices(frame, today, workspace, requirements, sizes, proportional, tolerance, free)
-    loads, reference = _loads(frame, workspace)
-    hunt = _Hunt(choices=offered, loads=loads, reference=reference, frame=frame)
+    bands = bands or Bands()
+    frame = offered.judge.frame
+    soft = bands.oil(frame, softest=True)
+    cylinders = tuple(tuple(bands.softest(c) for c in options) for options in offered.cylinders)
+    loads, reference = _loads(soft, offered.judge.workspace, bands.masses(frame))
+    hunt = _Hunt(choices=replace(offered, cylinders=cylinders), loads=loads, reference=reference, frame=soft)
     best, bound, chosen = hunt.best()
-    cylinders = [options[o] for options, o in zip(offered.cylinders, chosen, strict=True)]
+    sizes = [options[o] for options, o in zip(offered.cylinders, chosen, strict=True)]
     return Selection(
-        sizes=tuple((c.bore, c.rod) for c in cylinders),
+        sizes=tuple((c.bore, c.rod) for c in sizes),
         frequency=hertz(best * reference),
         bound=hertz(bound * reference),
     )
 
 
-def _loads(frame: Machine, workspace: Workspace) -> tuple[Loads, float]:
-    """Every pose and load case, and the ω² that they are measured by."""
+def _loads(frame: Machine, workspace: Workspace, masses: Sequence[tuple[float, float]]) -> tuple[Loads, float]:
+    """Every pose and load case at shares of payload and link mass, and the ω² that they are measured by."""
     parts = []
     nc = len(frame.cylinders)
     closed = np.array([c.closed_length for c in frame.cylinders])
-    for payload in frame.payloads:
+    for payload, (load, links) in itertools.product(frame.payloads, masses):
         case = frame.with_payload(payload.name)
-        poses = case.evaluate(workspace.rigid[case.holds(workspace.rigid)])
+        rigid = scaled_links(workspace.rigid[case.holds(workspace.rigid)], links)
+        poses = replace(case, payload=replace(payload, mass=load * payload.mass)).evaluate(rigid)
         inverse = np.linalg.inv(np.linalg.cholesky(poses.mass_matrix))
         turned = np.swapaxes(inverse, 1, 2)
         arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]
@@ -289,11 +278,9 @@ class _Hunt:
             if bounds[batch[0]] < reached:
                 break
             values = self._at_low_poses(combinations[batch])
+            values[~self.choices.allowed(combinations[batch])] = -math.inf
             while values.max() > reached:
                 first = int(values.argmax())
-                if not self.choices.allowed(combinations[batch[first]]):
-                    values[first] = -math.inf
-                    continue
                 found = self._everywhere(combinations[batch[first]])
                 if found > reached:
                     reached, chosen = found, combinations[batch[first]]

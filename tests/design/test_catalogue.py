@@ -13,12 +13,14 @@ import pytest
 from designs import MACHINES, double, single, workspace_of
 from machines import named
 from numpy.testing import assert_allclose
+from test_explicit_requirements import EVERYTHING
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design import selection
 from armdesign.design.catalogue import read_sizes, sized, sizes_of
-from armdesign.design.check import Check, check
+from armdesign.design.check import check, slacks, static_loads
+from armdesign.design.choices import choices
 from armdesign.design.selection import select
 from armdesign.errors import InfeasibleError
 from armdesign.modes import lowest_frequency
@@ -77,7 +79,7 @@ def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> Non
     sizes += [(c.bore, c.rod) for c in machine.cylinders]
     limits = replace(LOOSE, oil_total_share=1.1, moment_arm_share=0.0)
     wanted = enumerated(machine, space, limits, sizes, proportional)
-    found = select(machine, machine, space, limits, sizes_of(sizes), proportional)
+    found = select(choices(machine, machine, space, limits, sizes_of(sizes), proportional))
     assert wanted > 0
     assert_allclose(found.frequency, wanted, rtol=1e-9)
     assert found.bound == found.frequency
@@ -124,7 +126,7 @@ def test_a_larger_catalogue_never_hurts() -> None:
     reached = []
     for count in (6, 14, 30, len(sizes)):
         offered = sizes_of(sizes[-count:])
-        reached.append(select(machine, machine, space, LOOSE, offered).frequency)
+        reached.append(select(choices(machine, machine, space, LOOSE, offered)).frequency)
     assert np.all(np.diff(reached) >= 0)
     assert reached[-1] > reached[0]
     free = ad.size_cylinders(machine, space, LOOSE)
@@ -146,17 +148,18 @@ def test_what_is_left_of_the_proof_when_it_is_cut_short(monkeypatch: pytest.Monk
     """With few combinations kept the bound stays above the answer, and above the true optimum."""
     machine, space = double(), workspace_of("double")
     limits = replace(LOOSE, oil_total_share=1.1)
-    best = select(machine, machine, space, limits, sizes_of(AROUND))
+    offered = choices(machine, machine, space, limits, sizes_of(AROUND))
+    best = select(offered)
     monkeypatch.setattr(selection, "LIMIT", 1)
-    cut = select(machine, machine, space, limits, sizes_of(AROUND))
+    cut = select(offered)
     assert cut.frequency <= best.frequency <= cut.bound * (1 + 1e-12)
 
 
 def test_bounds_hold_for_every_combination() -> None:
     """Weak duality: no allowed combination exceeds its own bound."""
     machine, space = double(), workspace_of("double")
-    offered = selection.choices(machine, machine, space, LOOSE, sizes_of(AROUND))
-    loads, reference = selection._loads(machine, space)
+    offered = choices(machine, machine, space, LOOSE, sizes_of(AROUND))
+    loads, reference = selection._loads(machine, space, [(1.0, 1.0)])
     hunt = selection._Hunt(choices=offered, loads=loads, reference=reference, frame=machine)
     worth, rows = hunt._relaxed()
     hunt.low, hunt.oil = loads[rows], hunt._oil(loads[rows])
@@ -171,17 +174,39 @@ def test_bounds_hold_for_every_combination() -> None:
 def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thinnest rod of all cylinders over their bores, a minimum, as enumeration judges it too."""
 
-    def stricter(machine: Machine, *others: Any) -> tuple[Check, ...]:
-        least = min(c.rod / c.bore for c in machine.cylinders)
-        more = Check(name="stout", value=least, limit=level, unit="", slack=least / level - 1, words="rods")
-        return (*check(machine, *others), more)
+    def stricter(machine: Machine, areas: np.ndarray, *others: Any) -> tuple[list[str], np.ndarray]:
+        names, found = slacks(machine, areas, *others)
+        least = np.sqrt(1 - areas[..., 1] / areas[..., 0]).min(axis=1)
+        return [*names, "stout"], np.column_stack([found, least / level - 1])
 
-    monkeypatch.setattr("armdesign.design.choices.check", stricter)
+    monkeypatch.setattr("armdesign.design.choices.slacks", stricter)
     machine, space = double(), workspace_of("double")
-    found = select(machine, machine, space, LOOSE, sizes_of(AROUND))
+    found = select(choices(machine, machine, space, LOOSE, sizes_of(AROUND)))
     assert_allclose(found.frequency, enumerated(machine, space, LOOSE, AROUND, stoutness=level), rtol=1e-9)
     assert min(rod / bore for bore, rod in found.sizes) >= level
     assert found.bound == found.frequency
+
+
+def test_many_sizes_are_judged_as_machines_are() -> None:
+    """Every requirement there is, on random sizes at once and on each as a machine of its own; one pulls nothing."""
+    machine, space = MACHINES["excavator"](), workspace_of("excavator")
+    limits = replace(Requirements.of(machine), **EVERYTHING)
+    random = np.random.default_rng(2)
+    bores = np.array([c.bore for c in machine.cylinders]) * random.uniform(0.8, 1.2, (7, 3))
+    rods = np.array([c.rod for c in machine.cylinders]) * random.uniform(0.9, 1.1, (7, 3))
+    rods[0, 2] = 0.995 * bores[0, 2]
+    made = [
+        replace(machine, cylinders=tuple(sized(c, *size) for c, size in zip(machine.cylinders, pair, strict=True)))
+        for pair in np.stack([bores, rods], axis=2)
+    ]
+    areas = np.array([[[c.bore_area, c.annulus_area] for c in new.cylinders] for new in made])
+    names, found = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
+    for new, row in zip(made, found, strict=True):
+        judged = check(new, machine, space, limits)
+        assert names == [c.name for c in judged]
+        assert_allclose(row, [c.slack for c in judged], rtol=1e-12, atol=1e-12)
+    assert found[0, names.index("holding.bucket")] == -math.inf
+    assert np.isfinite(found[1:]).all()
 
 
 def test_what_does_not_vary_stays() -> None:

@@ -197,6 +197,32 @@ def test_holding_by_the_static_forces_of_the_workspace() -> None:
     assert checks["holding.boom"].slack < 0  # 0.53 of what the supply holds
 
 
+@pytest.mark.parametrize(("rod", "holds"), [(119.0, True), (119.2, False)])
+def test_a_rod_too_thick_to_pull_with(rod: float, holds: bool) -> None:
+    """350 bar on the annulus against 5 bar on the bore: nothing is left from a rod of √(1 − 5/350) = 0.9928 bores.
+
+    That is 119.14 mm of 120: the bucket's cylinder, which pulls somewhere, then holds no load, however small; for the
+    check and for the optimiser, at all other requirements' leisure.
+    """
+    problem = problem_of("excavator", ("cylinder.bucket.rod_mm",), holding_share=1e9, oil_total_share=9.0)
+    today = problem.machine
+    forces = problem.held_forces(problem.start)[:, 2]
+    assert forces.min() < 0
+    machine = today.replace({"cylinder.bucket.rod_mm": rod})
+    found = by_name(check(machine, today, problem.workspace, problem.requirements))["holding.bucket"]
+    x = problem.start.copy()
+    x[5] = (0.12**2 - (rod / 1000) ** 2) / (0.12**2 - 0.085**2)
+    at = limits(problem, x)
+    room = min(value for name, value in zip(at.names, at.values, strict=True) if name == "holding.bucket")
+    if holds:
+        assert found.slack > 0
+        assert room > 0
+    else:
+        assert found.value == math.inf
+        assert found.slack == -math.inf
+        assert room < 0
+
+
 @pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof"])
 def test_todays_machine_meets_its_own_requirements(name: str) -> None:
     """Each is relative to today's (DESIGN.md), and its holding is below 87 %; not even rounding below zero."""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from designs import MACHINES, as_machine, problem_of, some_x, workspace_of
+from machines import named
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import report
+from armdesign import Requirements, Workspace, report
 from armdesign.bands import scaled_links, worst_within
+from armdesign.design.catalogue import sized
+from armdesign.design.check import check
 from armdesign.design.codesign import hertz
 from armdesign.design.limits import limits
 
@@ -65,6 +69,71 @@ def test_the_worst_case_is_not_below_that_of_the_nominal_optimum(
     assert min(robust.slacks.values()) >= -1e-9
     rounding = 3e-3  # what 0.1 mm cost at most on these small machines
     assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=rounding)
+
+
+@pytest.mark.parametrize("name", ["double", "odd", "excavator"])
+def test_sizes_for_bands_are_those_of_optimize(name: str) -> None:
+    """Two doors, one answer, and a bound that holds for the worst within the bands."""
+    machine, workspace = MACHINES[name](), workspace_of(name)
+    one = ad.size_cylinders(machine, workspace, bands=BANDS)
+    other = ad.optimize(machine, workspace, vary=("areas",), bands=BANDS)
+    assert one.unrounded == pytest.approx(other.unrounded, rel=1e-4)
+    assert one.bands == BANDS
+    assert one.unrounded < ad.size_cylinders(machine, workspace).unrounded
+    assert one.bound is None or one.bound >= one.unrounded
+
+
+@pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
+@pytest.mark.parametrize("name", ["single", "double", "crossing", "excavator"])
+def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
+    """Every combination built as a machine and judged by its worst within the bands; the answer is the best."""
+    machine = MACHINES[name]() if name in MACHINES else named(name)
+    space = workspace_of(name) if name in MACHINES else Workspace.grid(machine, points=3)
+    bores, rods = ((0.93, 1.04), (1.0, 1.1)) if len(machine.cylinders) < 3 else ((1.03,), (1.05,))
+    sizes = [(share * c.bore, other * c.rod) for c in machine.cylinders for share in bores for other in rods]
+    sizes += [(c.bore, c.rod) for c in machine.cylinders]
+    requirements = replace(Requirements.of(machine), oil_total_share=1.1, holding_share=3.0, moment_arm_share=0.0)
+    wanted = -math.inf
+    for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
+        cylinders = tuple(sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True))
+        made = replace(machine, cylinders=cylinders)
+        if min(c.slack for c in check(made, machine, space, requirements)) >= -1e-9:
+            wanted = max(wanted, worst_within(made, space, bands).frequency)
+    design = ad.size_cylinders(machine, space, requirements, bands=bands, catalogue=sizes)
+    assert wanted > 0
+    assert design.unrounded == pytest.approx(wanted, rel=1e-9)
+    assert design.selection is not None
+    assert design.selection.bound == design.selection.frequency
+    assert design.bound == pytest.approx(wanted, rel=1e-9)
+    assert design.band_after.low.frequency == pytest.approx(wanted, rel=1e-7)  # its file has 1e-6 mm
+
+
+def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
+    """Better in the worst of the bands than sizes alone, and than the sizes and pins that bands were not asked for."""
+    machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
+    robust = ad.optimize(machine, workspace, starts=1, bands=BANDS, catalogue="5mm")
+    sizes = ad.size_cylinders(machine, workspace, bands=BANDS, catalogue="5mm")
+    assert robust.unrounded > 1.1 * sizes.unrounded
+    assert min(robust.slacks.values()) >= -1e-9
+    chosen = np.array([(c.bore, c.rod) for c in robust.machine.cylinders]) / 5e-3
+    assert_allclose(chosen, np.rint(chosen), rtol=0, atol=1e-9)
+    assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=3e-3)  # pins on the 0.1 mm grid
+
+
+def test_trade_off_for_bands() -> None:
+    """Every point is the robust optimum of its own limit, and says its worst within the bands."""
+    machine, workspace = MACHINES["double"](), workspace_of("double")
+    found = ad.pareto(machine, workspace, against="oil", values=(0.9, 1.0), vary=("areas",), bands=BANDS)
+    assert found.robust
+    for design, (_, row) in zip(found.designs, found.frame.iterrows(), strict=True):
+        alone = ad.size_cylinders(machine, workspace, design.requirements, bands=BANDS)
+        assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
+        assert row["banded_hz"] == worst_within(design.machine, workspace, BANDS).frequency
+        assert row["banded_hz"] < row["frequency_hz"]
+    sheet = report.pareto_sheet(found)
+    assert sheet.columns[3] == "in the bands"
+    assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
+    assert "worst within the bands" in [line.get_label() for line in found.plot().lines][2]
 
 
 def test_no_sample_within_the_bands_is_worse() -> None:

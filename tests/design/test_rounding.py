@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from designs import MACHINES, workspace_of
 from machines import named
 from numpy.testing import assert_allclose
 from test_codesign import excavator_design
@@ -14,6 +16,7 @@ from test_codesign import excavator_design
 import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.check import check
+from armdesign.errors import InfeasibleError
 
 
 def leaves(table: Any, path: str = "") -> dict[str, Any]:
@@ -85,3 +88,23 @@ def test_where_nothing_can_be_gained_today_stays() -> None:
     assert design.after.worst.frequency == pytest.approx(design.before.worst.frequency, rel=1e-12)
     assert design.bound == pytest.approx(design.unrounded, rel=1e-6)
     assert min(design.slacks.values()) >= 0
+
+
+def test_what_the_nearest_sizes_on_the_grid_miss() -> None:
+    """By hand: bores of 100.015 to 100.02 mm are asked for; 100.0 digs too little, 100.1 pushes too much.
+
+    Digging asks for 1.0003 of today's area: 100.0 misses it by 0.03 %. 100.1 would miss 1.0004 by 0.16 %.
+    """
+    machine, space = MACHINES["single"](), workspace_of("single")
+    shares = {"thrust_share": 1.0004, "oil_total_share": 1.1, "buckling_share": 0.9}
+    limits = Requirements(digging=("lift",), digging_share=1.0003, **shares)
+    with pytest.raises(InfeasibleError) as error:
+        ad.size_cylinders(machine, space, limits)
+    (only,) = error.value.conflict
+    assert (only.name, only.unit, only.at_least) == ("digging.lift", "N m", True)
+    assert only.together == pytest.approx(only.limit * 0.0003 / 1.0003, rel=1e-6)
+    assert only.alone == only.together
+    assert "no sizes on the 0.1 mm grid meet all requirements: the nearest misses digging.lift (" in str(error.value)
+    assert "(0.03 %); loosen them" in str(error.value)
+    eased = replace(limits, digging_share=1.0003 - only.together / only.limit * 1.0003 - 1e-9)
+    ad.size_cylinders(machine, space, eased)  # given that much, there is one
