@@ -22,6 +22,7 @@ from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
+from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import InfeasibleError
@@ -104,7 +105,7 @@ def _tuned(search: Search) -> Iterator[Machine]:
             if near.violation > 1e-5:  # not with these sizes
                 break
             x = near.x
-            changes = _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x)
+            changes = _weighed(problem, _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x))
             slacks = {c.name: c.slack for c in check(today.replace(changes), today, light, requirements)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
@@ -166,18 +167,25 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
     found = []
     for choice in _choices(search, COMBINATIONS):
-        cylinders = _resized(frame, choice)
-        x = _with_sizes(problem, search.x, cylinders)
-        found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
+        trial = replace(frame, cylinders=_resized(frame, choice))
+        x = _with_sizes(problem, search.x, trial.cylinders)
+        found.append(
+            (
+                float(problem.frequencies(x, low).min()),
+                trial if problem.own is None else weighed(trial, today),
+                choice,
+                x,
+            )
+        )
     found.sort(key=lambda entry: -entry[0])
     light = _light_workspace(search)
     limits = replace(problem.requirements, pin_box=problem.requirements.box(today, problem.workspace))
-    loads = static_loads(frame, light) if len(frame.functions) == len(frame.joints) else None  # else they hang on areas
+    still = problem.own is None and len(frame.functions) == len(frame.joints)
+    loads = static_loads(frame, light) if still else None  # else they hang on areas
     passed = 0
-    for _, cylinders, choice, x in found:
-        trial = replace(frame, cylinders=cylinders)
+    for _, trial, choice, x in found:
         if meets(trial, today, light, limits, loads, TOLERANCE):
-            yield changes | _size_changes(problem, choice, x)
+            yield _weighed(problem, changes | _size_changes(problem, choice, x))
             passed += 1
         if passed == 5:
             return
@@ -270,6 +278,19 @@ def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[s
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
+
+
+def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
+    """Changes with the own masses that sizes and pins make, to the gram."""
+    if problem.own is None:
+        return changes
+    new, found = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
+    for i, names in problem.own.bars.items():
+        for name in names:
+            key = f"four_bar.{name}" if name in BARS else name
+            mass = getattr(new.cylinders[i], f"{name}_mass")
+            found[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
+    return found
 
 
 def _through_file(machine: Machine, changes: dict[str, Any]) -> Machine:
