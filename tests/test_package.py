@@ -19,7 +19,7 @@ ORDER = [
     *("urdf_faults", "urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "bands", "inspection", "problems"),
-    *("design.requirements", "design.lifting", "design.outlines", "design.catalogue"),
+    *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check", "design.choices"),
     *("design.variables", "design.still", "design.problem", "design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.settling", "design.rounding", "design.selection"),

@@ -60,7 +60,7 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
-    some = () if problem.proportional or problem.moves_masses else drives(problem)
+    some = () if problem.proportional or problem.own is not None else drives(problem)
     if not some:
         return None
     dual = Dual.begun(problem, some, x, rows)

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arm import Arm, RigidPoses
 from armdesign.arrays import Array
-from armdesign.design.lifting import LiftPose, lift_pose
+from armdesign.design.lifting import LiftPose, lift_pose, unloaded
 from armdesign.design.requirements import Requirements
 from armdesign.linkage import Linkage
 from armdesign.machine import Machine
@@ -101,7 +101,7 @@ class Candidate(Protocol):
 
     @property
     def machine(self) -> Machine:
-        """What the design leaves as it is: counts, walls, masses, supply."""
+        """What the design leaves as it is: counts, walls, supply."""
 
     @property
     def areas(self) -> Array:
@@ -130,6 +130,9 @@ class Candidate(Protocol):
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (b, n, 3) [m]."""
+
+    def bare_gravity(self, rigid: RigidPoses) -> Array:
+        """Gravity torque (b, n, nq) of links, cylinders and four-bars without a load [N m]; or (1, n, nq) for all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +219,10 @@ class Built:
         """See ``Candidate``."""
         base, end, *_ = self.machine.linkages[i].pins(rigid)
         return base[None], end[None]
+
+    def bare_gravity(self, rigid: RigidPoses) -> Array:
+        """See ``Candidate``."""
+        return unloaded(self.machine, rigid)[None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.limits import Limits, holding_rows, limits, relaxation
 from armdesign.design.problem import Problem
-from armdesign.design.sizing import Step, StepProgramme, dual_bound, programme
+from armdesign.design.sizing import Step, StepProgramme, certificate, dual_bound, lifted, programme
 from armdesign.errors import InfeasibleError
 
 ACTIVE = 24  # poses in one programme
@@ -117,7 +117,8 @@ class Search:
         """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.
 
         Convex stiffness is replaced by its chord over the box of allowed areas, buckling (reverse-convex) by its chord
-        too; the multipliers of that programme certify the bound, see ``dual_bound``.
+        too; the multipliers of that programme certify the bound, see ``dual_bound``. Own masses are affine in the
+        areas: see ``lifted``.
         """
         try:
             relaxed = relaxation(self.problem)
@@ -127,7 +128,10 @@ class Search:
             return None
         linear, low, high = relaxed
         bound = math.inf
-        base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
+        near = self.problem.frequencies(self.x, self.rows).min() if self.problem.own else 0.0
+        chords = self.problem.chord_matrices(low, high, self.rows, self.x, near)
+        base, slopes = (part / self.reference for part in chords)
+        light = self.problem.lightness(self.x, self.rows)
         chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
         kept = self.programme
         count = kept.shape[2] if kept else 0
@@ -138,7 +142,8 @@ class Search:
                 step = self._programme(shape).solve(base[chosen], slopes[:, chosen], *room)
             except InfeasibleError:  # the solver gave up: what is known so far still holds
                 break
-            bound = min(bound, dual_bound(step, base[chosen], slopes[:, chosen], *room))
+            found = dual_bound(step, base[chosen], slopes[:, chosen], *room)
+            bound = min(bound, lifted(found, near / self.reference, certificate(step), light[chosen]))
             lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
             worse = np.setdiff1d(np.argsort(lowest)[:8], chosen)
             if len(worse) == 0 or lowest.min() > bound * (1 - 1e-4):
@@ -206,7 +211,7 @@ class Search:
         trial = self._trial(here.x + change) if self.problem.closes(here.x + change) else none
         if trial.merit - here.merit > 0.1 * promised or trial is none:
             return trial
-        base = self.problem.scaled(trial.x, model.rows) / self.reference
+        base = self.problem.scaled(trial.x, model.rows, here.x, float(here.squared.min())) / self.reference
         bent = replace(
             model,
             base=base - np.einsum("vnij,v->nij", model.slopes, change),
@@ -225,7 +230,7 @@ class Search:
 
     def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
-        base, slopes = self.problem.matrices(here.x, rows)
+        base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
         keep = _nearest_limits(here.limits, low, high, 160)
         value, jacobian = _padded(here.limits.values[keep], here.limits.jacobian[keep])
         return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)

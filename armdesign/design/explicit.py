@@ -15,7 +15,7 @@ from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import barrel_outer, estimated_mass
 from armdesign.design.candidates import Candidate, Condition, Frame, bounded, diameters
-from armdesign.design.lifting import LiftPose, liftable, unloaded
+from armdesign.design.lifting import LiftPose, liftable
 from armdesign.design.outlines import clearance, depth
 from armdesign.design.requirements import Clearance, Speed
 from armdesign.errors import ArmDesignError
@@ -85,9 +85,9 @@ def _lift(new: Candidate, frame: Frame, at: LiftPose) -> Condition:
     """Mass that each cylinder could hold, as the optimiser sees it by the forces at the mass that is asked."""
     share, supply = frame.requirements.holding_share, new.machine.supply
     arms = new.moment_arms(at.rigid)
-    loads = unloaded(new.machine, at.rigid), at.torque
     bare, per_mass = (
-        np.stack([static_forces(arms[v], load, new.areas[v, :, 0])[0] for v in range(len(arms))]) for load in loads
+        np.stack([static_forces(arms[v], load[v % len(load)], new.areas[v, :, 0])[0] for v in range(len(arms))])
+        for load in (new.bare_gravity(at.rigid), at.torque[None])
     )
     mass = liftable(new.machine, bare, per_mass, new.areas, share)
     loaded = np.isfinite(mass[0].real)

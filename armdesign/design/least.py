@@ -138,8 +138,7 @@ class _Hunt:
         )
 
     def _search(self, amount: float, near: Search) -> Search:
-        problem = replace(self._under(amount), bars_at=near.problem.bars_at)
-        return finished(Search(problem=problem, x=near.x, programme=near.programme), trust=0.2)
+        return finished(Search(problem=self._under(amount), x=near.x, programme=near.programme), trust=0.2)
 
     def _under(self, amount: float) -> Problem:
         change: dict[str, Any] = {self.limit: amount}

@@ -17,9 +17,10 @@ from armdesign.arrays import Array
 from armdesign.cylinder import euler_safety
 from armdesign.design.candidates import Condition, frame_of
 from armdesign.design.conditions import conditions, rod_area_factor, static_loads_held
+from armdesign.design.lifting import unloaded
 from armdesign.design.problem import RANGE_POSES, STEP, Problem
 from armdesign.errors import InfeasibleError
-from armdesign.linkage import BARS, OF_FOUR_BAR, PINS, Linkage
+from armdesign.linkage import OF_FOUR_BAR, Linkage
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 
@@ -46,8 +47,8 @@ class Stepped:
 
     @property
     def machine(self) -> Machine:
-        """See ``Candidate``; its own masses are those of the problem's rows."""
-        return self.problem.with_bars_moved
+        """See ``Candidate``."""
+        return self.problem.machine
 
     @cached_property
     def areas(self) -> Array:
@@ -122,17 +123,13 @@ class Stepped:
         """See ``Candidate``."""
         ends = np.tile(np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex), (1, len(self.x), 1, 1))
         for index in self.problem.moves(i):
-            ends[:, index] = np.stack(self._variant(i, index).pins(rigid)[:2])
+            ends[:, index] = np.stack(self.problem.variant(self.linkages[i], index).pins(rigid)[:2])
         return ends[0], ends[1]
 
-    def _variant(self, i: int, index: int) -> Linkage:
-        """A linkage with the places of one variant, complex-stepped."""
-        linkage = self.linkages[i]
-        for name in (*PINS, *BARS):
-            place = self.place(i, name)
-            if place is not None:
-                linkage = linkage.with_place(name, place[index].tolist())
-        return linkage
+    def bare_gravity(self, rigid: RigidPoses) -> Array:
+        """See ``Candidate``."""
+        known = unloaded(self.problem.bare, rigid)[None]
+        return known if self.problem.own is None else known + self.problem.stepped_own(self.x, rigid)[1]
 
 
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
@@ -155,8 +152,8 @@ def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> I
     new, frame = Stepped(problem, x), frame_of(problem.machine, problem.requirements, RANGE_POSES)
     yield from conditions(new, frame)
     arm = new.moment_arms(problem.workspace.rigid[problem.held.pose[rows]])
-    gravity = problem.held.gravity[rows]
-    forces = np.stack([static_forces(arm[v], gravity, new.areas[v, :, 0]) for v in range(len(x))])
+    gravity = problem.stepped_loads(x, problem.held, rows)[1]
+    forces = np.stack([static_forces(arm[v], gravity[v % len(gravity)], new.areas[v, :, 0]) for v in range(len(x))])
     yield from static_loads_held(new, frame, forces)
 
 

@@ -2,9 +2,9 @@
 
 The vector x holds for every cylinder its bore and annulus area (relative to today's) and the moves of its pins
 and four-bars (relative to the pin box), 1 and 0 for today's machine. Where a bore varies and its rod does not, the
-annulus follows the bore. Rigid bodies do not depend on x; the cylinders' own masses,
-where given, are held at ``bars_at`` and moved between searches. Derivatives are exact: places by the analytic
-sensitivities of the linkage, everything after them (oil, statics, sums) by a complex step.
+annulus follows the bore. Links do not depend on x; the cylinders' own masses, where given, do (``own_masses``).
+Derivatives are exact: places by the analytic sensitivities of the linkage, everything after them (oil, statics, sums,
+own masses) by a complex step.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from armdesign.arrays import Array, Flags
 from armdesign.bands import Bands, scaled_links
 from armdesign.cylinder import stiffness
 from armdesign.design.catalogue import relative_areas
+from armdesign.design.own_masses import Loads, OwnMasses, masses, summed, with_masses
 from armdesign.design.requirements import Requirements
-from armdesign.design.still import Still, lowest
+from armdesign.design.still import Still, inverse_root, lowest
 from armdesign.design.variables import Variable, variables
 from armdesign.linkage import OF_FOUR_BAR, Actuation, Linkage, Move
 from armdesign.machine import Machine
@@ -66,7 +67,8 @@ class Geometry:
 class Rows:
     """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q with the load.
 
-    Where masses have bands, a load case at other masses is another one: ``payload`` counts on.
+    Own masses that hang on x are not in them. Where masses have bands, a load case at other masses is another one:
+    ``payload`` counts on.
     """
 
     pose: Array
@@ -91,7 +93,6 @@ class Problem:
     reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
     proportional: bool = False  # dead volumes grow with the areas
     bands: Bands = field(default_factory=Bands)  # the worst within them counts; requirements are judged without
-    bars_at: Array | None = None  # x at which the cylinders' own masses are taken; today's pins if None
     sizes: tuple[tuple[float, float] | None, ...] = ()  # bore and rod of cylinders for which they are chosen [m]
 
     # ------------------------------------------------------------------------------------------------ variables
@@ -126,13 +127,16 @@ class Problem:
         return sorted({v.cylinder for v in self.variables if v.pin is not None})
 
     @cached_property
-    def moves_masses(self) -> bool:
-        """Whether a bar that weighs (barrel, rod, rocker, coupler) follows what moves: inertia then hangs on x."""
-        for i in self.moving:
-            heavy, places = set(self.machine.cylinders[i].moving_masses), {name for name, _ in self.moves(i).values()}
-            if heavy & {"barrel", "rod"} or (heavy and places & set(OF_FOUR_BAR)):
-                return True
-        return False
+    def own(self) -> OwnMasses | None:
+        """The bars that weigh and hang on x; None where none does."""
+        bars = {}
+        for i, cylinder in enumerate(self.machine.cylinders):
+            places = {place for place, _ in self.moves(i).values()}
+            follows = {"barrel": bool(places) or any(self.resized[i]), "rocker": bool(places & set(OF_FOUR_BAR))}
+            follows |= {"rod": follows["barrel"], "coupler": follows["rocker"]}
+            if names := [name for name in cylinder.moving_masses if follows[name]]:
+                bars[i] = names
+        return OwnMasses(self.machine, bars) if bars else None
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
@@ -158,12 +162,20 @@ class Problem:
         return low, high
 
     def placed(self, x: Array) -> Machine:
-        """Today's machine with the pins, bars, closed lengths and strokes of x; bores and rods are today's."""
+        """Today's machine with pins, bars, closed lengths, strokes and own masses of x; bores and rods are today's."""
         places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=False)  # motors stay
-        cylinders = tuple(
+        cylinders = [
             dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke)) for c, closed, stroke in places
-        )
-        return dataclasses.replace(self.machine, cylinders=cylinders, linkages=tuple(self.linkages(x)))
+        ]
+        linkages = self.linkages(x)
+        if self.own is not None:
+            closed = np.array([c.closed_length for c in cylinders])
+            for i in self.own.bars:
+                own = masses(
+                    self.machine.cylinders[i], self.machine.linkages[i], self.areas(x)[i], closed[i], linkages[i]
+                )
+                cylinders[i] = with_masses(cylinders[i], own)
+        return dataclasses.replace(self.machine, cylinders=tuple(cylinders), linkages=tuple(linkages))
 
     def areas(self, x: Array) -> Array:
         """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
@@ -224,7 +236,7 @@ class Problem:
         """Pairs of a pose and a load case at shares of the payload's and of the links' masses."""
         rigid, parts = self.workspace.rigid, []
         for k, ((load, links), payload) in enumerate(itertools.product(masses, self.machine.payloads)):
-            case = self.with_bars_moved.with_payload(payload.name)
+            case = self.bare.with_payload(payload.name)
             pose = np.flatnonzero(case.holds(rigid))
             case = dataclasses.replace(case, payload=dataclasses.replace(payload, mass=load * payload.mass))
             parts.append((pose, np.full(len(pose), k), *case.loaded(scaled_links(rigid[pose], links))))
@@ -235,7 +247,8 @@ class Problem:
         poses, back = np.unique(self.held.pose, return_inverse=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             arm = self.geometry(x, self.workspace.rigid[poses]).arm[back]
-            return static_forces(arm, self.held.gravity, self.areas(x)[:, 0])
+            gravity = self.loads(x, self.held, np.arange(len(back)))[1]
+            return static_forces(arm, gravity, self.areas(x)[:, 0])
 
     @property
     def softened(self) -> Problem:
@@ -248,17 +261,66 @@ class Problem:
         """Today's machine with the softest oil of the bands."""
         return self.bands.oil(self.machine, softest=True)
 
-    @property
-    def with_bars_moved(self) -> Machine:
-        """Today's machine, the masses of its cylinders where ``bars_at`` puts their pins."""
-        if self.bars_at is None or not self.moves_masses:
-            return self.machine
-        return self.placed(self.bars_at)
+    @cached_property
+    def bare(self) -> Machine:
+        """Today's machine without the own masses that hang on x."""
+        return self.machine if self.own is None else self.own.rest
+
+    def loads(self, x: Array, rows: Rows, chosen: Array) -> Loads:
+        """M, g and ∂g/∂q of some rows at x, own masses included."""
+        known = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
+        if self.own is None:
+            return known
+        poses, back = np.unique(rows.pose[chosen], return_inverse=True)
+        linkages, closed = self.linkages(x), self._strokes(x, self._range_lengths(x)[0])[0]
+        if self.moving:
+            units = self.own.units(linkages, closed, self.workspace.rigid[poses])
+        else:
+            units = (self._own_today[0][:, poses], self._own_today[1][:, poses], self._own_today[2][:, poses])
+        added = summed(self.own.masses(self.areas(x), closed, linkages), units)
+        return known[0] + added[0][back], known[1] + added[1][back], known[2] + added[2][back]
+
+    @cached_property
+    def _own_today(self) -> Loads:
+        """M, g and ∂g/∂q of a kilogram of each own mass at every pose, for pins that stay."""
+        assert self.own is not None
+        closed = np.array([function.closed_length for function in self.machine.functions])
+        return self.own.units(self.machine.linkages, closed, self.workspace.rigid)
+
+    def stepped_loads(self, x: Array, rows: Rows, chosen: Array) -> Loads:
+        """Those of some rows with a complex step along each entry of x (nx, n, …), or (1, n, …) if they know no x."""
+        mass, gravity, slope = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
+        if self.own is None:
+            return mass[None], gravity[None], slope[None]
+        added = self.stepped_own(x, self.workspace.rigid[rows.pose[chosen]])
+        return mass + added[0], gravity + added[1], slope + added[2]
+
+    def stepped_own(self, x: Array, rigid: RigidPoses) -> Loads:
+        """M, g and ∂g/∂q of the own masses that hang on x, with a complex step along each of its entries (nx, n, …)."""
+        assert self.own is not None
+        linkages, areas, closed = self.linkages(x), self.stepped_areas(x), self.stepped_strokes(x)[0]
+        own, units = self.own.masses(areas, closed, linkages), self.own.units(linkages, closed[0].real, rigid)
+        total = summed(own, units)
+        for i in self.own.bars:
+            mine = self.own.rows(i)
+            for index in self.moves(i):
+                linkage = self.variant(linkages[i], index)
+                moved = self.own.masses_of(i, areas[index, i], closed[index, i], linkage)
+                after = summed(moved, self.own.units_of(i, linkage, closed[index, i], rigid))
+                before = summed(own[index, mine], (units[0][mine], units[1][mine], units[2][mine]))
+                for part, new, old in zip(total, after, before, strict=True):
+                    part[index] += new - old
+        return total
+
+    def lightness(self, x: Array, rows: Array) -> Array:
+        """L⁻¹M L⁻ᵀ (n, nq, nq) of rows without the own masses that hang on x, in the frame of M = L Lᵀ at x."""
+        lower = inverse_root(self.loads(x, self.rows, rows)[0])
+        return np.asarray(lower @ self.rows.mass[rows] @ np.swapaxes(lower, 1, 2))
 
     @cached_property
     def _inverse_cholesky(self) -> Array:
-        """L⁻¹ of M = L Lᵀ for every row: scales each matrix inequality."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.rows.mass)))
+        """L⁻¹ of M = L Lᵀ for every row, where no x moves M: scales each matrix inequality."""
+        return inverse_root(self.rows.mass)
 
     def __len__(self) -> int:
         return len(self.rows.pose)
@@ -293,6 +355,13 @@ class Problem:
         entries = self.moves(i)
         return list(zip(entries, linkage.sensitivities(poses, list(entries.values())), strict=True))
 
+    def variant(self, linkage: Linkage, index: int) -> Linkage:
+        """A linkage with a complex step along the entry of x that moves one of its places."""
+        v = self.variables[index]
+        at = [complex(value) for value in linkage.place(v.pin or "") or ()]
+        at[v.axis] += 1j * STEP * self.box
+        return linkage.with_place(v.pin or "", at)  # type: ignore[arg-type]
+
     def moves(self, i: int) -> dict[int, Move]:
         """Entries of x that move places of cylinder ``i``, each with its place and coordinate."""
         return {index: (v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin}
@@ -314,10 +383,10 @@ class Problem:
             with np.errstate(invalid="ignore", divide="ignore"):
                 g = self.geometry(x, self.workspace.rigid[poses])
         strokes = self._strokes(x, self._range_lengths(x)[0])
-        arm = g.arm[back]
-        forces = static_forces(arm, self.rows.gravity[rows], self.areas(x)[:, 0])
-        matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, self.areas(x), rows, forces)
-        lower = self._inverse_cholesky[rows]
+        arm, areas, (mass, gravity, slope) = g.arm[back], self.areas(x), self.loads(x, self.rows, rows)
+        forces = static_forces(arm, gravity, areas[:, 0])
+        matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, areas, forces) + slope
+        lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
     @cached_property
@@ -329,8 +398,8 @@ class Problem:
 
     @cached_property
     def _still(self) -> Still | None:
-        """What areas leave alone, where no pin varies and static forces do not hang on the areas."""
-        if self._fixed is None or len(self.machine.functions) != len(self.machine.joints):
+        """What areas leave alone, where no pin varies and neither static forces nor masses hang on the areas."""
+        if self._fixed is None or self.own is not None or len(self.machine.functions) != len(self.machine.joints):
             return None
         g, pose, lower = self._fixed, self.rows.pose, self._inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
@@ -361,59 +430,69 @@ class Problem:
         vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
         return other
 
-    def matrices(self, x: Array, rows: Array) -> tuple[Array, Array]:
-        """L⁻¹K L⁻ᵀ of rows (n, nq, nq) and its derivatives by x (nx, n, nq, nq)."""
-        g = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]], derivatives=True)
-        length, arm, curve = g.stepped()
-        closed, stroke = self.stepped_strokes(x)
-        areas = self.stepped_areas(x)
-        stepped = np.stack(
-            [self._stiffness(length[v], arm[v], curve[v], closed[v], stroke[v], areas[v], rows) for v in range(len(x))]
-        )
-        lower = self._inverse_cholesky[rows]
+    def matrices(self, x: Array, rows: Array, squared: float = 0.0) -> tuple[Array, Array]:
+        """L⁻¹K L⁻ᵀ of rows (n, nq, nq) and its derivatives by x (nx, n, nq, nq).
+
+        Where M hangs on x, L stays and the derivatives are those of K − M·``squared``: the change of K x = ω² M x that
+        counts near an ω² of ``squared`` [rad²/s²].
+        """
+        length, arm, curve = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]], derivatives=True).stepped()
+        (closed, stroke), areas = self.stepped_strokes(x), self.stepped_areas(x)
+        mass, gravity, slope = self.stepped_loads(x, self.rows, rows)
+        pull = slope - 1j * squared * mass.imag
+        stepped = np.stack([
+            self._stiffness(
+                length[v], arm[v], curve[v], closed[v], stroke[v], areas[v],
+                static_forces(arm[v], gravity[v % len(gravity)], areas[v, :, 0]),
+            ) + pull[v % len(pull)]
+            for v in range(len(x))
+        ])  # fmt: skip
+        lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass[0].real)
         scaled = lower @ stepped @ np.swapaxes(lower, 1, 2)
         return scaled[0].real, scaled.imag / STEP
 
-    def chord_matrices(self, low: Array, high: Array, rows: Array) -> tuple[Array, Array]:
+    def chord_matrices(
+        self, low: Array, high: Array, rows: Array, about: Array | None = None, squared: float = 0.0
+    ) -> tuple[Array, Array]:
         """L⁻¹K L⁻ᵀ at areas ``low`` and its slopes by x, each chamber's stiffness replaced by its chord over the box.
 
-        A²/(A s + V) is convex in A, so the chord lies above it: no areas in the box are stiffer than this says.
+        A²/(A s + V) is convex in A, so the chord lies above it: no areas in the box are stiffer than this says. Own
+        masses are affine in the areas; ``about`` and ``squared`` as in ``scaled``.
         """
-        x = self.start
+        about = low if about is None else about
         ends = []
-        for v in range(len(x)):
+        for v in range(len(low)):
             moved = low.copy()
             moved[v] = high[v]
             ends.append(moved)
-        base = self.scaled(low, rows)
+        base = self.scaled(low, rows, about, squared)
         width = np.where(high > low, high - low, 1.0)
-        slopes = np.stack([(self.scaled(end, rows) - base) / w for end, w in zip(ends, width, strict=True)])
-        return base, slopes
+        slopes = [(self.scaled(end, rows, about, squared) - base) / w for end, w in zip(ends, width, strict=True)]
+        return base, np.stack(slopes)
 
-    def scaled(self, x: Array, rows: Array) -> Array:
-        """L⁻¹K L⁻ᵀ of rows (n, nq, nq)."""
+    def scaled(self, x: Array, rows: Array, about: Array | None = None, squared: float = 0.0) -> Array:
+        """L⁻¹K L⁻ᵀ of rows (n, nq, nq).
+
+        Where M hangs on x: L⁻¹(K − ω²(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ at ``about`` (x itself if None) with an ω²
+        of ``squared`` [rad²/s²]. Its lowest eigenvalue is above, at or below ω² where that of K v = λ M v is.
+        """
         g = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]])
-        strokes = self._strokes(x, self._range_lengths(x)[0])
-        lower = self._inverse_cholesky[rows]
-        matrix = self._stiffness(g.length, g.arm, g.curve, *strokes, self.areas(x), rows)
+        areas, (mass, gravity, slope) = self.areas(x), self.loads(x, self.rows, rows)
+        strokes, forces = self._strokes(x, self._range_lengths(x)[0]), static_forces(g.arm, gravity, areas[:, 0])
+        matrix = self._stiffness(g.length, g.arm, g.curve, *strokes, areas, forces) + slope
+        if self.own is None:
+            lower = self._inverse_cholesky[rows]
+        else:
+            there = mass if about is None else self.loads(about, self.rows, rows)[0]
+            matrix, lower = matrix - squared * (mass - there), inverse_root(there)
         return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
 
     def _stiffness(
-        self,
-        length: Array,
-        arm: Array,
-        curve: Array,
-        closed: Array,
-        stroke: Array,
-        areas: Array,
-        rows: Array,
-        forces: Array | None = None,
+        self, length: Array, arm: Array, curve: Array, closed: Array, stroke: Array, areas: Array, forces: Array
     ) -> Array:
-        """K of rows: hydraulic + gravity + geometric (n, nq, nq); complex-safe."""
-        if forces is None:
-            forces = static_forces(arm, self.rows.gravity[rows], areas[:, 0])
+        """K less gravity's slope: hydraulic + geometric (n, nq, nq); complex-safe."""
         weighted = arm * self._oil(length, closed, stroke, areas, forces)[:, :, None]
-        return np.swapaxes(arm, 1, 2) @ weighted + self.rows.slope[rows] - np.einsum("nc,ncij->nij", forces, curve)
+        return np.swapaxes(arm, 1, 2) @ weighted - np.einsum("nc,ncij->nij", forces, curve)
 
     def _oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
         """Oil stiffness of every function (n, nc) at its lengths, areas (nc, 2) and static forces [N/m, N m/rad]."""

@@ -23,6 +23,7 @@ from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
 from armdesign.design.conflict import nearest
+from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import Concession, InfeasibleError
@@ -104,7 +105,7 @@ def _tuned(search: Search) -> Iterator[Machine]:
             if near.violation > 1e-5:  # not with these sizes
                 break
             x = near.x
-            changes = _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x)
+            changes = _weighed(problem, _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x))
             slacks = {c.name: c.slack for c in check(today.replace(changes), today, light, requirements)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
@@ -162,7 +163,7 @@ def _nearest_misses(search: Search) -> tuple[Concession, ...]:
     problem = search.problem
     frame, loads = _placed(search, problem.workspace)
     limits = replace(problem.requirements, pin_box=problem.requirements.box(problem.machine, problem.workspace))
-    tried = [replace(frame, cylinders=_resized(frame, choice)) for choice in _choices(search, COMBINATIONS)]
+    tried = [_sized(problem, frame, choice) for choice in _choices(search, COMBINATIONS)]
     judged = [check(machine, problem.machine, problem.workspace, limits, loads) for machine in tried]
     failed = [[c for c in checks if c.slack < -TOLERANCE] for checks in judged]
     least = min(failed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks)))
@@ -184,7 +185,14 @@ def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array,
     """Today's sizes on pins and strokes on the grid, and its static loads; None where they hang on the sizes."""
     changes = _pin_changes(search.problem, search.x)
     frame = search.problem.machine.replace(changes) if changes else search.problem.machine
-    return frame, static_loads(frame, workspace) if len(frame.functions) == len(frame.joints) else None
+    still = search.problem.own is None and len(frame.functions) == len(frame.joints)
+    return frame, static_loads(frame, workspace) if still else None
+
+
+def _sized(problem: Problem, frame: Machine, choice: Sequence[float]) -> Machine:
+    """A machine with other bores and rods [mm], and the masses that go with them."""
+    trial = replace(frame, cylinders=_resized(frame, choice))
+    return trial if problem.own is None else weighed(trial, problem.machine)
 
 
 def _candidates(search: Search) -> Iterator[dict[str, Any]]:
@@ -195,16 +203,15 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
     found = []
     for choice in _choices(search, COMBINATIONS):
-        cylinders = _resized(frame, choice)
-        x = _with_sizes(problem, search.x, cylinders)
-        found.append((float(problem.frequencies(x, low).min()), cylinders, choice, x))
+        trial = _sized(problem, frame, choice)
+        x = _with_sizes(problem, search.x, trial.cylinders)
+        found.append((float(problem.frequencies(x, low).min()), trial, choice, x))
     found.sort(key=lambda entry: -entry[0])
     limits = replace(problem.requirements, pin_box=problem.requirements.box(today, problem.workspace))
     passed = 0
-    for _, cylinders, choice, x in found:
-        trial = replace(frame, cylinders=cylinders)
+    for _, trial, choice, x in found:
         if meets(trial, today, light, limits, loads, TOLERANCE):
-            yield _pin_changes(problem, search.x) | _size_changes(problem, choice, x)
+            yield _weighed(problem, _pin_changes(problem, search.x) | _size_changes(problem, choice, x))
             passed += 1
         if passed == 5:
             return
@@ -297,6 +304,19 @@ def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[s
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
+
+
+def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
+    """Changes with the own masses that sizes and pins make, to the gram."""
+    if problem.own is None:
+        return changes
+    new, found = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
+    for i, names in problem.own.bars.items():
+        for name in names:
+            key = f"four_bar.{name}" if name in BARS else name
+            mass = getattr(new.cylinders[i], f"{name}_mass")
+            found[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
+    return found
 
 
 def _through_file(machine: Machine, changes: dict[str, Any]) -> Machine:

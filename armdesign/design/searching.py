@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
 STARTS = 3
-BAR_ROUNDS = 3  # times that the cylinders' own masses are moved with the pins
 MISSED = 1e-5  # by which a search may miss a requirement
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
@@ -84,13 +82,9 @@ def finished(search: Search, trust: float) -> Search:
 
 
 def _with_least_moves(search: Search) -> Search:
-    """The equal design whose pins move least, and the cylinders' own masses taken along."""
+    """The equal design whose pins move least."""
     search.x = settled(search.problem, search.x)
     search.look()
-    for _ in range(BAR_ROUNDS if search.problem.moves_masses else 0):
-        # barrels, rods and four-bars weigh a little and follow the pins: take them along, and look again
-        search.problem = replace(search.problem, bars_at=search.x)
-        search.run(trust=0.02, tolerance=1e-5)
     return search
 
 

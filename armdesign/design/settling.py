@@ -20,10 +20,10 @@ def settled(problem: Problem, x: Array) -> Array:
     """The design of the same lengths and moment arms as x whose pins lie as near to today's as the box allows.
 
     A cylinder keeps its pins where not all of them may move in the plane in which their joint turns; all do where
-    something else feels the turning: masses of bars, outlines, clearances, boxes of single pins.
+    something else feels the turning: own masses, outlines, clearances, boxes of single pins.
     """
     x, r = x.copy(), problem.requirements
-    felt = problem.moves_masses or r.outlines or r.clearances or r.pin_boxes
+    felt = problem.own or r.outlines or r.clearances or r.pin_boxes
     for i in problem.moving if not felt else ():
         entries, centres, mirrored = _turnable(problem, i)
         if len(entries) == 0:

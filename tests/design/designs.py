@@ -11,6 +11,7 @@ import numpy as np
 from machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, build
 
 from armdesign import Machine, Requirements, Workspace, load
+from armdesign.cylinder import Cylinder
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
 
@@ -71,8 +72,19 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
             old = problem.areas_today[i]
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
             sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]
-        cylinders.append(replace(cylinder, **sizes))
+        cylinders.append(_weighed(replace(cylinder, **sizes), cylinder))
+        new, old = problem.linkages(x)[i].four_bar, problem.machine.linkages[i].four_bar
+        if new and old:
+            bars = {"rocker_mass": new.rocker / old.rocker, "coupler_mass": new.coupler / old.coupler}
+            cylinders[i] = replace(cylinders[i], **{name: getattr(cylinder, name) * k for name, k in bars.items()})
     return replace(problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x)))
+
+
+def _weighed(new: Cylinder, old: Cylinder) -> Cylinder:
+    """Barrel and rod as heavy as their area × length says."""
+    longer = new.closed_length / old.closed_length
+    barrel, rod = (new.bore / old.bore) ** 2 * longer, (new.rod / old.rod) ** 2 * longer
+    return replace(new, barrel_mass=old.barrel_mass * barrel, rod_mass=old.rod_mass * rod)
 
 
 def solved(problem: Problem, tolerance: float = 1e-7) -> Search:
