@@ -369,7 +369,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "friction (gone without dry friction), or a fault"
+        "friction (gone without dry friction), pressures (of oil with air, behind valves that leak), or a fault"
     )
     if any(run.dry_friction == "left out" for validation in validations.values() for run in validation.runs):
         note += f"; {SLIPPERY}: repeated without dry friction, of which the linear answer knows nothing"
@@ -650,11 +650,11 @@ def _paper_frequencies(found: Reproduction) -> Sheet:
 
 def _sweep_bias(bias: pd.DataFrame) -> Sheet:
     rows = [
-        (f"{one.periods:g}", f"{one.damping:g}", *(f"{100 * one[name]:+.2f} %" for name in BIASES))
+        (f"{one.periods:g}", f"{one.damping:g}", *(f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES))
         for _, one in bias.iterrows()
     ]
     return Sheet(
-        title="What a sweep alone gets wrong: an oscillator, read off by the highest point of a spectrum, and fitted",
+        title="What a sweep alone gets wrong: an oscillator's highest point in a spectrum, and the fit",
         columns=("periods in the sweep", "ζ", *BIASES.values()),
         rows=tuple(rows),
         note="a short record ends while it still rings; the position of a long one peaks at √(1 − 2ζ²) of the natural "

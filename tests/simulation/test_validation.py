@@ -234,6 +234,20 @@ def test_air() -> None:
     assert abs(half.deviation) < abs(full.deviation) < 0.01
 
 
+def test_air_behind_valves_that_leak() -> None:
+    """The valve's flow, not the load, sets the pressures, and they the oil's stiffness; the damping is the leak's."""
+    changes: dict[str, float] = {"fluid.entrained_air_percent": 1.0}
+    for name in ("boom", "stick", "bucket"):
+        changes |= {f"cylinder.{name}.valve.overlap_percent": -0.5}
+        changes |= {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 1e-3}
+    validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
+    for run in validation.runs:
+        assert run.remark == "pressures"
+        assert run.frequency_at_rest > 1.3 * run.linear_frequency
+        assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=1e-3)
+        assert run.identified_damping == pytest.approx(run.linear_damping, rel=0.03)
+
+
 @pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
 def test_odd_machines(name: str) -> None:
     """Soft small cylinders whose geometry changes fast; cylinders seen from behind, across a telescope; one joint."""
