@@ -342,10 +342,8 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     rows, told = [], []
     for label, validation in validations.items():
         for one in validation.sweeps:
-            place, name = (
-                f"{label}, {one.payload}",
-                f"{one.cylinder}{SLIPPERY if one.dry_friction == 'left out' else ''}",
-            )
+            place, mark = f"{label}, {one.payload}", SLIPPERY if one.dry_friction == "left out" else ""
+            name = f"{one.cylinder}{mark}"
             valve = "–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %"
             linear = f"{one.linear_frequency:.4f}"
             if isinstance(one, Failure):
@@ -390,9 +388,10 @@ def verdict(validations: Sequence[Validation]) -> str:
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
     smooth = [run for run in runs if run.dry_friction == "left out"]
     largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, smooth) if some]
+    far = f"; largest deviation {', without dry friction '.join(largest)}" if largest else ""
     return (
         f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best poses, every cylinder, "
-        f"agree{others}; largest deviation {', without dry friction '.join(largest)}"
+        f"agree{others}{far}"
     )
 
 

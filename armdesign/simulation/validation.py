@@ -253,15 +253,16 @@ def validate(
     else:
         loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
         places = [(str(number), case, pose) for number, pose in enumerate(machine.at(q).q, 1) for case in loaded]
-    return _measured([_trials(places, cylinders, amplitude)])[0]
+    found = _measured([_trials(places, cylinders, amplitude)])[0]
+    if not found.runs:
+        raise_together([failure.error for failure in found.failures])
+    return found
 
 
 def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
     """``validate`` for several machines at once, at the worst, the median and the best pose of the map of each.
 
-    Raises:
-        PoseError: a pose cannot be taken.
-        SimulationError: as of ``validate``.
+    What cannot be run is a failure, even if that is all: so the other machines are not lost.
     """
     return _measured([_trials(_chosen(found, None), None, None) for found in maps])
 
@@ -375,8 +376,6 @@ def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Fail
             else:
                 results += _judged([trial.result(next(motions)) for trial in group])
         found.append(Validation(joints, tuple(results)))
-        if not found[-1].runs:
-            raise_together([failure.error for failure in found[-1].failures])
     return found
 
 

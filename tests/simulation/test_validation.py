@@ -152,7 +152,8 @@ def test_verdicts(worst: Validation) -> None:
         """Remarks on runs that deviate by these shares."""
         run = worst.runs[0]
         frequency = run.identified_frequency
-        group = [replace(run, linear_frequency=frequency / (1 + share)) for share in shares]
+        linear = [frequency / (1 + share) for share in shares]
+        group = [replace(run, linear_frequency=f, frequency_at_rest=f) for f in linear]
         return [one.remark for one in judging._judged(group) if isinstance(one, judging.Run)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
@@ -185,6 +186,10 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert "2 of all 3 sweeps" in report.verdict([found])
     assert "1 failed" in report.verdict([found])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
+    nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
+    assert not nothing.runs
+    assert report.verdict([nothing]).endswith("agree, 4 failed")  # two poses before, one in either of its runs
+    assert len(nothing.plot().axes) == 1
     with pytest.raises(SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"):
         validate(machine, [0.6])
 
