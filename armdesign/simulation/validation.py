@@ -9,6 +9,9 @@ amplitude shrinks with it, a fault of the model does not.
 The linear answer is one of the oil's spring alone; it knows no dry friction, which damps a small motion more than a
 large one, and at last holds a piston fast. So where any function has dry friction, both sweeps are repeated without it.
 What is then gone was friction; what is left is judged as it is elsewhere.
+
+The linear answer takes the pressures that the load alone makes. Behind a valve that leaks the flow makes others, and
+oil with air has another stiffness under them; so the frequency of the plant at its own rest is told beside it.
 """
 
 from __future__ import annotations
