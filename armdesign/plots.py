@@ -201,10 +201,9 @@ def trade_off(found: Pareto, ax: Any = None) -> Any:
 
 def frequency_responses(validations: dict[str, Validation]) -> Any:
     """Measured and fitted response of the first sweep of every validation that has one; returns the figure."""
-    shown = {label: validation for label, validation in validations.items() if validation.runs}
-    fig, axes = figure(len(shown), 5.4, 3.8)
-    for ax, (label, validation) in zip(axes, shown.items(), strict=True):
-        run = validation.runs[0]
+    shown = {label: validation.runs[0] for label, validation in validations.items() if validation.runs}
+    fig, axes = figure(max(len(shown), 1), 5.4, 3.8)
+    for ax, (label, run) in zip(axes, shown.items(), strict=bool(shown)):
         ax.semilogy(run.fit.frequency, np.abs(run.fit.response), ".", color=INK, ms=5, label="nonlinear simulation")
         ax.semilogy(*run.fit.curve, "-", color=MARK, lw=1.5, label="fit")
         ax.axvline(run.linear_frequency, color=COMPUTED, ls="--", lw=1.2, label="linear natural frequency")
@@ -212,7 +211,8 @@ def frequency_responses(validations: dict[str, Validation]) -> Any:
         ax.set_title(f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz", fontsize=10)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("cylinder speed / speed the spool asks for")
-    axes[0].legend(frameon=False)
+    if shown:
+        axes[0].legend(frameon=False)
     return fig
 
 

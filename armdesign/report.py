@@ -345,10 +345,8 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     rows, told = [], []
     for label, validation in validations.items():
         for one in validation.sweeps:
-            place, name = (
-                f"{label}, {one.payload}",
-                f"{one.cylinder}{SLIPPERY if one.dry_friction == 'left out' else ''}",
-            )
+            place, mark = f"{label}, {one.payload}", SLIPPERY if one.dry_friction == "left out" else ""
+            name = f"{one.cylinder}{mark}"
             valve = "–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %"
             linear = f"{one.linear_frequency:.4f}"
             if isinstance(one, Failure):
@@ -372,7 +370,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "friction (gone without dry friction), or a fault"
+        "friction (gone without dry friction), pressures (of oil with air, behind valves that leak), or a fault"
     )
     if any(run.dry_friction == "left out" for validation in validations.values() for run in validation.runs):
         note += f"; {SLIPPERY}: repeated without dry friction, of which the linear answer knows nothing"
@@ -393,9 +391,10 @@ def verdict(validations: Sequence[Validation]) -> str:
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
     smooth = [run for run in runs if run.dry_friction == "left out"]
     largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, smooth) if some]
+    far = f"; largest deviation {', without dry friction '.join(largest)}" if largest else ""
     return (
         f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best poses, every cylinder, "
-        f"agree{others}; largest deviation {', without dry friction '.join(largest)}"
+        f"agree{others}{far}"
     )
 
 
@@ -653,11 +652,11 @@ def _paper_frequencies(found: Reproduction) -> Sheet:
 
 def _sweep_bias(bias: pd.DataFrame) -> Sheet:
     rows = [
-        (f"{one.periods:g}", f"{one.damping:g}", *(f"{100 * one[name]:+.2f} %" for name in BIASES))
+        (f"{one.periods:g}", f"{one.damping:g}", *(f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES))
         for _, one in bias.iterrows()
     ]
     return Sheet(
-        title="What a sweep alone gets wrong: an oscillator, read off by the highest point of a spectrum, and fitted",
+        title="What a sweep alone gets wrong: an oscillator's highest point in a spectrum, and the fit",
         columns=("periods in the sweep", "ζ", *BIASES.values()),
         rows=tuple(rows),
         note="a short record ends while it still rings; the position of a long one peaks at √(1 − 2ζ²) of the natural "

@@ -48,7 +48,9 @@ class Experiment:
         pose: (nq,) [rad, m].
         index: of the cylinder that sweeps.
         mode: that it sweeps over, 0 is the lowest.
-        frequencies: of the linear modes (nq,) [Hz].
+        linear: the plant linearised at its rest.
+        frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints, those of the modes
+            on trapped oil. The two differ where oil with air rests under other pressures than the load alone makes.
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
@@ -60,6 +62,7 @@ class Experiment:
     pose: Array
     index: int
     mode: int
+    linear: LinearModel
     frequencies: Array
     band: tuple[float, float]
     duration: float
@@ -77,15 +80,17 @@ class Experiment:
         """
         plant = Plant(machine)
         rest = plant.rest(pose)
-        frequencies = natural_modes(machine.at(pose)).frequencies[0]
-        if frequencies[mode] == 0:
+        trapped = natural_modes(machine.at(pose)).frequencies[0]
+        if trapped[mode] == 0:
             part = f"{machine.name}: mode {mode + 1}"
             raise SimulationError(part, "is unstable on its trapped oil", "choose another pose")
         _refuse_limits(plant, rest)
+        linear = linearize(machine, pose)
+        frequencies = linear.natural_frequencies if len(linear.modes) == len(trapped) else trapped
         band = _band(frequencies, frequencies[mode])
         duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
         even = EvenOpening.all(plant, rest)[index]
-        return cls(machine, pose, index, mode, frequencies, band, duration, plant, rest, even)
+        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, rest, even)
 
     def of_machine(self, machine: Machine) -> Experiment:
         """The same experiment on a version of the machine that rests alike."""
@@ -98,7 +103,7 @@ class Experiment:
 
     @property
     def target(self) -> float:
-        """Linear frequency of the mode [Hz]."""
+        """Linear frequency of the mode at rest [Hz]."""
         return float(self.frequencies[self.mode])
 
     @property
@@ -157,7 +162,7 @@ class Experiment:
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""
-        joints, cap, annulus, pistons = self._swing(linearize(self.machine, self.pose))
+        joints, cap, annulus, pistons = self._swing(self.linear)
         _, _, caps, annuli, _, _ = self.plant.split(self.rest)
         room = np.concatenate([self._pressure_room(caps), self._pressure_room(annuli), self._ends()])
         used = np.concatenate([cap, annulus, pistons])
@@ -205,7 +210,8 @@ class Experiment:
 
         The joints swing as in the mode, so both ends of the swing lie along its shape.
         """
-        shape = natural_modes(self.machine.at(self.pose)).shapes[0, :, self.mode]
+        here = natural_modes(self.machine.at(self.pose))
+        shape, frequency = here.shapes[0, :, self.mode], here.frequencies[0, self.mode]
         way = shape * np.max(np.abs(swing) / np.abs(shape).max())
         share = 1.0
         for _ in range(20):
@@ -213,7 +219,7 @@ class Experiment:
             change = 1.0
             if np.all(self.machine.margins(ends) > 0):
                 found = natural_modes(self.machine.evaluate(ends)).frequencies[:, self.mode]
-                change = float(np.abs(found / self.target - 1).max())
+                change = float(np.abs(found / frequency - 1).max())
             if change <= DETUNING:
                 break
             share *= max(0.9 * DETUNING / change, 0.2)

@@ -16,14 +16,14 @@ def holding_pressures(cylinder: Actuator, supply: Supply, force: float, preloade
     chamber without load is at return pressure.
 
     A valve that leaks, or with an underlap, holds nothing by itself: its spool stands where both chambers get as much
-    as they lose, if it does so at any pressures; else it is taken as shut, and the load will creep.
+    as they lose, and the flow fixes both pressures, whatever ``preloaded``. If there are no such pressures, it is taken
+    as shut, and the load will creep.
     """
     shut = _shut(cylinder, supply, force, preloaded)
     valve = cylinder.valve
     if valve is None or not (valve.leakage or valve.tank_leakage or valve.overlap < 0):
         return (*shut, 0.0)
-    balanced = _balanced(cylinder, valve, supply, force) if preloaded else None
-    return balanced or (*shut, 0.0)
+    return _balanced(cylinder, valve, supply, force) or (*shut, 0.0)
 
 
 def _shut(cylinder: Actuator, supply: Supply, force: float, preloaded: bool) -> tuple[float, float]:

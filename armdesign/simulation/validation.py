@@ -9,6 +9,9 @@ amplitude shrinks with it, a fault of the model does not.
 The linear answer is one of the oil's spring alone; it knows no dry friction, which damps a small motion more than a
 large one, and at last holds a piston fast. So where any function has dry friction, both sweeps are repeated without it.
 What is then gone was friction; what is left is judged as it is elsewhere.
+
+The linear answer takes the pressures that the load alone makes. Behind a valve that leaks the flow makes others, and
+oil with air has another stiffness under them; so the frequency of the plant at its own rest is told beside it.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
-from armdesign.linearization import linearize, without_dry_friction
+from armdesign.linearization import without_dry_friction
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
 from armdesign.modes import energy_shares, natural_modes
@@ -52,7 +55,9 @@ class Sweep:
         cylinder: name of the one that moves.
         mode: number of the coupled mode, 1 is the lowest.
         linear_frequency: of that mode [Hz].
-        linear_damping: damping ratio of the plant linearised at rest, see ``linearize``.
+        frequency_at_rest: the same of the plant linearised at its own rest [Hz], see ``linearize``. It differs where
+            oil with air is under other pressures there than its static load alone makes: behind a valve that leaks.
+        linear_damping: damping ratio there.
         amplitude: mean opening of the valve in the sweep.
         dry_friction: "none"; else whether the machine's was "left in" or "left out".
     """
@@ -63,6 +68,7 @@ class Sweep:
     cylinder: str
     mode: int
     linear_frequency: float
+    frequency_at_rest: float
     linear_damping: float
     amplitude: float
     dry_friction: str
@@ -84,8 +90,9 @@ class Run(Sweep):
             ``bias``, and that of the modes beside it: to be known, not to be used.
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
-        remark: what to think of the deviation: "agrees"; "amplitude" if it shrinks with it; "friction" if it is gone
-            without dry friction; else "fault". "not repeated" if the other amplitude's run failed.
+        remark: what to think of the deviation: "agrees"; "pressures" if it does so with ``frequency_at_rest``;
+            "amplitude" if it shrinks with it; "friction" if it is gone without dry friction; else "fault"; "not
+            repeated" if the other amplitude's run failed.
     """
 
     fit: Fit
@@ -115,7 +122,7 @@ class Run(Sweep):
 class Failure(Sweep):
     """A sweep that came to nothing, and why: a load that cannot be held, a run that gave up, nothing that oscillates.
 
-    Damping and amplitude are nan where it did not come so far.
+    Frequency at rest, damping and amplitude are nan where it did not come so far.
     """
 
     error: SimulationError
@@ -164,6 +171,7 @@ class Validation:
             "amplitude": run.amplitude,
             "pose": run.pose,
             "dry_friction": run.dry_friction,
+            "at_rest_hz": run.frequency_at_rest,
             "remark": run.remark,
             "peak_hz": run.peak,
             "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
@@ -183,6 +191,7 @@ class Validation:
             "amplitude": failure.amplitude,
             "pose": failure.pose,
             "dry_friction": failure.dry_friction,
+            "at_rest_hz": failure.frequency_at_rest,
             "remark": f"failed: {failure.error}",
         }
 
@@ -247,15 +256,16 @@ def validate(
     else:
         loaded = [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
         places = [(str(number), case, pose) for number, pose in enumerate(machine.at(q).q, 1) for case in loaded]
-    return _measured([_trials(places, cylinders, amplitude)])[0]
+    found = _measured([_trials(places, cylinders, amplitude)])[0]
+    if not found.runs:
+        raise_together([failure.error for failure in found.failures])
+    return found
 
 
 def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
     """``validate`` for several machines at once, at the worst, the median and the best pose of the map of each.
 
-    Raises:
-        PoseError: a pose cannot be taken.
-        SimulationError: as of ``validate``.
+    What cannot be run is a failure, even if that is all: so the other machines are not lost.
     """
     return _measured([_trials(_chosen(found, None), None, None) for found in maps])
 
@@ -327,6 +337,7 @@ def _trials(
                 cylinder=case.functions[index].name,
                 mode=mode + 1,
                 linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
+                frequency_at_rest=math.nan,
                 linear_damping=math.nan,
                 amplitude=math.nan,
                 dry_friction="none",
@@ -341,14 +352,15 @@ def _trials(
 def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[_Trial]:
     """Full and half amplitude; where there is dry friction, the same without it."""
     machine, full = experiment.machine, amplitude or experiment.default_amplitude()
-    linear = linearize(machine, experiment.pose)
+    linear = experiment.linear
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
+    sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
     ways = [("none", experiment)]
     if any(function.friction.coulomb or function.friction.static for function in machine.functions):
         ways = [("left in", experiment), ("left out", experiment.of_machine(without_dry_friction(machine)))]
     return [
-        _Trial(dataclasses.replace(sweep, linear_damping=damping, amplitude=size, dry_friction=friction), version)
+        _Trial(dataclasses.replace(sweep, amplitude=size, dry_friction=friction), version)
         for friction, version in ways
         for size in (full, full / 2)
     ]
@@ -367,8 +379,6 @@ def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Fail
             else:
                 results += _judged([trial.result(next(motions)) for trial in group])
         found.append(Validation(joints, tuple(results)))
-        if not found[-1].runs:
-            raise_together([failure.error for failure in found[-1].failures])
     return found
 
 
@@ -387,6 +397,9 @@ def _verdict(pair: Sequence[Run | Failure]) -> str:
     deviations = [abs(one.deviation) for one in pair if isinstance(one, Run)]
     if all(deviation <= AGREES for deviation in deviations):
         return "agrees"
+    at_rest = [one.identified_frequency / one.frequency_at_rest - 1 for one in pair if isinstance(one, Run)]
+    if all(abs(deviation) <= AGREES for deviation in at_rest):
+        return "pressures"
     if len(deviations) < len(pair):
         return "not repeated"
     return "amplitude" if deviations[1] < 0.75 * deviations[0] else "fault"

@@ -281,7 +281,7 @@ def test_sheets_say_what_was_found(corners: paper.Reproduction, scanned: pd.Data
     assert [row[0] for row in frequencies.rows] == ["50 kg", "400 kg"]
     assert frequencies.rows[0][1].startswith("41.73")
     assert "23.49" in errors.note
-    assert bias.rows[1] == ("10", "0.05", "-1.57 %", "-3.00 %", "-0.00 %")  # tests/simulation/test_excitation.py
+    assert bias.rows[1] == ("10", "0.05", "-1.57 %", "-3.00 %", "+0.00 %")  # tests/simulation/test_excitation.py
     assert len(bias.rows) == 6
     assert errors.rows[-1][2] == f"{corners.errors['identified']['joint_exact']:.4g}"
     assert dict((row[0], row[3]) for row in errata.rows)["(12)"] == "+41.42 %"

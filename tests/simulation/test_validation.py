@@ -152,7 +152,8 @@ def test_verdicts(worst: Validation) -> None:
         """Remarks on runs that deviate by these shares."""
         run = worst.runs[0]
         frequency = run.identified_frequency
-        group = [replace(run, linear_frequency=frequency / (1 + share)) for share in shares]
+        linear = [frequency / (1 + share) for share in shares]
+        group = [replace(run, linear_frequency=f, frequency_at_rest=f) for f in linear]
         return [one.remark for one in judging._judged(group) if isinstance(one, judging.Run)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
@@ -185,6 +186,10 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert "2 of all 3 sweeps" in report.verdict([found])
     assert "1 failed" in report.verdict([found])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
+    nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
+    assert not nothing.runs
+    assert report.verdict([nothing]).endswith("agree, 4 failed")  # two poses before, one in either of its runs
+    assert len(nothing.plot().axes) == 1
     with pytest.raises(SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"):
         validate(machine, [0.6])
 
@@ -232,6 +237,20 @@ def test_air() -> None:
     full, half = validate(machine, WORST, cylinders=["boom"]).runs
     assert full.linear_frequency < 0.7
     assert abs(half.deviation) < abs(full.deviation) < 0.01
+
+
+def test_air_behind_valves_that_leak() -> None:
+    """The valve's flow, not the load, sets the pressures, and they the oil's stiffness; the damping is the leak's."""
+    changes: dict[str, float] = {"fluid.entrained_air_percent": 1.0}
+    for name in ("boom", "stick", "bucket"):
+        changes |= {f"cylinder.{name}.valve.overlap_percent": -0.5}
+        changes |= {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 1e-3}
+    validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
+    for run in validation.runs:
+        assert run.remark == "pressures"
+        assert run.frequency_at_rest > 1.3 * run.linear_frequency
+        assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=1e-3)
+        assert run.identified_damping == pytest.approx(run.linear_damping, rel=0.03)
 
 
 @pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
