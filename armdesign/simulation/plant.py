@@ -154,7 +154,8 @@ class Plant:
             q: joint positions [rad, m].
             preloaded: what fixes the chambers' common pressure. None: preloaded if the oil has no air. Its stiffness
                 then does not depend on the pressure, and both chambers stay far from cavitation. With air the stiffness
-                does, so the pressures are those of ``Machine.at``.
+                does, so the pressures are those of ``Machine.at``. False asks for these, and for shut valves even if
+                they leak: then the load creeps.
 
         Raises:
             PoseError: the pose cannot be taken.
@@ -163,9 +164,9 @@ class Plant:
         poses = machine.at(q)
         if len(poses) != 1:
             raise PoseError(f"{machine.name}: q", f"holds {len(poses)} poses", "give one")
-        preloaded = machine.fluid.air == 0 if preloaded is None else preloaded
+        common = machine.fluid.air == 0 if preloaded is None else preloaded
         held = [
-            holding_pressures(function, machine.supply, float(force), preloaded)
+            holding_pressures(function, machine.supply, float(force), common, creeps=preloaded is False)
             for function, force in zip(machine.functions, poses.cylinder_forces[0], strict=True)
         ]
         state = np.zeros(self.size)

@@ -8,7 +8,9 @@ from armdesign.cylinder import Actuator, Supply, static_pressures
 from armdesign.valve import Valve, edge_opening, orifice_flow
 
 
-def holding_pressures(cylinder: Actuator, supply: Supply, force: float, preloaded: bool) -> tuple[float, float, float]:
+def holding_pressures(
+    cylinder: Actuator, supply: Supply, force: float, preloaded: bool, creeps: bool = False
+) -> tuple[float, float, float]:
     """Pressures of cap and annulus [Pa] that hold a static force [N, + pushes], and the spool position that keeps them.
 
     Shut tight, one more condition is needed. ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve
@@ -16,12 +18,12 @@ def holding_pressures(cylinder: Actuator, supply: Supply, force: float, preloade
     chamber without load is at return pressure.
 
     A valve that leaks, or with an underlap, holds nothing by itself: its spool stands where both chambers get as much
-    as they lose, and the flow fixes both pressures, whatever ``preloaded``. If there are no such pressures, it is taken
-    as shut, and the load will creep.
+    as they lose, and the flow fixes both pressures, whatever ``preloaded``. If there are no such pressures, or if it
+    ``creeps``, it is taken as shut.
     """
     shut = _shut(cylinder, supply, force, preloaded)
     valve = cylinder.valve
-    if valve is None or not (valve.leakage or valve.tank_leakage or valve.overlap < 0):
+    if creeps or valve is None or not (valve.leakage or valve.tank_leakage or valve.overlap < 0):
         return (*shut, 0.0)
     return _balanced(cylinder, valve, supply, force) or (*shut, 0.0)
 
