@@ -211,9 +211,10 @@ def optimize(
             judged at the values of the file. None: all is exact, whatever bands the file states.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None: any size on the
             0.1 mm grid. From the best free sizes one cylinder after the other takes a size of the catalogue while the
-            rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn until
-            neither changes. ``bound`` is that of free sizes and pins; where no pin varies, that of the catalogue. A
-            bore or rod that does not vary stays: then only pairs that have it are offered.
+            rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn, and one
+            size after the other is taken anew, until nothing is better. ``bound`` is that of free sizes and pins; where
+            no pin varies, that of the catalogue. A bore or rod that does not vary stays: then only pairs that have it
+            are offered.
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine; no

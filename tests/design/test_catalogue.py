@@ -235,11 +235,9 @@ def test_what_does_not_vary_stays() -> None:
 
 
 def test_no_size_of_one_cylinder_is_better() -> None:
-    """Every neighbouring bore or rod of every cylinder, its pins tuned for it: none reaches more; near free sizes."""
+    """Every neighbouring bore or rod of every cylinder, the pins tuned for it: none reaches more."""
     machine, space = double(), workspace_of("double")
     both = ad.optimize(machine, space, catalogue="5mm", starts=1)
-    free = ad.optimize(machine, space, starts=1)
-    assert 0.97 * free.unrounded < both.unrounded <= free.unrounded
     sizes = [(c.bore, c.rod) for c in both.machine.cylinders]
     tried = 0
     for i, (bore, rod) in enumerate(sizes):
