@@ -238,7 +238,7 @@ def _binding(design: Design, units: Units) -> Sheet:
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
         note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; "
-        "each gain by itself, from here on",
+        "each gain is for that requirement alone",
     )
 
 

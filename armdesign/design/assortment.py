@@ -83,7 +83,7 @@ def _near(search: Search, i: int, sizes: Sizes) -> Sizes:
     """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
     cylinder = search.problem.machine.cylinders[i]
     cap, annulus = search.problem.areas(search.x)[i]
-    bore, stoutness = cylinder.bore * math.sqrt(search.x[2 * i]), math.sqrt(1 - annulus / cap)
+    bore, stoutness = cylinder.bore * math.sqrt(search.x[2 * i]), math.sqrt(max(1 - annulus / cap, 0.0))
     rods: dict[float, list[float]] = {}
     for size in offered(cylinder, sizes, *search.problem.resized[i]):
         rods.setdefault(size[0], []).append(size[1])
