@@ -242,7 +242,7 @@ def _binding(design: Design, units: Units) -> Sheet:
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
         note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; "
-        "gains are first-order prices",
+        "each gain is for that requirement alone",
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue import Sizes, offered, relative_areas
+from armdesign.design.catalogue import Sizes, offered
 from armdesign.design.choices import TOLERANCE, choices
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
@@ -17,7 +18,7 @@ from armdesign.design.sizing import StepProgramme
 from armdesign.errors import ArmDesignError, InfeasibleError
 
 TURNS = 5  # of choosing sizes for pins and pins for sizes
-NEAREST = 4  # sizes that are tried on a cylinder while the pins follow
+BORES, RODS = 2, 2  # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 
 
 def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
@@ -50,10 +51,9 @@ def sizes_and_pins(
     try:
         chosen = _selected(problem, problem.start, sizes)
         found.append(finished(_sized(problem, problem.start, chosen.sizes), trust=0.1))
-    except InfeasibleError:
-        if found[0].violation > MISSED:
-            raise
-    return _in_turn(max(found, key=_rank), sizes), reached
+    except InfeasibleError:  # today's pins want others; those found above may do
+        pass
+    return _one_by_one(_in_turn(met(max(found, key=_rank)), sizes), sizes), reached
 
 
 def _refuse_fixed(problem: Problem) -> None:
@@ -63,18 +63,54 @@ def _refuse_fixed(problem: Problem) -> None:
 
 def _nearest(search: Search, sizes: Sizes) -> Search:
     """Sizes of the catalogue near those of a search, cylinder by cylinder, the largest first; the rest follows."""
+    for i in _largest_first(search):
+        search = _taken(search, i, sizes)
+    return search
+
+
+def _largest_first(search: Search) -> list[int]:
     cylinders = search.problem.machine.cylinders
-    for i in sorted(range(len(cylinders)), key=lambda i: -cylinders[i].bore_area * cylinders[i].stroke):
-        own = offered(cylinders[i], sizes, *search.problem.resized[i])
-        areas = np.array([relative_areas(cylinders[i], *size) for size in own])
-        nearest = np.argsort(np.abs(areas - search.x[2 * i : 2 * i + 2]).sum(axis=1), kind="stable")[:NEAREST]
-        tried = []
-        for size in (own[k] for k in nearest):
-            taken = list(search.problem.sizes or [None] * len(cylinders))
-            taken[i] = size
-            tried.append(_sized(search.problem, search.x, tuple(taken), search.programme))
-            tried[-1].run(trust=0.1, tolerance=1e-3, looks=2)
-        search = max(tried, key=_rank)
+    return sorted(range(len(cylinders)), key=lambda i: -cylinders[i].bore_area * cylinders[i].stroke)
+
+
+def _taken(search: Search, i: int, sizes: Sizes) -> Search:
+    """The best of the sizes near that of a cylinder in a search, each tried while the rest follows."""
+    tried = [_with_size(search, i, size).run(trust=0.1, tolerance=1e-3, looks=2) for size in _near(search, i, sizes)]
+    return max(tried, key=_rank)
+
+
+def _near(search: Search, i: int, sizes: Sizes) -> Sizes:
+    """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
+    cylinder = search.problem.machine.cylinders[i]
+    cap, annulus = search.problem.areas(search.x)[i]
+    bore, stoutness = cylinder.bore * math.sqrt(search.x[2 * i]), math.sqrt(max(1 - annulus / cap, 0.0))
+    rods: dict[float, list[float]] = {}
+    for size in offered(cylinder, sizes, *search.problem.resized[i]):
+        rods.setdefault(size[0], []).append(size[1])
+    return tuple(
+        (own, rod)
+        for own in sorted(rods, key=lambda b: abs(b - bore))[:BORES]
+        for rod in sorted(rods[own], key=lambda r: abs(r / own - stoutness))[:RODS]
+    )
+
+
+def _with_size(search: Search, i: int, size: tuple[float, float] | None) -> Search:
+    """A search from where another stands, with another size of one cylinder; any if None."""
+    taken = list(search.problem.sizes or [None] * len(search.problem.machine.cylinders))
+    taken[i] = size
+    return _sized(search.problem, search.x, tuple(taken), search.programme)
+
+
+def _one_by_one(search: Search, sizes: Sizes) -> Search:
+    """The size of one cylinder after the other let go and taken anew while the pins follow, until none is better."""
+    for _ in range(TURNS):
+        before = search.problem.sizes
+        for i in _largest_first(search):
+            other = _taken(_with_size(search, i, None).run(trust=0.1, tolerance=1e-3, looks=2), i, sizes)
+            if other.problem.sizes != search.problem.sizes:
+                search = max(search, finished(other, trust=0.05), key=_rank)
+        if search.problem.sizes == before:
+            break
     return search
 
 

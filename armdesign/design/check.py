@@ -52,13 +52,17 @@ class Check:
             at_least=condition.at_least,
         )
 
-    def sentence(self, worth: float, units: Units) -> str:
-        """That it binds, and the relative gain in frequency that relaxing it by 1 % would buy, ``worth``."""
+    def sentence(self, worth: float, at_margin: float, units: Units) -> str:
+        """That it binds, and the relative gain in frequency that relaxing it by 1 % would buy, ``worth``.
+
+        And what the first of that would buy per 1 %, ``at_margin``, where that is clearly more.
+        """
         bound, eased = ("at least", "1 % less") if self.at_least else ("at most", "1 % more")
         limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
+        soon = f" ({100 * at_margin:.2g} % at the margin: then another limit binds)" if at_margin > 1.2 * worth else ""
         return (
             f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
-            f"{eased} would buy {100 * worth:.2g} % of frequency"
+            f"{eased} would buy {100 * worth:.2g} % of frequency{soon}"
         )
 
 

@@ -23,7 +23,17 @@ ACTIVE = 24  # poses in one programme
 MEMORY = 300  # lowest poses watched between looks at the whole workspace,
 SPREAD = 1200  # and about so many all over it
 STEPS = 60
+NEAR = 0.05  # how far from the optimum limits and stiffness are taken as linear, to price requirements
+PRICED = 1e-6  # gain in frequency below which a requirement has no price
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
+
+
+@dataclass(frozen=True)
+class Worth:
+    """Relative gain in the worst frequency from relaxing a requirement by 1 %: if the first of it counts, and all."""
+
+    at_margin: float
+    gain: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,11 +255,15 @@ class Search:
             self.programme = programme(*shape)
         return self.programme
 
-    def worth(self) -> dict[str, float]:
-        """Relative gain in the worst frequency if a requirement were relaxed by 1 %, from its multiplier."""
+    def worth(self) -> dict[str, Worth]:
+        """Relative gains in the worst frequency from relaxing each requirement by 1 %.
+
+        At the margin by its multiplier; the whole 1 % by the same programme solved with that much more room, where
+        another limit may soon be met.
+        """
         here = self._trial(self.x, self.limits)
         low_x, high_x = self.bounds
-        low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
+        low, high = np.maximum(low_x - self.x, -NEAR), np.minimum(high_x - self.x, NEAR)
         model = self._model(here, self._active(here.squared, []), low, high)
         try:
             step = self._solve(model, low, high)
@@ -260,17 +274,39 @@ class Search:
         multipliers[model.keep] = step.multipliers[: len(model.keep)]
         # a limit that no variable moves has no price, whatever the solver's multiplier says
         multipliers[~np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)] = 0.0
+        names, boxes = np.array(self.limits.names), self._boxes
+        at_end = np.where(high < NEAR, step.high_multipliers, 0) + np.where(low > -NEAR, step.low_multipliers, 0)
         gains: dict[str, float] = {}
-        for name, gain in zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True):
+        for name, gain in (
+            *zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True),
+            *zip(boxes, 0.01 * high_x * at_end * scale, strict=True),
+        ):
             gains[name] = gains.get(name, 0.0) + float(gain)
-        at_end = np.where(high < 0.05 - 1e-9, step.high_multipliers, 0) + np.where(
-            low > -0.05 + 1e-9, step.low_multipliers, 0
-        )
-        for v, gain in zip(self.problem.variables, 0.01 * high_x * at_end * scale, strict=True):
-            if v.pin is not None:
-                name = f"pin_box.{self.problem.machine.cylinders[v.cylinder].name}.{v.pin}"
-                gains[name] = gains.get(name, 0.0) + float(gain)
-        return gains
+        gains.pop("", None)
+        found = {}
+        for name, gain in gains.items():
+            whole = gain
+            if gain > PRICED:
+                value, more = model.value.copy(), 0.01 * high_x * (np.array(boxes) == name)
+                value[: len(model.keep)] += (self.limits.relaxation * (names == name))[model.keep]
+                whole = min(gain, self._gain(replace(model, value=value), low - more, high + more, step))
+            found[name] = Worth(at_margin=gain, gain=whole)
+        return found
+
+    @property
+    def _boxes(self) -> list[str]:
+        """Name of the pin box that bounds each entry of x; empty for areas."""
+        cylinders = self.problem.machine.cylinders
+        return [f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else "" for v in self.problem.variables]
+
+    def _gain(self, eased: _Model, low: Array, high: Array, step: Step) -> float:
+        """Relative gain in frequency that an eased programme promises over the ``step`` of the programme as it is."""
+        try:
+            other = self._solve(eased, low, high)
+        except InfeasibleError:  # the solver gave up: the multiplier has to do
+            return math.inf
+        reached, now = (s.value - PRICE * s.violation for s in (other, step))
+        return math.sqrt(max(reached / now, 1.0)) - 1 if now > 0 else math.inf
 
     def _active(self, squared: Array, pinned: list[int]) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""

@@ -158,7 +158,7 @@ class Conflict:
             x = (self.x, self.problem.start)[k].copy() if k < 2 else self.x.copy()
             if k >= 2:
                 x[pins] = random.uniform(0.7 * low[pins], 0.7 * high[pins])
-            answer = self._watched(x, soft, hard)
+            answer = self._watched(np.clip(x, low, high), soft, hard)  # sizes that are chosen are not today's
             if best is None or answer.given + PRICE * answer.missed < best.given + PRICE * best.missed - MET:
                 best = answer
             if best.met:

@@ -17,7 +17,7 @@ from armdesign.design.assortment import sizes_and_pins, sizes_for_pins
 from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.catalogue import sizes_of
 from armdesign.design.check import Check
-from armdesign.design.codesign import Search, hertz
+from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import rounded
@@ -41,7 +41,9 @@ class Design:
         today: the machine it was made from.
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
-        worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %.
+        worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %; solved again
+            with limits and stiffness taken as linear.
+        at_margin: the same if it were what the first of that 1 % buys (its multiplier), before another limit is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
             was made for [Hz].
         starts: worst frequency that each start of the search reached [Hz].
@@ -57,6 +59,7 @@ class Design:
     requirements: Requirements
     checks: tuple[Check, ...]
     worth: dict[str, float]
+    at_margin: dict[str, float]
     unrounded: float
     starts: tuple[float, ...]
     workspace: Workspace
@@ -81,7 +84,8 @@ class Design:
             today=problem.machine,
             requirements=problem.requirements,
             checks=checks,
-            worth=worth,
+            worth={name: w.gain for name, w in worth.items()},
+            at_margin={name: w.at_margin for name, w in worth.items()},
             unrounded=hertz(search.squared),
             starts=starts,
             workspace=problem.workspace,
@@ -168,13 +172,13 @@ class Design:
     @property
     def binding(self) -> list[Check]:
         """Requirements that bind and cost frequency, the dearest first."""
-        held = [c for c in self.checks if c.slack < BINDING and self.worth.get(c.name, 0.0) > 1e-6]
+        held = [c for c in self.checks if c.slack < BINDING and self.at_margin.get(c.name, 0.0) > PRICED]
         return sorted(held, key=lambda c: -self.worth[c.name])
 
     @property
     def sentences(self) -> list[str]:
         """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
-        return [c.sentence(self.worth[c.name], WORKSHOP) for c in self.binding]
+        return [c.sentence(self.worth[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding]
 
 
 def optimize(
@@ -207,9 +211,10 @@ def optimize(
             judged at the values of the file. None: all is exact, whatever bands the file states.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None: any size on the
             0.1 mm grid. From the best free sizes one cylinder after the other takes a size of the catalogue while the
-            rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn until
-            neither changes. ``bound`` is that of free sizes and pins; where no pin varies, that of the catalogue. A
-            bore or rod that does not vary stays: then only pairs that have it are offered.
+            rest follows; then the best sizes for the pins and the best pins for the sizes are found in turn, and one
+            size after the other is taken anew, until nothing is better. ``bound`` is that of free sizes and pins; where
+            no pin varies, that of the catalogue. A bore or rod that does not vary stays: then only pairs that have it
+            are offered.
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine; no

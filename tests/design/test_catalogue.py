@@ -21,6 +21,7 @@ from armdesign.design import selection
 from armdesign.design.catalogue import read_sizes, sized, sizes_of
 from armdesign.design.check import check, slacks, static_loads
 from armdesign.design.choices import choices
+from armdesign.design.codesign import Search, hertz
 from armdesign.design.selection import select
 from armdesign.errors import InfeasibleError
 from armdesign.modes import lowest_frequency
@@ -66,6 +67,7 @@ def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]
 SMALL = {
     "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4, "random_7": 3,
     "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
+    "mini_excavator_2t": 3, "loader_crane": 2, "patu_boom": 7,
 }  # fmt: skip
 
 
@@ -230,6 +232,34 @@ def test_what_does_not_vary_stays() -> None:
 
 
 # --------------------------------------------------------------------------------------------------------- pins too
+
+
+def test_no_size_of_one_cylinder_is_better() -> None:
+    """Every neighbouring bore or rod of every cylinder, the pins tuned for it: none reaches more."""
+    machine, space = double(), workspace_of("double")
+    both = ad.optimize(machine, space, catalogue="5mm", starts=1)
+    sizes = [(c.bore, c.rod) for c in both.machine.cylinders]
+    tried = 0
+    for i, (bore, rod) in enumerate(sizes):
+        for more in ((5 * mm, 0), (-5 * mm, 0), (0, 5 * mm), (0, -5 * mm)):
+            other = list(sizes)
+            other[i] = (bore + more[0], rod + more[1])
+            problem = replace(both.problem, sizes=tuple(other))
+            start = np.clip(both.x, *problem.bounds)
+            search = Search(problem=problem, x=start).run(trust=0.1, tolerance=1e-4)
+            if search.violation < 1e-6:
+                tried += 1
+                assert hertz(search.squared) <= both.unrounded * (1 + 1e-4)
+    assert tried >= 2
+
+
+def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
+    """Pins may follow, but 120/80 thrusts 1.44 of today: that conflict is found with the sizes as they are."""
+    with pytest.raises(InfeasibleError, match=r"with the sizes of the catalogue that were tried, .*thrust") as error:
+        ad.optimize(double(), workspace_of("double"), Requirements(), catalogue=[(120 * mm, 80 * mm)], starts=1)
+    (only,) = error.value.conflict
+    assert only.name in ("thrust.lift", "thrust.fold")
+    assert only.together == pytest.approx(only.limit * (1.44 / 1.1 - 1), rel=1e-6)
 
 
 def test_pins_follow_the_chosen_sizes() -> None:
