@@ -350,6 +350,9 @@ def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
     """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without them."""
 
 
+# ----------------------------------------------------------------------------------------- the bound for pins and areas
+
+
 @pytest.mark.parametrize("name", ["double", "heavy_bars"])
 def test_own_masses_lie_within_their_intervals(name: str) -> None:
     """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without bars."""
