@@ -23,7 +23,14 @@ ORDER = [
     *("design.candidates", "design.explicit", "design.conditions", "design.check", "design.choices"),
     *("design.variables", "design.still", "design.problem", "design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.settling", "design.rounding", "design.selection"),
-    *("design.intervals", "design.pin_boxes", "design.shapes", "design.own_limits", "design.branching"),
+    *(
+        "design.intervals",
+        "design.own_bounds",
+        "design.pin_boxes",
+        "design.shapes",
+        "design.own_limits",
+        "design.branching",
+    ),
     *("design.duality", "design.bound", "design.searching", "design.assortment", "design.optimum"),
     *("design.least", "design.pareto"),
     *(

@@ -20,11 +20,12 @@ from armdesign.arrays import Array
 from armdesign.bands import Bands
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.duality import Dual, drives
-from armdesign.design.own_limits import SLACK
+from armdesign.design.limits import SLACK
+from armdesign.design.own_bounds import barred
 from armdesign.design.problem import Problem
 from armdesign.errors import InfeasibleError
 
-ROUNDS = 6  # of branching
+ROUNDS, AIRY = 6, 2  # of branching, without and with air in the oil, which makes two more numbers of every cylinder
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 ROUNDING = 1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
@@ -53,17 +54,18 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
         x: a good design: prices are sought around it. The bound holds whatever it is.
         rows: rows that may enter, such as those that a search has watched.
 
-    None is known if barrels, rods or four-bars weigh something while pins move (inertia then depends on the design), or
-    no cylinder has a joint to itself.
+    Barrels and rods that weigh are enclosed by intervals over all pins and areas. None is known if a four-bar moves of
+    which something weighs, its cylinder included, or no cylinder has a joint to itself.
     """
     moving = any(v.pin is not None for v in problem.variables)
     known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
-    some = () if problem.proportional or problem.own is not None else drives(problem)
-    if not some:
+    bars = barred(problem)
+    some = () if problem.proportional or bars is None else drives(problem, bars)
+    if not some or bars is None:
         return None
-    dual = Dual.begun(problem, some, x, rows)
+    dual = Dual.begun(problem, some, x, rows, bars)
     best = _lowest(dual)
     if not math.isfinite(best):
         return None
@@ -79,14 +81,14 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
 def _lowest(dual: Dual) -> float:
     """The lowest bound on ω² of a few rounds, over the reference."""
     best = math.inf
-    for _ in range(ROUNDS):
+    for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else ROUNDS):
         try:
             prices = dual.settled()
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         tolerance = float(np.clip(0.2 * (best - prices.mixed), FINE, COARSE))
         maxima = dual.branched(prices, tolerance)
-        best = min(best, prices.constant + sum(m.upper for m in maxima))
+        best = min(best, dual.bounded(prices, maxima))
         if best - prices.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
             break
         dual.learn(prices, maxima)
@@ -100,10 +102,10 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
         "dead volumes in proportion to the areas" if problem.proportional else "dead volumes as they are",
         "moment arms that keep their sign between the poses looked at",
     ]
+    if problem.own is not None:
+        words.append("own masses in proportion to areas and lengths")
     if problem.bands != Bands():
         words.append("masses as they are tried within their bands")
-    if problem.machine.fluid.air > 0:
-        words.append("oil without air, which is stiffer")
     if any(v.pin is not None for v in problem.variables):
         words.append(f"each requirement wider by {SLACK:g}")
     words += [f"the {name} cylinder rigid" for name in held]

@@ -8,6 +8,14 @@ is at most, for every design x that the requirements allow,
 Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a diagonal whose entry
 there, k r² − g H/r, hangs on that cylinder alone. So the maximum over x falls apart.
 
+Own masses that hang on x: let λ0 ≥ 0 and M_j0 be inertia without them, Y_j = L_j⁻ᵀ Z_j L_j⁻¹. Where λ(x) ≥ λ0,
+
+    0 ≤ Σ_j ⟨Y_j, K_j(x) − λ M_j(x)⟩ ≤ Σ_j ⟨Y_j, K_j(x) − λ0 (M_j(x) − M_j0)⟩ − λ Σ_j ⟨Y_j, M_j0⟩,
+
+so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars are worth so much per area, like oil
+(``own_bounds``), but for their gravity in g H/r of the others, which is an interval. Prices are sought with the masses
+of the design at hand.
+
 Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each cylinder; designs that are
 worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res. 8, 1960).
 """
@@ -15,15 +23,18 @@ worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.branching import Maximum, Share, maximum
-from armdesign.design.own_limits import SLACK, OwnLimits, own_limits
-from armdesign.design.problem import Problem
+from armdesign.design.branching import Air, Maximum, Share, Stiffening, maximum
+from armdesign.design.intervals import Interval, interval
+from armdesign.design.limits import SLACK
+from armdesign.design.own_bounds import Barred
+from armdesign.design.own_limits import OwnLimits, own_limits
+from armdesign.design.problem import Problem, Rows
 from armdesign.design.shapes import Shape, coordinates, shape_of
 from armdesign.design.sizing import Step, programme
 
@@ -35,7 +46,7 @@ NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the regi
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
-BOXES = 100_000  # branched per cylinder
+BOXES, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in the oil
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +58,8 @@ class Drive:
     shape: Shape
     angle: Array  # (rows,) index into the shape's angles
     limits: OwnLimits
-    dead: Array  # (2,) dead volumes, hoses as oil [m³]
+    dead: Array  # (2,) dead volumes of oil [m³]
+    hoses: Array  # (2,) what hoses add, as oil without air [m³]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,10 +83,11 @@ class Prices:
 
     Attributes:
         rows: the rows that it had (n,).
-        weight: L⁻ᵀ Z L⁻¹ at each drive's joint (n, nd), over the reference.
+        weight: L⁻ᵀ Z L⁻¹ (n, nd, nd) over the drives' joints and the reference.
         trace: of each Z (n,).
         oil: μ of both sides (2,) [1/m³].
         constant: the part of the upper bound that no design changes.
+        light: Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all.
         mixed: the best of mixtures.
         shares: how much of each column it takes (c,).
     """
@@ -84,16 +97,17 @@ class Prices:
     trace: Array
     oil: Array
     constant: float
+    light: float
     mixed: float
     shares: Array
 
 
-def drives(problem: Problem) -> tuple[Drive, ...]:
+def drives(problem: Problem, bars: Sequence[Barred] = ()) -> tuple[Drive, ...]:
     """The cylinders that drive one joint alone and whose pins vary in a way that ``shapes`` knows."""
     machine, found = problem.machine, []
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
         shared = any(set(linkage.joints) & set(other.joints) for other in machine.drives if other is not linkage)
-        limits = None if shared or cylinder.compliance > 0 else own_limits(problem, i)
+        limits = None if shared or cylinder.compliance > 0 else own_limits(problem, i, bars)
         if limits is None:
             continue
         joint = linkage.joints[0]
@@ -102,8 +116,8 @@ def drives(problem: Problem) -> tuple[Drive, ...]:
         assert shape is not None
         hoses = np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume]) / cylinder.hose_modulus
         dead = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume])
-        dead = dead + hoses * machine.fluid.bulk_modulus
-        found.append(Drive(cylinder=i, joint=joint, shape=shape, angle=index, limits=limits, dead=dead))
+        hoses = hoses * machine.fluid.bulk_modulus
+        found.append(Drive(cylinder=i, joint=joint, shape=shape, angle=index, limits=limits, dead=dead, hoses=hoses))
     return tuple(found)
 
 
@@ -113,6 +127,9 @@ class Dual:
 
     problem: Problem
     drives: tuple[Drive, ...]
+    bars: Sequence[Barred]  # own masses that hang on x
+    loads: Rows  # all rows, own masses those of one design
+    near: float  # λ0: that design's lowest ω² where own masses hang on x, else 0, over the reference
     watched: Array  # rows that may enter
     reference: float  # [rad²/s²]
     rows: Array
@@ -120,7 +137,9 @@ class Dual:
     pool: Columns
 
     @classmethod
-    def begun(cls, problem: Problem, some: tuple[Drive, ...], x: Array, watched: Array) -> Dual:
+    def begun(
+        cls, problem: Problem, some: tuple[Drive, ...], x: Array, watched: Array, bars: Sequence[Barred] = ()
+    ) -> Dual:
         """From the design x, its lowest rows, and random designs."""
         random = np.random.default_rng(0)
         squared = problem.frequencies(x, watched)
@@ -136,7 +155,11 @@ class Dual:
             low, high = drive.shape.region
             pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3))))
         reference = max(float(squared.min()), problem.scale)
-        return cls(problem, some, watched, reference, watched[np.argsort(squared)[:ROWS]], columns, pool)
+        mass, gravity, slope = problem.loads(x, problem.rows, np.arange(len(problem)))
+        loads = replace(problem.rows, mass=mass, gravity=gravity, slope=slope)
+        near = max(float(squared.min()), 0.0) / reference if bars else 0.0
+        rows = watched[np.argsort(squared)[:ROWS]]
+        return cls(problem, some, bars, loads, near, watched, reference, rows, columns, pool)
 
     @cached_property
     def _budget(self) -> tuple[float, Array]:
@@ -169,12 +192,15 @@ class Dual:
         total = np.trace(z, axis1=1, axis2=2).sum()
         z, oil = z / total, step.multipliers[:2] / total
         budget, today = self._budget
+        weight = np.swapaxes(inverse, 1, 2) @ z @ inverse / self.reference
+        pick = self._pick(self.rows)
         return Prices(
             rows=self.rows,
-            weight=np.einsum("nik,nij,njk->nk", inverse, z, inverse) / self.reference,
+            weight=weight,
             trace=trace / total,
             oil=oil / today,
-            constant=float(np.einsum("nij,nij->", z, base) + oil.sum() * budget),
+            constant=float(np.einsum("nij,nij->", weight, self.problem.rows.slope[pick]) + oil.sum() * budget),
+            light=self.reference * float(np.einsum("nij,nij->", weight, self.problem.rows.mass[pick])),
             mixed=step.value - step.violation,
             shares=step.change[: len(self.columns)],
         )
@@ -191,12 +217,16 @@ class Dual:
         one = programme(len(self.rows), nd, len(value), COLUMNS)
         return one.solve(base, slopes, value, np.concatenate([oil, -whole, whole]), np.zeros(COLUMNS), high)
 
-    def _frames(self, rows: Array) -> tuple[Array, Array]:
-        """L⁻¹ over the drives' joints (n, nd, nd), the other joints held, and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
+    def _pick(self, rows: Array) -> tuple[Array, ...]:
+        """Index of rows over the drives' joints, the other joints held."""
         joints = np.array([d.joint for d in self.drives])
-        pick = np.ix_(rows, joints, joints)
-        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(self.problem.rows.mass[pick])))
-        return inverse, inverse @ self.problem.rows.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference
+        return np.ix_(rows, joints, joints)
+
+    def _frames(self, rows: Array) -> tuple[Array, Array]:
+        """L⁻¹ over the drives' joints (n, nd, nd) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
+        pick = self._pick(rows)
+        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(self.loads.mass[pick])))
+        return inverse, inverse @ self.loads.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference
 
     def _matrices(self, inverse: Array, rows: Array) -> Array:
         """What each column adds to L⁻¹ K L⁻ᵀ at rows (c, n, nd, nd)."""
@@ -212,17 +242,33 @@ class Dual:
             b, (cap, annulus) = columns.design[mine, :2], columns.volume[mine].T[:, :, None]
             e = d.shape.at(angles).enclose(b, b).centre
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
-            oil = cap**2 / (cap * place + d.dead[0]) + annulus**2 / (annulus * (1 - place) + d.dead[1])
-            beta, gravity = self.problem.machine.fluid.bulk_modulus, self.problem.rows.gravity[rows, d.joint]
+            beta, gravity = self.problem.machine.fluid.bulk_modulus, self.loads.gravity[rows, d.joint]
+            stiff: Stiffening = (1.0, 1.0)
+            if air := self._air(d, interval(gravity)):
+                both = columns.volume[mine]
+                cap_side, annulus_side = air.stiffening(np.abs(rate), both, both)
+                stiff = cap_side[:, 0], annulus_side[:, 0]
+            dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
+            filled = cap * place + dead[0], annulus * (1 - place) + dead[1]
+            oil = stiff[0] * cap**2 / filled[0] + stiff[1] * annulus**2 / filled[1]
             found[mine] = beta * rate**2 * oil - gravity * bend
         return found / self.reference
+
+    def _air(self, drive: Drive, gravity: Interval) -> Air | None:
+        """What air makes of a drive's oil under torques (n,) [N m]; None without air."""
+        fluid, sign = self.problem.machine.fluid, drive.shape.sign
+        if fluid.air == 0:
+            return None
+        back, turned = self.problem.machine.supply.return_pressure, gravity * sign
+        return Air(fluid=fluid, back=back, push=np.maximum(turned.high, 0.0), pull=np.maximum(-turned.low, 0.0))
 
     # -------------------------------------------------------------------------------------------- rows and columns
 
     def _best_of_pool(self, prices: Prices) -> tuple[float, Columns]:
         """What the pool's best designs at these prices come to, and the two best of each drive."""
         entries = self._diagonals(self.pool, prices.rows) * self.reference
-        value = np.einsum("cn,nc->c", entries, prices.weight[:, self.pool.drive]) - self.pool.volume @ prices.oil
+        own = np.diagonal(prices.weight, axis1=1, axis2=2)
+        value = np.einsum("cn,nc->c", entries, own[:, self.pool.drive]) - self.pool.volume @ prices.oil
         order = np.argsort(-value)
         best = [order[self.pool.drive[order] == k][:2] for k in range(len(self.drives))]
         return prices.constant + float(sum(value[b[0]] for b in best if len(b) > 0)), self.pool[np.concatenate(best)]
@@ -253,20 +299,61 @@ class Dual:
     def shares(self, prices: Prices) -> list[Share]:
         """Each drive's part of the upper bound at these prices."""
         found, beta = [], self.problem.machine.fluid.bulk_modulus
+        gravity, worths = self._gravity(prices.rows), dict(self._worths(prices))
         for k, d in enumerate(self.drives):
-            own = np.flatnonzero(prices.weight[:, k] > 0)
-            rows, given = prices.rows[own], prices.weight[own, k]
-            angles, back = np.unique(d.angle[rows], return_inverse=True)
-            weight, bend = np.zeros((2, len(angles) + 2))
+            own = np.flatnonzero(prices.weight[:, k, k] > 0)
+            given = prices.weight[own, k, k]
+            torque = gravity[own, d.joint]
+            angles, back = np.unique(d.angle[prices.rows[own]], return_inverse=True)
+            if air := self._air(d, Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))):
+                angles, back = d.angle[prices.rows[own]], np.arange(len(own))  # of one angle, other loads
+            weight, least, most = np.zeros((3, len(angles) + 2))
             np.add.at(weight, back + 2, beta * given)
-            np.add.at(bend, back + 2, given * self.problem.rows.gravity[rows, d.joint])
-            shape = d.shape.at(angles)
-            found.append(Share(shape=shape, limits=d.limits, weight=weight, bend=bend, price=prices.oil, dead=d.dead))
+            np.add.at(least, back + 2, given * torque.low)
+            np.add.at(most, back + 2, given * torque.high)
+            found.append(
+                Share(
+                    shape=d.shape.at(angles),
+                    limits=d.limits,
+                    weight=weight,
+                    bend=Interval(least, most),
+                    price=prices.oil,
+                    dead=d.dead,
+                    hoses=d.hoses,
+                    air=air,
+                    own=worths.get(d.cylinder, (0.0, 0.0)),
+                )
+            )
         return found
+
+    def _gravity(self, rows: Array) -> Interval:
+        """Gravity torques (n, nq) at rows, whatever the design [N m]."""
+        total = interval(self.problem.rows.gravity[rows])
+        for bar in self.bars:
+            total = total + bar.gravity(self.problem.workspace.rigid[self.problem.rows.pose[rows]])
+        return total
+
+    def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, float]]]:
+        """What own masses add to the upper bound, per bore and rod area of their cylinder, at most [1/m²]."""
+        nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
+        weights = np.zeros((len(prices.rows), nq, nq))
+        weights[:, joints[:, None], joints] = prices.weight
+        used = np.flatnonzero(prices.trace > 0)
+        rigid = self.problem.workspace.rigid[self.problem.rows.pose[prices.rows[used]]]
+        squared = self.near * self.reference
+        return [(bar.cylinder, bar.worth(rigid, weights[used], squared)) for bar in self.bars]
+
+    def bounded(self, prices: Prices, maxima: Sequence[Maximum]) -> float:
+        """The upper bound on ω², over the reference, that prices and the most of every share give."""
+        driven = {d.cylinder for d in self.drives}
+        worths = [(i, worth) for i, worth in self._worths(prices) if i not in driven]
+        held = sum(bar.most(worth) for bar in self.bars for i, worth in worths if i == bar.cylinder)
+        return max(self.near, (prices.constant + held + sum(m.upper for m in maxima)) / prices.light)
 
     def branched(self, prices: Prices, tolerance: float) -> list[Maximum]:
         """The most that each share can be, all together to within a tolerance [of the reference]."""
-        return [maximum(share, tolerance / len(self.drives), BOXES) for share in self.shares(prices)]
+        each = tolerance / len(self.drives)
+        return [maximum(share, each, AIRY if share.air else BOXES) for share in self.shares(prices)]
 
 
 def _joined(some: Columns, more: Columns) -> Columns:

@@ -79,7 +79,7 @@ class Interval:
         """What both intervals hold: for two enclosures of one number."""
         return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
-    def above(self, least: float) -> Interval:
+    def above(self, least: Array | float) -> Interval:
         """The part not below ``least`` > −∞, for a number known to lie there."""
         return Interval(np.maximum(self.low, least), np.maximum(self.high, least))
 

@@ -24,6 +24,7 @@ from armdesign.linkage import OF_FOUR_BAR, Linkage
 from armdesign.machine import Machine
 from armdesign.poses import static_forces
 
+SLACK = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
 CURVED = ("buckling", "clearance")  # not linear, and not below their tangents, in the areas
 

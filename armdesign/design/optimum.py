@@ -142,10 +142,10 @@ class Design:
     def certificate(self) -> Bound | None:
         """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find.
 
-        With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary too: what no sizes
-        at all exceed, so none of the catalogue either.
+        With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary, or own masses with
+        the sizes: what no sizes at all exceed, so none of the catalogue either.
         """
-        if self.selection is None:
+        if self.selection is None or self.problem.own is not None:  # sizes were chosen with masses held
             free = replace(self.problem, sizes=()) if self.catalogue else self.problem
             return upper_bound(free.softened, self.x, self.watched)
         return Bound(

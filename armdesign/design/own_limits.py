@@ -6,17 +6,18 @@ rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.intervals import Interval
-from armdesign.design.limits import buckling_factor
+from armdesign.design.limits import SLACK, buckling_factor
+from armdesign.design.own_bounds import Barred
 from armdesign.design.problem import Problem
 from armdesign.design.shapes import Enclosure, Shape, shape_of
 
-SLACK = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_ANGLES = 5  # of most push and pull today
 
 
@@ -50,7 +51,10 @@ class OwnLimits:
     back: float
 
     def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
-        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, 5, 2) around their volumes."""
+        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, 5, 2) around their volumes.
+
+        Boxes (m, 5) say also between which ends the volumes lie.
+        """
         kept = np.arange(len(low))
         scale = Interval(low[:, 2], high[:, 2])
         if self.shape.boxes is not None:
@@ -63,10 +67,12 @@ class OwnLimits:
         slender = e.wide.open.low * np.sqrt(e.stroke.low * self.buckling)  # at scale 1; grows with its 3/2th power
         scale = self._buildable(e, scale, least, most, slender)
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        if low.shape[1] > 3:
+            least, most = np.maximum(least, low[kept, 3:]), np.minimum(most, high[kept, 3:])
         left = np.all(least <= most, axis=1) & (scale.low <= scale.high)
         vertices, possible = _vertices(least[left], most[left], slender[left] * scale.low[left] ** 1.5)
         left = np.flatnonzero(left)[possible]
-        return kept[left], scale[left], vertices[possible]
+        return kept[left], scale[left], vertices
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
@@ -116,8 +122,8 @@ def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
     return np.stack([cap, np.stack([floor, corner, top, top, floor], axis=1)], axis=2), possible
 
 
-def own_limits(problem: Problem, i: int) -> OwnLimits | None:
-    """Limits of cylinder ``i``, each wider by ``SLACK``; None where its shape is not known."""
+def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimits | None:
+    """Limits of cylinder ``i``, each wider by ``SLACK``, whatever ``bars`` weigh; None where its shape is not known."""
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
     poses = problem.ranges[i]
     if poses is None:
@@ -126,7 +132,7 @@ def own_limits(problem: Problem, i: int) -> OwnLimits | None:
     digs = cylinder.name in r.digging
     ranged = poses.q[:: 1 if digs else 10, joint]  # the best of all digs; the least arm may be looked for at some
     arms, today, more = np.abs(problem.arms_today[i]), problem.areas_today[i], 1 + SLACK
-    angles, torques = _holding(problem, i)
+    angles, torques = _holding(problem, i, bars)
     shape = shape_of(problem, i, np.concatenate([ranged, angles]))
     if shape is None:
         return None
@@ -150,17 +156,27 @@ def own_limits(problem: Problem, i: int) -> OwnLimits | None:
     )
 
 
-def _holding(problem: Problem, i: int) -> tuple[Array, Array]:
-    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m]."""
+def _holding(problem: Problem, i: int, bars: Sequence[Barred]) -> tuple[Array, Array]:
+    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m].
+
+    The greatest that some load asks for at least, and the least that some load asks for at most.
+    """
     joint = problem.machine.linkages[i].joints[0]
     own, torque = problem.workspace.q[problem.held.pose, joint], problem.held.gravity[:, joint]
     angles, index = np.unique(own, return_inverse=True)
-    extremes = np.stack([np.full(len(angles), -np.inf), np.full(len(angles), np.inf)], axis=1)
-    np.maximum.at(extremes[:, 0], index, torque)
-    np.minimum.at(extremes[:, 1], index, torque)
+    order = np.lexsort([torque, index])
+    starts = np.searchsorted(index[order], np.arange(len(angles) + 1))
+    rows = np.stack([order[starts[1:] - 1], order[starts[:-1]]], axis=1)
+    extremes = torque[rows]
     ranged = problem.ranges[i]
     assert ranged is not None
     order = np.argsort(ranged.q[:, joint])
     arms = np.interp(angles, ranged.q[order, joint], problem.arms_today[i][order])
     chosen = np.unique([np.argsort(sign * end / arms)[-HOLDING_ANGLES:] for end in extremes.T for sign in (1, -1)])
-    return angles[chosen], extremes[chosen]
+    found = extremes[chosen]
+    for bar in bars:
+        rigid = problem.workspace.rigid[problem.held.pose[rows[chosen].ravel()]]
+        added = bar.gravity(rigid)[:, joint]
+        found[:, 0] += added.low[::2]
+        found[:, 1] += added.high[1::2]
+    return angles[chosen], found

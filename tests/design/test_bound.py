@@ -171,10 +171,11 @@ def test_any_prices_give_a_bound(seed: int) -> None:
     oil, (budget, today) = random.uniform(0, 2, 2), dual._budget
     prices = Prices(
         rows=dual.rows,
-        weight=np.einsum("nik,nij,njk->nk", inverse, z, inverse) / dual.reference,
+        weight=np.swapaxes(inverse, 1, 2) @ z @ inverse / dual.reference,
         trace=np.trace(z, axis1=1, axis2=2),
         oil=oil / today,
         constant=float(np.einsum("nij,nij->", z, base) + oil.sum() * budget),
+        light=1.0,
         mixed=0.0,
         shares=np.ones(len(dual.columns)),
     )
@@ -201,7 +202,7 @@ def test_branching_against_dense_sampling(name: str) -> None:
         for x in [search.x, *feasible_designs(problem, 15, k, own)]:
             machine = as_machine(problem, x)
             value = -prices.oil @ (problem.areas(x)[drive.cylinder] * machine.cylinders[drive.cylinder].stroke)
-            for row, weight in zip(prices.rows, prices.weight[:, k], strict=True):
+            for row, weight in zip(prices.rows, prices.weight[:, k, k], strict=True):
                 case = machine.with_payload(machine.payloads[problem.rows.payload[row]].name)
                 poses = case.evaluate(problem.workspace.rigid[problem.rows.pose[[row]]])
                 i, j = drive.cylinder, drive.joint
@@ -266,31 +267,47 @@ def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
     assert found.frequency >= hertz(search.squared)
 
 
-def test_no_bound_where_inertia_depends_on_pins_or_joints_are_shared() -> None:
-    """Heavy barrels follow their pins; several cylinders on every joint share its load."""
+def test_no_bound_where_joints_are_shared_or_a_heavy_four_bar_moves() -> None:
+    """Several cylinders on every joint share its load; a rocker that weighs follows its pivot."""
     single = problem_of("single")
-    heavy = build([BOOM], [replace(LIFT, extra="barrel_kg = 110\nrod_kg = 85")])
-    for machine in (heavy, redundant()):
+    for machine, vary in ((named("heavy_bars"), ("areas", "linkages")), (redundant(), ("areas", "pins"))):
         workspace = Workspace.grid(machine, points=[4] * len(machine.joints))
-        problem = Problem(
-            machine=machine, workspace=workspace, requirements=Requirements.of(machine), vary=("areas", "pins")
-        )
+        problem = Problem(machine=machine, workspace=workspace, requirements=Requirements.of(machine), vary=vary)
         assert upper_bound(problem, problem.start, np.arange(len(problem))) is None
     assert upper_bound(single, single.start, np.arange(len(single))) is not None
 
 
-def test_air_softens_so_the_bound_is_that_of_oil_alone() -> None:
-    """1 % of air lowers the optimum, not the bound, which says what it assumes."""
-    machine = build([BOOM], [LIFT], air_percent=1.0)
-    problem = Problem(
-        machine=machine,
-        workspace=workspace_of("single"),
-        requirements=Requirements.of(machine),
-        vary=("areas", "pins"),
-    )
+@pytest.mark.parametrize("percent", [0.5, 2.0])
+@pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
+def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None:
+    """Each chamber's oil at the greatest pressure that its design allows: no random design exceeds it."""
+    machine = build([BOOM], [LIFT], air_percent=percent)
+    requirements = Requirements.of(machine)
+    problem = Problem(machine=machine, workspace=workspace_of("single"), requirements=requirements, vary=vary)
     search = solved(problem, 1e-5)
     found = upper_bound(problem, search.x, search.rows)
     assert found is not None
-    assert "oil without air, which is stiffer" in found.assumptions
-    assert found.frequency == pytest.approx(bound_of(finished("single")), rel=TOLERANCE)
-    assert hertz(search.squared) < hertz(finished("single").squared)
+    reached = [hertz(problem.frequencies(x).min()) for x in feasible_designs(problem, 30)]
+    assert max([*reached, hertz(search.squared)]) <= found.frequency
+    assert found.frequency < hertz(search.squared) * 1.12  # measured, rounded up: 10 % of it is duality's
+    airless = replace(problem, machine=build([BOOM], [LIFT]))
+    without = upper_bound(airless, search.x, search.rows)
+    assert without is not None
+    assert found.frequency < without.frequency * 0.99
+
+
+def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
+    """Air's β over boxes of pins and volumes is never below that of a machine in them, by its own static pressures."""
+    machine = build([BOOM], [replace(LIFT, extra="hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }")],
+                    air_percent=1.0)  # fmt: skip
+    problem = Problem(
+        machine=machine, workspace=workspace_of("single"), requirements=Requirements.of(machine), vary=("areas", "pins")
+    )
+    search = solved(problem, 1e-4)
+    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
+    prices = dual.settled()
+    (most,) = dual.branched(prices, COARSE)
+    for x in [search.x, *feasible_designs(problem, 20)]:
+        squared = problem.frequencies(x, prices.rows)
+        weighted = prices.trace @ (squared / dual.reference)  # one joint: Σ ⟨Z, L⁻¹K L⁻ᵀ⟩ is the weighted mean
+        assert weighted <= prices.constant + most.upper + 1e-9

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from armdesign import Requirements, Workspace, load
 from armdesign.cylinder import stiffness
 from armdesign.design.branching import Share
-from armdesign.design.intervals import Interval
+from armdesign.design.intervals import Interval, interval
 from armdesign.design.own_limits import own_limits
 from armdesign.design.problem import Problem
 from armdesign.design.shapes import Shape, coordinates, shape_of
@@ -185,16 +185,17 @@ def test_shares_hold_stiffness(name: str, seed: int, width: list[float], place: 
         shape=shape,
         limits=limits,
         weight=np.concatenate([[0, 0], weight * machine.fluid.bulk_modulus]),
-        bend=np.concatenate([[0, 0], weight * gravity]),
+        bend=interval(np.concatenate([[0, 0], weight * gravity])),
         price=price,
         dead=np.array([old.cap_dead_volume, old.annulus_dead_volume]),
+        hoses=np.zeros(2),
     )
     at = coordinates(problem, i, shape, x)
     low, high = box_around(at, shape, np.array(width) * 0.1, np.array(place))
     volume, scale = (area * stroke)[None], np.abs(values).max()
-    bound, _, _ = share.enclosed(shape.enclose(low[:, :2], high[:, :2]), volume)
+    bound, _, _ = share.enclosed(shape.enclose(low[:, :2], high[:, :2]), volume, share.price[None])
     assert np.all(bound[0] >= np.array(values) - ROUNDING * scale)
-    none, _, _ = share.enclosed(shape.enclose(at[None, :2], at[None, :2]), volume)
+    none, _, _ = share.enclosed(shape.enclose(at[None, :2], at[None, :2]), volume, share.price[None])
     np.testing.assert_allclose(none[0], values, atol=1e-8 * scale)
 
 
@@ -209,14 +210,17 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         np.concatenate([[0, 0], random.normal(size=n - 2)]),
     )
     dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
-    share = Share(shape=shape, limits=limits, weight=weight, bend=1e-3 * bend, price=np.zeros(2), dead=dead)
+    share = Share(
+        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2), dead=dead,
+        hoses=np.zeros(2),
+    )  # fmt: skip
     volume = (problem.areas_today[i] * problem.machine.cylinders[i].stroke * random.uniform(0.5, 1.5, (5, 2)))[None]
     at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)  # off the telescope's axis
 
     def value(b: np.ndarray) -> np.ndarray:
-        return share.enclosed(shape.enclose(b[None], b[None]), volume)[0][0]
+        return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]
 
     steps = 1e-5 * (shape.high - shape.low)
     slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
-    found = share._slopes(shape.enclose(at[None], at[None]), volume)[0][0]
+    found = share._slopes(shape.enclose(at[None], at[None]), volume, (1.0, 1.0))[0][0]
     np.testing.assert_allclose(found, np.abs(slopes).T, atol=1e-6 * np.abs(found).max())

@@ -17,9 +17,11 @@ from test_problem import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
+from armdesign.design.bound import upper_bound
 from armdesign.design.check import static_loads
 from armdesign.design.codesign import hertz
 from armdesign.design.limits import limits
+from armdesign.design.own_bounds import barred
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Lift
 
@@ -344,3 +346,63 @@ def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
         assert new.rod_mass == pytest.approx(old.rod_mass * (new.rod / old.rod) ** 2 * longer, abs=1e-3)
     assert min(design.slacks.values()) >= -1e-9
     assert design.after.frame["f1_hz"].min() == pytest.approx(design.unrounded, rel=5e-3)
+
+    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without them."""
+
+
+# ----------------------------------------------------------------------------------------- the bound for pins and areas
+
+
+@pytest.mark.parametrize("name", ["double", "heavy_bars"])
+def test_own_masses_lie_within_their_intervals(name: str) -> None:
+    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without bars."""
+    machine = bars("double") if name == "double" else named(name)
+    problem = posed(machine, ("areas", "pins"))
+    enclosed, random = barred(problem), np.random.default_rng(7)
+    assert enclosed is not None
+    assert [bar.cylinder for bar in enclosed] == list(range(len(machine.cylinders)))
+    rows = np.arange(0, len(problem), 5)
+    rigid = problem.workspace.rigid[problem.rows.pose[rows]]
+    root = random.normal(size=(len(rows), len(machine.joints), len(machine.joints)))
+    weights, squared = root @ np.swapaxes(root, 1, 2), 400.0
+    gravity = [bar.gravity(rigid) for bar in enclosed]
+    low, high = sum(g.low for g in gravity), sum(g.high for g in gravity)
+    worths = [bar.worth(rigid, weights, squared) for bar in enclosed]
+    bottom, top = problem.bounds
+    tried = 0
+    for _ in range(200):
+        x = np.clip(random.uniform(bottom, top), None, 1.1)
+        areas = problem.areas(x)
+        if np.any(areas[:, 1] > areas[:, 0]):
+            continue
+        mass, torque, slope = problem.loads(x, problem.rows, rows)
+        bare = problem.rows.mass, problem.rows.gravity, problem.rows.slope
+        own = [part - base[rows] for part, base in zip((mass, torque, slope), bare, strict=True)]
+        scale = np.abs(own[1]).max()
+        assert np.all(own[1] >= low - 1e-9 * scale)
+        assert np.all(own[1] <= high + 1e-9 * scale)
+        value = float(np.einsum("nij,nij->", weights, own[2] - squared * own[0]))
+        most = sum(w[0] * a[0] + w[1] * (a[0] - a[1]) for w, a in zip(worths, areas, strict=True))
+        assert value <= most + 1e-9 * abs(value)
+        tried += 1
+    assert tried > 20
+
+
+@pytest.mark.parametrize(("name", "gap"), [("single", 0.05), ("double", 0.12)])
+def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
+    """Allowed designs drawn in the boxes; ``gap``: measured and rounded up, bars here are half of all inertia."""
+    problem = posed(bars(name), ("areas", "pins"))
+    search, random = solved(problem, 1e-5), np.random.default_rng(8)
+    found = upper_bound(problem, search.x, search.rows)
+    assert found is not None
+    assert "own masses in proportion to areas and lengths" in found.assumptions
+    assert hertz(search.squared) <= found.frequency < hertz(search.squared) * (1 + gap)
+    low, high = problem.bounds
+    tried = 0
+    for _ in range(600):
+        pin = np.array([v.pin is not None for v in problem.variables])
+        x = np.where(pin, random.uniform(low, high) * random.uniform(), random.uniform(0.8, 1.1, len(low)))
+        if limits(problem, x).values.min() >= 0:
+            assert hertz(problem.frequencies(x).min()) <= found.frequency
+            tried += 1
+    assert tried > 5
