@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap
-    from armdesign.report import Sheet
+    from armdesign.report.sheet import Sheet
     from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
 
@@ -101,8 +101,9 @@ def map_command(
     Prints the worst pose, percentiles, which cylinder limits and what holds the lowest mode. Writes map.csv and
     stiffness.csv, heatmaps over joints and over the tool's reach, static pressures, moment arms.
     """
-    from armdesign import plots, report
+    from armdesign import plots
     from armdesign.maps import frequency_map
+    from armdesign.report.maps import map_sheets
 
     with _progress("mapping the workspace"):
         model, workspace = _model(machine, points, out, allow_outside)
@@ -112,7 +113,7 @@ def map_command(
         _write_csv(frequencies.stiffness, folder / "stiffness.csv")
         _write_heatmaps(frequencies, folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
-    _print(report.map_sheets(frequencies, units.units))
+    _print(map_sheets(frequencies, units.units))
 
 
 @app.command()
@@ -132,7 +133,7 @@ def optimize(
 
     Writes <name>_optimized.toml and its URDF, maps before and after on one colour scale, moment arms.
     """
-    from armdesign import report
+    from armdesign.report.designs import design_sheets
 
     if bool(least) != bool(frequency) or (least and catalogue):
         raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
@@ -145,7 +146,7 @@ def optimize(
             design = _design(model, workspace, vary, catalogue, bands, say)
     with _outputs(out) as folder:
         _write_design(design, folder)
-    _print(report.design_sheets(design, units.units))
+    _print(design_sheets(design, units.units))
 
 
 @app.command()
@@ -164,8 +165,9 @@ def pareto(
 
     A best design for each value of one limit; writes pareto.csv and pareto.png.
     """
-    from armdesign import plots, report
+    from armdesign import plots
     from armdesign.design.pareto import pareto as trade_off
+    from armdesign.report.designs import pareto_sheet
 
     with _progress("looking for the best design under each limit"):
         numbers = _numbers(values)
@@ -176,7 +178,7 @@ def pareto(
     with _outputs(out) as folder:
         _write_csv(table, folder / "pareto.csv")
         plots.save(found.plot().figure, folder / "pareto.png")
-    _print([report.pareto_sheet(found, units.units)])
+    _print([pareto_sheet(found, units.units)])
 
 
 @app.command()
@@ -191,7 +193,8 @@ def validate(
 
     Every cylinder at the worst, the median and the best pose; writes validation.csv and the frequency responses.
     """
-    from armdesign import plots, report
+    from armdesign import plots
+    from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
     with _progress("simulating the worst, the median and the best pose"):
@@ -200,7 +203,7 @@ def validate(
     with _outputs(out) as folder:
         _write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-    _print([report.validation_sheet(validations), report.verdict(list(validations.values()))])
+    _print([validation_sheet(validations), verdict(list(validations.values()))])
 
 
 @app.command()
@@ -217,7 +220,10 @@ def design(
 
     Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file, maps, CSVs and report.
     """
-    from armdesign import plots, report
+    from armdesign import plots
+    from armdesign.report.designs import design_sheets, summary
+    from armdesign.report.sheet import html
+    from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation.validation import validate_maps
 
     with _progress("mapping the workspace") as say:
@@ -226,21 +232,21 @@ def design(
         say("simulating the worst, the median and the best pose, today and new")
         proof = dict(zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True))
         say("writing the report")
-        sheets, worst = report.design_sheets(answer, units.units), {k: v.by_pose["worst"] for k, v in proof.items()}
+        sheets, worst = design_sheets(answer, units.units), {k: v.by_pose["worst"] for k, v in proof.items()}
         every = {f"{label} {pose}": one for label, found in proof.items() for pose, one in found.by_pose.items()}
-        said = report.verdict(list(proof.values()))
+        said = verdict(list(proof.values()))
         with _outputs(out) as folder:
             pictures = _write_design(answer, folder)
             _write_validations(proof, folder, "version")
             response = plots.save(plots.frequency_responses(worst), folder / "frequency_responses.png")
             pictures.append(("Nonlinear simulation: a small slow sweep at each machine's worst pose", response))
             title = f"{model.section.title or model.name}: new cylinders and pins"
-            lead = f"{report.lead(answer)} In nonlinear simulation, {said}."
-            page = report.html(title, lead, [*sheets, report.validation_sheet(every)], pictures)
+            lead = f"{summary(answer)} In nonlinear simulation, {said}."
+            page = html(title, lead, [*sheets, validation_sheet(every)], pictures)
             (folder / "report.html").write_text(page, encoding="utf-8")
-        shown = report.validation_sheet({label: found.limiting for label, found in worst.items()})
+        shown = validation_sheet({label: found.limiting for label, found in worst.items()})
         sheets.append(dataclasses.replace(shown, note=f"{said}: validation.csv; {shown.note}"))
-    _print([*sheets, report.lead(answer)])
+    _print([*sheets, summary(answer)])
 
 
 @app.command()
@@ -254,10 +260,10 @@ def check(
 
     Masses, joint ranges and what ends them, reach, moment arms, static pressures, what looks odd. Writes nothing.
     """
-    from armdesign import report
     from armdesign.inspection import inspect
     from armdesign.machine import load
     from armdesign.problems import problems
+    from armdesign.report.inspections import check_sheets
     from armdesign.workspace import Workspace
 
     counts = _counts(points)
@@ -265,7 +271,7 @@ def check(
         faults = problems(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
-            sheets = report.check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
+            sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
     if faults:
         for fault in faults:
             print(f"armdesign: {fault}", file=sys.stderr)
@@ -337,7 +343,8 @@ def paper(out: OutOption = Path("out")) -> None:
     paper_scan.csv, paper_sweep_bias.csv and its figures.
     """
     from armdesign import paper as source
-    from armdesign import plots, report
+    from armdesign import plots
+    from armdesign.report.paper import paper_sheets
     from armdesign.simulation.bias import sweep_bias
 
     _check_out(out)
@@ -353,7 +360,7 @@ def paper(out: OutOption = Path("out")) -> None:
         _write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(found.plot(formula), folder / f"paper_figures_{name}.png")
-    _print(report.paper_sheets(found, errata, scan, bias))
+    _print(paper_sheets(found, errata, scan, bias))
 
 
 def _design(
@@ -519,7 +526,7 @@ def _progress(text: str) -> Iterator[Callable[[str], None]]:
 def _print(items: Sequence[Sheet | str]) -> None:
     from rich.console import Console
 
-    from armdesign.report import rich_table
+    from armdesign.report.sheet import rich_table
 
     console = Console()
     if not console.is_terminal:

@@ -13,7 +13,9 @@ from armdesign import machine_file
 from armdesign.design.requirements import Requirements
 from armdesign.machine import Machine
 from armdesign.maps import FrequencyMap, frequency_map
-from armdesign.report import Sheet, loads_sheet, pose_text, spread_sheet
+from armdesign.report.designs import loads_sheet
+from armdesign.report.maps import spread_sheet
+from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 from armdesign.workspace import MARGIN_TOLERANCE, Workspace
 

@@ -13,10 +13,11 @@ from test_bad_input import URDF, damaged
 from test_cli import main
 
 import armdesign as ad
-from armdesign import report, urdf_faults
+from armdesign import urdf_faults
 from armdesign.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect
 from armdesign.machine import Machine
 from armdesign.problems import problems
+from armdesign.report.inspections import check_sheets
 from armdesign.units import SI, WORKSHOP
 
 EXCAVATOR = machines.named("excavator_20t")
@@ -141,7 +142,7 @@ def test_facts_of_the_20_t_machine() -> None:
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "paper_1dof", "redundant", "branched"])
 def test_sheets_of_every_kind_of_machine(name: str, units: object) -> None:
     machine = machines.named(name)
-    sheets = report.check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)), units)  # type: ignore[arg-type]
+    sheets = check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)), units)  # type: ignore[arg-type]
     for sheet in sheets:
         assert all(len(row) == (len(sheet.columns) or 2) for row in sheet.rows)
         assert "nan" not in str(sheet.rows)
@@ -395,7 +396,7 @@ def test_whatever_is_refused_has_a_problem_and_the_other_way_round(what: str, tm
             continue
         assert not found or "workspace" in str(found[0]), (seed, found)
         if not found and seed % 4 == 0:
-            report.check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
+            check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
 
 
 def test_a_supply_that_cannot_pull() -> None:

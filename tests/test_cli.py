@@ -17,9 +17,10 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign import cli, report
+from armdesign import cli
 from armdesign.bands import worst_within
 from armdesign.errors import ArmDesignError
+from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
 
 COMMANDS = ["map", "optimize", "validate", "design"]  # all take MACHINE, --out, --points and --units
@@ -204,7 +205,7 @@ def test_every_table_in_both_habits() -> None:
     """One table of units serves all sheets: a bore of 120 mm is 0.1200 m, 350 bar × area is in kN or N."""
     machine = machines.named("excavator_20t")
     found = ad.size_cylinders(machine, ad.Workspace.grid(machine, 4))
-    workshop, si = (report.design_sheets(found, units) for units in (WORKSHOP, SI))
+    workshop, si = (design_sheets(found, units) for units in (WORKSHOP, SI))
     assert [len(sheet.rows) for sheet in workshop] == [len(sheet.rows) for sheet in si]
     assert workshop[1].rows[0][:3] == ("boom", "2 × 120.0", "85.0")
     assert si[1].rows[0][:3] == ("boom", "2 × 0.1200", "0.0850")

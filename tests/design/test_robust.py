@@ -13,12 +13,13 @@ from machines import named
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import Requirements, Workspace, report
+from armdesign import Requirements, Workspace
 from armdesign.bands import scaled_links, worst_within
 from armdesign.design.catalogue import sized
 from armdesign.design.check import check
 from armdesign.design.codesign import hertz
 from armdesign.design.limits import limits
+from armdesign.report.designs import design_sheets, pareto_sheet
 
 BANDS = ad.Bands(bulk_modulus=(0.7, 1.1), dead_volume=(1.0, 1.2), payload=(0.8, 1.25), link_mass=(0.95, 1.05))
 AIRY = ad.Bands(bulk_modulus=(0.8, 1.0), air=(0.0, 0.02), payload=(0.8, 1.25))
@@ -130,7 +131,7 @@ def test_trade_off_for_bands() -> None:
         assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
         assert row["banded_hz"] == worst_within(design.machine, workspace, BANDS).frequency
         assert row["banded_hz"] < row["frequency_hz"]
-    sheet = report.pareto_sheet(found)
+    sheet = pareto_sheet(found)
     assert sheet.columns[3] == "in the bands"
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
     assert "worst within the bands" in [line.get_label() for line in found.plot().lines][2]
@@ -169,14 +170,14 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
     text = machine.text + "\n[bands]\nbulk_modulus_share = [0.7, 1.1]\n"
     stated = ad.Machine.from_text(text, machine.urdf_text, machine.source)
     found = ad.size_cylinders(stated, workspace)
-    sheet = report.design_sheets(found)[-1]
+    sheet = design_sheets(found)[-1]
     assert sheet.title.startswith("Worst frequency within the bands")
     assert sheet.rows[0][1:] == tuple(
         f"{f:.3f} Hz"
         for f in (found.band_before.low.frequency, found.band_before.nominal, found.band_before.high.frequency)
     )
     assert "oil 0.7 to 1.1 ×" in sheet.note
-    robust = report.design_sheets(ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated)))
+    robust = design_sheets(ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated)))
     assert "; in the worst of the bands; optimum before rounding" in robust[0].note
     assert robust[-1].note.endswith("; the new machine was made for the least")
-    assert "bands" not in report.design_sheets(ad.size_cylinders(machine, workspace))[-1].title
+    assert "bands" not in design_sheets(ad.size_cylinders(machine, workspace))[-1].title

@@ -16,8 +16,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import paper, report
+from armdesign import paper
 from armdesign.errors import SimulationError
+from armdesign.report.paper import paper_sheets
 from armdesign.simulation.bias import sweep_bias
 from armdesign.simulation.identification import spectral_peak
 
@@ -274,7 +275,7 @@ def test_pictures_have_the_papers_form(corners: paper.Reproduction) -> None:
 
 
 def test_sheets_say_what_was_found(corners: paper.Reproduction, scanned: pd.DataFrame) -> None:
-    choices, frequencies, bias, errors, errata, *scans = report.paper_sheets(
+    choices, frequencies, bias, errors, errata, *scans = paper_sheets(
         corners, paper.errata(corners.mechanism), scanned, sweep_bias(periods=(10, 300))
     )
     assert ("cylinder", "asymmetric", "63.0/36.0 mm, stroke 200.0 mm, dead 0.10 l and 0.10 l") in choices.rows

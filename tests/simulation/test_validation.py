@@ -11,11 +11,12 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign import Machine, report
+from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.linearization import linearize, without_dry_friction
 from armdesign.machine import shipped
 from armdesign.modes import energy_shares, natural_modes
+from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import motion
 from armdesign.simulation import validation as judging
 from armdesign.simulation.bias import sweep_bias
@@ -180,15 +181,15 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert "to hold the load, supply is 60 bar" in found.frame["remark"].iloc[0]
     assert list(np.isnan(found.frame["identified_hz"])) == [True, False, False]
     assert list(found.by_pose) == ["1", "2"]
-    sheet = report.validation_sheet(found.by_pose)
+    sheet = validation_sheet(found.by_pose)
     assert ["failed" in row for row in sheet.rows] == [True, False, False]
     assert "Failed: 1, load, lift: paper_1dof: lift cylinder: needs" in sheet.note
-    assert "2 of all 3 sweeps" in report.verdict([found])
-    assert "1 failed" in report.verdict([found])
+    assert "2 of all 3 sweeps" in verdict([found])
+    assert "1 failed" in verdict([found])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs
-    assert report.verdict([nothing]).endswith("agree, 4 failed")  # two poses before, one in either of its runs
+    assert verdict([nothing]).endswith("agree, 4 failed")  # two poses before, one in either of its runs
     assert len(nothing.plot().axes) == 1
     with pytest.raises(SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"):
         validate(machine, [0.6])

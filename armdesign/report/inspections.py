@@ -1,0 +1,148 @@
+"""Sheets of an inspected machine file: what it amounts to and what looks odd."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armdesign.report.sheet import Sheet, dimensions, unit_of
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.inspection import Inspection
+
+
+def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:
+    """What a machine file amounts to, and what looks odd in it."""
+    return [
+        _summary(inspection, units),
+        _masses(inspection, units),
+        _joints(inspection, units),
+        _cylinders(inspection, units),
+        *([_motors(inspection, units)] if inspection.machine.motors else []),
+        _levers(inspection, units),
+        _static_loads(inspection, units),
+        _oddities(inspection, units),
+    ]
+
+
+def _summary(inspection: Inspection, units: Units) -> Sheet:
+    machine, tool = inspection.machine, inspection.tool
+    (near, low), (far, high) = tool.min(axis=0), tool.max(axis=0)
+    supply, fluid = machine.supply, machine.fluid
+    frozen = [name for name in machine.section.frozen if name not in machine.joints]
+    air = f", {100 * fluid.air:g} % air" if fluid.air else ""
+    rows = [
+        ("joints", ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")),
+        ("tool", f"on {machine.tool.link}; reach {near:.2f} to {far:.2f} m, height {low:.2f} to {high:.2f} m"),
+        (
+            "supply",
+            f"{units.text(supply.pressure, 'Pa')}, return {units.text(supply.return_pressure, 'Pa')}, "
+            f"{units.text(supply.flow, 'm³/s')}",
+        ),
+        ("oil", f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³"),
+    ]
+    return Sheet(title=f"{machine.section.title or machine.name} ({machine.source.name})", rows=tuple(rows))
+
+
+def _masses(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for link, mass in inspection.masses.items():
+        carrier = machine.arm.links[link].joint
+        rows.append((f"link {link}", f"{mass:.1f}", machine.joints[carrier] if carrier >= 0 else "stands still"))
+    for cylinder in machine.cylinders:
+        rows += [(f"{cylinder.name} {bar}", f"{mass:.1f}", "") for bar, mass in cylinder.moving_masses.items()]
+    for payload in machine.payloads:
+        where = f"on {payload.link}" if payload.link else ""
+        if payload.pitch:
+            held = 100 * inspection.share_held(payload.name)
+            where += f", pitch {units.span(*payload.pitch, 'rad')}: {held:.0f} % of the poses"
+        rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
+    bare = [c.name for c in machine.cylinders if not c.moving_masses]
+    note = f"no mass given for cylinder{'s' if len(bare) > 1 else ''} {', '.join(bare)}" if bare else ""
+    return Sheet(title="Masses", columns=("what", "mass [kg]", "where"), rows=tuple(rows), note=note)
+
+
+def _joints(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for j, joint in enumerate(machine.arm.joints):
+        unit = unit_of(joint)
+        low, high = machine.ranges[j]
+        ends = [inspection.ended_by(j, end) for end in (0, 1)]
+        rows.append((joint.name, units.text(low, unit), ends[0], units.text(high, unit), ends[1]))
+    return Sheet(
+        title="Joint ranges",
+        columns=("joint", "from", "ended by", "to", "ended by"),
+        rows=tuple(rows),
+        note="in, out: that cylinder is at its end stop",
+    )
+
+
+def _cylinders(inspection: Inspection, units: Units) -> Sheet:
+    rows = []
+    for i, cylinder in enumerate(inspection.machine.cylinders):
+        dead, used = units.number(cylinder.dead_length, "m"), f"{100 * inspection.stroke_used(i):.0f} %"
+        rows.append((cylinder.name, *dimensions(cylinder, units), dead, used))
+    return Sheet(
+        title=f"Cylinders [{units.name('m')}]",
+        columns=("cylinder", "bore", "rod", "stroke", "closed", "dead length", "stroke used"),
+        rows=tuple(rows),
+        note="dead length: closed length less stroke",
+    )
+
+
+def _motors(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for motor in machine.motors:
+        drop = machine.supply.pressure - machine.supply.return_pressure
+        speed = machine.supply.flow / motor.bore_area
+        sides = [units.text(volume, "m³") for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)]
+        most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
+        rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
+    return Sheet(
+        title="Motors",
+        columns=("motor", "joint", "gear ratio", "oil a", "oil b", "torque at supply", "speed at all the flow"),
+        rows=tuple(rows),
+    )
+
+
+def _levers(inspection: Inspection, units: Units) -> Sheet:
+    machine, rows = inspection.machine, []
+    for lever in inspection.levers:
+        joint = machine.arm.joints[lever.joint]
+        unit, even = ("m/rad" if joint.revolute else "m/m"), lever.most - lever.least < 1e-9
+        cells = []
+        for arm, at in ((lever.least, lever.least_at), (lever.most, lever.most_at)):
+            where = "everywhere" if even else units.text(at, unit_of(joint))
+            cells += [units.number(arm, unit), where]
+        rows.append((machine.cylinders[lever.cylinder].name, joint.name, *cells))
+    per = f"[{units.name('m/rad')}]"
+    return Sheet(
+        title="Moment arms",
+        columns=("cylinder", "about joint", f"least {per}", "at", f"largest {per}", "at"),
+        rows=tuple(rows),
+        note="of a sliding joint: cylinder travel per joint travel" if any("everywhere" in row for row in rows) else "",
+    )
+
+
+def _static_loads(inspection: Inspection, units: Units) -> Sheet:
+    rows = []
+    for load in inspection.loads:
+        name = inspection.machine.functions[load.cylinder].name
+        side = "cap" if load.cap else "rod"
+        share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
+        rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
+    return Sheet(
+        title="Largest static loads over the workspace",
+        columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of what holds"),
+        rows=tuple(rows),
+        note="of what holds: static force over that of supply against return pressure",
+    )
+
+
+def _oddities(inspection: Inspection, units: Units) -> Sheet:
+    rows = tuple((finding.part, finding.words) for finding in inspection.findings(units))
+    return Sheet(
+        title="What looks odd" if rows else "Nothing looks odd",
+        rows=rows,
+        note="no errors: the file can be used; look at these numbers again" if rows else "",
+    )

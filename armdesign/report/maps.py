@@ -1,0 +1,80 @@
+"""Sheets of a frequency map: the worst pose, the spread, who limits, what the stiffness is made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.cylinder import kind
+from armdesign.report.sheet import Sheet, pose_text
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.maps import FrequencyMap
+
+UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+
+
+def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
+    """Worst pose, percentiles and the cylinder that limits, of one map."""
+    machine, worst = frequencies.machine, frequencies.worst
+    reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
+    limiting = next(function for function in machine.functions if function.name == worst.cylinder)
+    head = Sheet(
+        title=f"{machine.section.title or machine.name}: lowest natural frequency",
+        rows=(
+            ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
+            ("at", pose_text(machine, worst, units)),
+            ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
+            ("limited by", f"{worst.cylinder} {kind(limiting)}"),
+        ),
+        bold=(0,),
+    )
+    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+
+
+def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
+    """Percentiles of the lowest frequency per load case, of one or more maps."""
+    rows = []
+    for label, frequencies in maps.items():
+        for payload, part in frequencies.frame.groupby("payload", sort=False):
+            f = part["f1_hz"].to_numpy()
+            spread = (f"{value:.3f}" for value in (f.min(), *np.percentile(f, [5, 50, 95])))
+            rows.append((f"{label}, {payload}" if label else str(payload), f"{len(f)}", *spread))
+    columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
+    return Sheet(title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows))
+
+
+def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
+    frame, rows = frequencies.frame, []
+    for cylinder in frequencies.machine.functions:
+        limits = frequencies.limiting == cylinder.name
+        ratios = []
+        for formula in ("locked", "rigid"):
+            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
+            ratios.append(f"{ratio.median():.2f}" if limits.any() else "–")
+        rows.append((cylinder.name, f"{100 * limits.mean():.1f} %", *ratios))
+    return Sheet(
+        title="Which cylinder limits, and what simpler formulas say there",
+        columns=("cylinder", "limits poses", "locked / coupled", "rigid load / coupled"),
+        rows=tuple(rows),
+        note="medians over the poses that the cylinder limits; 1.00 would be right",
+    )
+
+
+def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
+    stable = frequencies.frame["f1_hz"].to_numpy() > 0
+    shares = 100 * frequencies.stiffness_shares[stable]
+    origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
+    rows = [
+        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in share.quantile((0, 0.5, 1))))
+        for part, share in shares.items()
+        if len(share)
+    ]
+    return Sheet(
+        title="What the stiffness of the lowest mode is made of",
+        columns=("part", "least", "median", "greatest"),
+        rows=tuple(rows),
+        note="shares of each pose's stiffness, all load cases; negative: it softens; every pose is in stiffness.csv",
+    )
