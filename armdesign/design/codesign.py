@@ -102,7 +102,7 @@ class Search:
         """Merit that one step promises for each of some designs near ``x`` when their ``given`` entries are to stay."""
         here = self._trial(self.x, self.limits)
         low, high = np.maximum(self.bounds[0] - self.x, -0.02), np.minimum(self.bounds[1] - self.x, 0.02)
-        model = self._model(here, self._active(here.squared, []), low, high)
+        model = self._model(here, self.active(here.squared), low, high)
         found = []
         for x in designs:
             low[given] = high[given] = (x - self.x)[given]
@@ -128,7 +128,7 @@ class Search:
         linear, low, high = relaxed
         bound = math.inf
         base, slopes = (part / self.reference for part in self.problem.chord_matrices(low, high, self.rows))
-        chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
+        chosen = np.flatnonzero(np.isin(self.rows, self.active(self.problem.frequencies(self.x, self.rows))))
         kept = self.programme
         count = kept.shape[2] if kept else 0
         room = (*_padded(linear.values, linear.jacobian, count), np.zeros(len(low)), high - low)
@@ -162,7 +162,7 @@ class Search:
         low_x, high_x = self.bounds
         pinned: list[int] = []
         for _ in range(STEPS):
-            active = self._active(here.squared, pinned)
+            active = self.active(here.squared, pinned)
             low, high = np.maximum(low_x - here.x, -trust), np.minimum(high_x - here.x, trust)
             try:
                 model = self._model(here, active, low, high)
@@ -245,7 +245,7 @@ class Search:
         here = self._trial(self.x, self.limits)
         low_x, high_x = self.bounds
         low, high = np.maximum(low_x - self.x, -0.05), np.minimum(high_x - self.x, 0.05)
-        model = self._model(here, self._active(here.squared, []), low, high)
+        model = self._model(here, self.active(here.squared), low, high)
         try:
             step = self._solve(model, low, high)
         except InfeasibleError:  # the solver gave up: nothing is known
@@ -267,7 +267,7 @@ class Search:
                 gains[name] = gains.get(name, 0.0) + float(gain)
         return gains
 
-    def _active(self, squared: Array, pinned: list[int]) -> Array:
+    def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
         place = self.problem.pose_of(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
