@@ -408,29 +408,31 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
     ours = Found.of("co-design", problem, design.x, seconds)
     count = int((np.ptp(problem.bounds, axis=0) > 0).sum())
     print(f"{name}: {count} variables, {len(problem)} rows, today {today:.4f} Hz", flush=True)
-    found = [ours]
+    told(ours, ours, today)
+    best = 0.0
     for method in (evolution, adaptation, programming):
         longer = first and method is evolution
         task = Task(problem, LONGEST * seconds if longer else budget, ours.frequency if longer else math.inf)
         method(task)
         in_time = [x for spent, _, x in task.trace if spent <= budget]
         x = in_time[-1] if in_time else problem.start
-        found.append(Found.of(METHODS[method.__name__], problem, x, min(task.spent, budget)))
+        found = Found.of(METHODS[method.__name__], problem, x, min(task.spent, budget))
+        told(found, ours, today)
+        best = max(best, found.frequency if found.feasible else 0.0)
         if longer:
-            race = task
-    best = max((f.frequency for f in found[1:] if f.feasible), default=0.0)
-    for f in found:
-        verdict = f"{f.frequency / ours.frequency - 1:+.3%} of ours"
-        if f is ours:
-            verdict = f"never below the best of the others: {judgement(best <= ours.frequency * (1 + ALIKE))}"
-        figures = f"{f.frequency:8.4f} Hz {f.frequency / today - 1:+7.2%}, off the grid {f.refined:8.4f} Hz"
-        met = f"{'feasible' if f.feasible else 'infeasible'} (slack {f.slack:+.0e})"
-        print(f"  {f.method:<24} {figures}  {met}  {f.seconds:6.1f} s  {verdict}", flush=True)
+            raced(task, ours, seconds)
+    print(f"  never below the best of the others: {judgement(best <= ours.frequency * (1 + ALIKE))}", flush=True)
     if name in LEAST:
         gain = ours.frequency / today - 1
         print(f"  gain {gain:+.1%}, target {LEAST[name]:+.0%}: {judgement(gain >= LEAST[name])}")
-    if first:
-        raced(race, ours, seconds)
+
+
+def told(found: Found, ours: Found, today: float) -> None:
+    """One line of the table."""
+    figures = f"{found.frequency:8.4f} Hz {found.frequency / today - 1:+7.2%}, off the grid {found.refined:8.4f} Hz"
+    met = f"{'feasible' if found.feasible else 'infeasible'} (slack {found.slack:+.0e})"
+    of_ours = f"{found.frequency / ours.frequency - 1:+.3%} of ours" if found is not ours else ""
+    print(f"  {found.method:<24} {figures}  {met}  {found.seconds:6.1f} s  {of_ours}".rstrip(), flush=True)
 
 
 def raced(task: Task, ours: Found, seconds: float) -> None:
