@@ -71,7 +71,7 @@ def _climbed(search: Search, rows: Array) -> Array:
             return np.full_like(value, FAILED), jacobian
         if z.tobytes() not in known:
             at = limits(problem, x, search.holding)
-            base, slopes = (part / search.reference for part in problem.matrices(x, rows))
+            base, slopes = (part / problem.scale for part in problem.matrices(x, rows))
             squared, vectors = np.linalg.eigh(base)
             slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES].reshape(-1, len(x))
             value = np.concatenate([squared[:, :MODES].ravel() - z[-1], at.values])
@@ -82,7 +82,7 @@ def _climbed(search: Search, rows: Array) -> Array:
 
     found = minimize(
         lambda z: -z[-1],
-        np.append(start[free], search.squared / search.reference),
+        np.append(start[free], search.squared / problem.scale),
         jac=lambda z: np.append(np.zeros(len(z) - 1), -1.0),
         bounds=[*zip(low[free], high[free], strict=True), (None, None)],
         constraints={"type": "ineq", "fun": lambda z: constraints(z)[0], "jac": lambda z: constraints(z)[1]},
