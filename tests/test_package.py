@@ -22,7 +22,7 @@ ORDER = [
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check", "design.choices"),
     *("design.variables", "design.still", "design.problem", "design.limits", "design.conflict", "design.sizing"),
-    *("design.codesign", "design.settling", "design.rounding", "design.selection"),
+    *("design.codesign", "design.polishing", "design.settling", "design.rounding", "design.selection"),
     *(
         "design.intervals",
         "design.own_bounds",

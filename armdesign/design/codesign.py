@@ -112,7 +112,7 @@ class Search:
         """Merit that one step promises for each of some designs near ``x`` when their ``given`` entries are to stay."""
         here = self._trial(self.x, self.limits)
         low, high = np.maximum(self.bounds[0] - self.x, -0.02), np.minimum(self.bounds[1] - self.x, 0.02)
-        model = self._model(here, self._active(here.squared, []), low, high)
+        model = self._model(here, self.active(here.squared), low, high)
         found = []
         for x in designs:
             low[given] = high[given] = (x - self.x)[given]
@@ -142,7 +142,7 @@ class Search:
         chords = self.problem.chord_matrices(low, high, self.rows, self.x, near)
         base, slopes = (part / self.reference for part in chords)
         light = self.problem.lightness(self.x, self.rows)
-        chosen = np.flatnonzero(np.isin(self.rows, self._active(self.problem.frequencies(self.x, self.rows), [])))
+        chosen = np.flatnonzero(np.isin(self.rows, self.active(self.problem.frequencies(self.x, self.rows))))
         kept = self.programme
         count = kept.shape[2] if kept else 0
         room = (*_padded(linear.values, linear.jacobian, count), np.zeros(len(low)), high - low)
@@ -177,7 +177,7 @@ class Search:
         low_x, high_x = self.bounds
         pinned: list[int] = []
         for _ in range(STEPS):
-            active = self._active(here.squared, pinned)
+            active = self.active(here.squared, pinned)
             low, high = np.maximum(low_x - here.x, -trust), np.minimum(high_x - here.x, trust)
             try:
                 model = self._model(here, active, low, high)
@@ -264,7 +264,7 @@ class Search:
         here = self._trial(self.x, self.limits)
         low_x, high_x = self.bounds
         low, high = np.maximum(low_x - self.x, -NEAR), np.minimum(high_x - self.x, NEAR)
-        model = self._model(here, self._active(here.squared, []), low, high)
+        model = self._model(here, self.active(here.squared), low, high)
         try:
             step = self._solve(model, low, high)
         except InfeasibleError:  # the solver gave up: nothing is known
@@ -308,7 +308,7 @@ class Search:
         reached, now = (s.value - PRICE * s.violation for s in (other, step))
         return math.sqrt(max(reached / now, 1.0)) - 1 if now > 0 else math.inf
 
-    def _active(self, squared: Array, pinned: list[int]) -> Array:
+    def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
         place = self.problem.pose_of(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -41,8 +41,10 @@ TIGHTENING = 1e-4  # share by which limits are drawn in for that
 RETUNED = 4  # times that pins are tuned again, with more in reserve each time
 TOLERANCE = 1e-9  # of a slack
 
+Judged: TypeAlias = tuple[Machine, tuple[Check, ...]]
 
-def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
+
+def rounded(search: Search) -> Judged:
     """The best machine near the optimum that can be written and meets every requirement; today's if none is better.
 
     Where pins vary, bores and rods, the coarser ones, are rounded first and the pins follow, see ``_tuned``. Where that
@@ -51,31 +53,34 @@ def rounded(search: Search) -> tuple[Machine, tuple[Check, ...]]:
     limits are drawn in more.
     """
     today = search.problem.machine
-    passed = [machine for machine in _tuned(search) if not _failed(machine, search)]
+    passed = [judged for judged in (_judged(machine, search) for machine in _tuned(search)) if not _failed(judged)]
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3) if not passed else ():
         inner = _near(search, search.problem.tightened(tightening), search.x, search.bounds).run(0.02, 1e-5)
         for changes in _candidates(inner):
-            machine = _through_file(today, changes)
-            if not _failed(machine, search):
-                passed.append(machine)
+            judged = _judged(_through_file(today, changes), search)
+            if not _failed(judged):
+                passed.append(judged)
                 break
         if passed:
             break
+    if len(passed) > 1:  # of one alone nothing need be known
+        passed = [max(passed, key=lambda judged: worst_on_poses(judged[0], search.problem))]
     if passed:
-        return _better(max(passed, key=lambda machine: worst_on_poses(machine, search.problem)), search)
+        return _better(passed[0], search)
     if not _hardly_gained(search):
         missed = _nearest_misses(search)
         words = f"no sizes on the 0.1 mm grid meet all requirements{nearest(missed)}"
         raise InfeasibleError(today.name, words, "loosen them", missed)
-    return today, _judged(today, search)
+    return _judged(today, search)
 
 
-def _judged(machine: Machine, search: Search) -> tuple[Check, ...]:
-    return check(machine, search.problem.machine, search.problem.workspace, search.problem.requirements)
+def _judged(machine: Machine, search: Search) -> Judged:
+    problem = search.problem
+    return machine, check(machine, problem.machine, problem.workspace, problem.requirements)
 
 
-def _failed(machine: Machine, search: Search) -> list[Check]:
-    return [c for c in _judged(machine, search) if c.slack < -TOLERANCE]
+def _failed(judged: Judged) -> list[Check]:
+    return [c for c in judged[1] if c.slack < -TOLERANCE]
 
 
 def _near(search: Search, problem: Problem, x: Array, bounds: tuple[Array, Array]) -> Search:
@@ -129,12 +134,13 @@ def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Arr
     return found
 
 
-def _better(machine: Machine, search: Search) -> tuple[Machine, tuple[Check, ...]]:
+def _better(judged: Judged, search: Search) -> Judged:
     """The rounded machine; or today's, if what the search gained is less than what rounding cost."""
     today = search.problem.machine
-    if _hardly_gained(search) and worst_on_poses(machine, search.problem) <= worst_on_poses(today, search.problem):
-        machine = today
-    return machine, _judged(machine, search)
+    if not _hardly_gained(search):
+        return judged
+    new, old = (worst_on_poses(machine, search.problem) for machine in (judged[0], today))
+    return judged if new > old else _judged(today, search)
 
 
 def _hardly_gained(search: Search) -> bool:

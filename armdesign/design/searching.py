@@ -11,6 +11,7 @@ from armdesign.arrays import Array
 from armdesign.bands import Bands
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.conflict import Conflict, sentence
+from armdesign.design.polishing import polish
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.settling import settled
@@ -57,7 +58,7 @@ def multistart(
     """The best of several starts, finished; and what each start reached [Hz].
 
     They are the one ``given``, if any, today's machine and random pins. Every start is followed roughly; those that
-    come near the best are finished.
+    come near the best are polished and finished.
     """
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.variables])
@@ -71,7 +72,7 @@ def multistart(
         searches.append(Search(problem=problem, x=x))
     _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
     near = max(s.merit for s in searches) - NEAR
-    _run([s for s in searches if s.merit >= near], workers, trust=0.05, tolerance=1e-5)
+    _run([s for s in searches if s.merit >= near], workers, curved=True, trust=0.05, tolerance=1e-5)
     best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
     return _with_least_moves(best), tuple(hertz(s.squared) for s in searches)
 
@@ -89,11 +90,11 @@ def _with_least_moves(search: Search) -> Search:
 
 
 def _run(searches: list[Search], workers: int, **settings: Any) -> None:
-    """Run searches of one problem: in this process with one programme, or in several that set up their own."""
+    """Follow searches of one problem: in this process with one programme, or in several that set up their own."""
     if workers <= 1 or len(searches) < 2:
         for search in searches:
             search.programme = searches[0].programme
-            search.run(**settings)
+            _follow(search, **settings)
         return
     from joblib import Parallel, delayed
 
@@ -103,11 +104,19 @@ def _run(searches: list[Search], workers: int, **settings: Any) -> None:
         search.look()
 
 
+def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
+    """Run a search; first along what bends, if ``curved``."""
+    if curved:
+        search.look()
+        polish(search)
+    return search.run(**settings)
+
+
 def _outcome(
     problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
 ) -> tuple[Array, Array, Array]:
     """Where a search ends, and which rows it watches then: what crosses from one process to another."""
-    search = Search(problem=problem, x=x, rows=rows, holding=holding).run(**settings)
+    search = _follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
     return search.x, search.rows, search.holding
 
 
