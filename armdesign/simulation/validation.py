@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 AGREES = 0.005  # relative deviation
+BALANCED = 1e-3  # relative error of a run's energy balance that its integration may leave
 TOLERANCE = 1e-7  # of the integration
 
 
@@ -90,9 +91,10 @@ class Run(Sweep):
             ``bias``, and that of the modes beside it: to be known, not to be used.
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
-        remark: what to think of the deviation: "agrees"; "pressures" if it does so with ``frequency_at_rest``;
-            "amplitude" if it shrinks with it; "friction" if it is gone without dry friction; else "fault"; "not
-            repeated" if the other amplitude's run failed.
+        energy_error: of the run's energy balance, see ``Simulation.energy_error``.
+        remark: what to think of the deviation: "energy" if the run's balance does not close; "agrees"; "pressures" if
+            it agrees with ``frequency_at_rest``; "amplitude" if it shrinks with it; "friction" if it is gone without
+            dry friction; else "fault"; "not repeated" if the other amplitude's run failed.
     """
 
     fit: Fit
@@ -100,6 +102,7 @@ class Run(Sweep):
     peak: float
     mean: Array
     span: Array
+    energy_error: float
     remark: str = ""
 
     @property
@@ -174,6 +177,7 @@ class Validation:
             "at_rest_hz": run.frequency_at_rest,
             "remark": run.remark,
             "peak_hz": run.peak,
+            "energy_error": run.energy_error,
             "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
             "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
             **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
@@ -319,7 +323,7 @@ class _Trial:
             return Failure(**told, error=error)
         found = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
         mean, span = motion.q.mean(axis=0), np.ptp(motion.q, axis=0)
-        return Run(**told, fit=fit, found=found, peak=peak, mean=mean, span=span)
+        return Run(**told, fit=fit, found=found, peak=peak, mean=mean, span=span, energy_error=motion.energy_error)
 
 
 def _trials(
@@ -394,6 +398,8 @@ def _judged(group: Sequence[Run | Failure]) -> list[Run | Failure]:
 
 def _verdict(pair: Sequence[Run | Failure]) -> str:
     """Of a sweep at full and at half amplitude."""
+    if any(one.energy_error > BALANCED for one in pair if isinstance(one, Run)):
+        return "energy"
     deviations = [abs(one.deviation) for one in pair if isinstance(one, Run)]
     if all(deviation <= AGREES for deviation in deviations):
         return "agrees"

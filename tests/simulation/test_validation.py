@@ -59,6 +59,7 @@ def test_worst_pose_agrees(worst: Validation) -> None:
     assert ((half["identified_damping"] > 0) & (half["identified_damping"] < full["identified_damping"])).all()
     assert full["identified_damping"].max() < 0.01
     assert set(frame["remark"]) == {"agrees"}
+    assert frame["energy_error"].max() < 1e-5
     assert (frame["identified_hz_sigma"] < 1e-3 * frame["identified_hz"]).all()
 
 
@@ -165,6 +166,8 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.02, 0.02, 0.001, 0.001) == ["friction"] * 2 + ["agrees"] * 2
     assert judged(0.02, 0.03, 0.001, 0.001) == ["friction"] * 2 + ["agrees"] * 2
     assert judged(0.05, 0.05, 0.02, 0.02) == ["friction"] * 2 + ["fault"] * 2
+    broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
+    assert [one.remark for one in judging._judged(broken) if isinstance(one, judging.Run)] == ["energy"] * 2
 
 
 def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
