@@ -6,11 +6,8 @@ Every command computes first and writes at the end, all files or none. Bad input
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,17 +15,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armdesign.errors import ArmDesignError
+from armdesign.output import (
+    check_out,
+    outputs,
+    progress,
+    show,
+    write_csv,
+    write_design,
+    write_heatmaps,
+    write_validations,
+)
 from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from armdesign.bands import Bands
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
-    from armdesign.maps import FrequencyMap
-    from armdesign.report.sheet import Sheet
-    from armdesign.simulation.validation import Validation
     from armdesign.workspace import Workspace
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
@@ -105,15 +107,15 @@ def map_command(
     from armdesign.maps import frequency_map
     from armdesign.report.maps import map_sheets
 
-    with _progress("mapping the workspace"):
+    with progress("mapping the workspace"):
         model, workspace = _model(machine, points, out, allow_outside)
         frequencies = frequency_map(model, workspace)
-    with _outputs(out) as folder:
-        _write_csv(frequencies.frame, folder / "map.csv")
-        _write_csv(frequencies.stiffness, folder / "stiffness.csv")
-        _write_heatmaps(frequencies, folder)
+    with outputs(out) as folder:
+        write_csv(frequencies.frame, folder / "map.csv")
+        write_csv(frequencies.stiffness, folder / "stiffness.csv")
+        write_heatmaps(frequencies, folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
-    _print(map_sheets(frequencies, units.units))
+    show(map_sheets(frequencies, units.units))
 
 
 @app.command()
@@ -137,16 +139,16 @@ def optimize(
 
     if bool(least) != bool(frequency) or (least and catalogue):
         raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
-    with _progress("mapping the workspace") as say:
+    with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
         bands = _bands(model) if robust else None
         if least:
             design = _least(model, workspace, vary, least, frequency, bands, say)
         else:
             design = _design(model, workspace, vary, catalogue, bands, say)
-    with _outputs(out) as folder:
-        _write_design(design, folder)
-    _print(design_sheets(design, units.units))
+    with outputs(out) as folder:
+        write_design(design, folder)
+    show(design_sheets(design, units.units))
 
 
 @app.command()
@@ -169,16 +171,16 @@ def pareto(
     from armdesign.design.pareto import pareto as trade_off
     from armdesign.report.designs import pareto_sheet
 
-    with _progress("looking for the best design under each limit"):
+    with progress("looking for the best design under each limit"):
         numbers = _numbers(values)
         model, workspace = _model(machine, points, out, allow_outside)
         bands = _bands(model) if robust else None
         found = trade_off(model, workspace, against=against, values=numbers, vary=_words(vary), bands=bands)
         table = found.frame
-    with _outputs(out) as folder:
-        _write_csv(table, folder / "pareto.csv")
+    with outputs(out) as folder:
+        write_csv(table, folder / "pareto.csv")
         plots.save(found.plot().figure, folder / "pareto.png")
-    _print([pareto_sheet(found, units.units)])
+    show([pareto_sheet(found, units.units)])
 
 
 @app.command()
@@ -197,13 +199,13 @@ def validate(
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
-    with _progress("simulating the worst, the median and the best pose"):
+    with progress("simulating the worst, the median and the best pose"):
         model, workspace = _model(machine, points, out, allow_outside)
         validations = validation.validate(model, workspace=workspace).by_pose
-    with _outputs(out) as folder:
-        _write_validations(validations, folder)
+    with outputs(out) as folder:
+        write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-    _print([validation_sheet(validations), verdict(list(validations.values()))])
+    show([validation_sheet(validations), verdict(list(validations.values()))])
 
 
 @app.command()
@@ -226,7 +228,7 @@ def design(
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation.validation import validate_maps
 
-    with _progress("mapping the workspace") as say:
+    with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
         answer = _design(model, workspace, "areas,pins", catalogue, _bands(model) if robust else None, say)
         say("simulating the worst, the median and the best pose, today and new")
@@ -235,9 +237,9 @@ def design(
         sheets, worst = design_sheets(answer, units.units), {k: v.by_pose["worst"] for k, v in proof.items()}
         every = {f"{label} {pose}": one for label, found in proof.items() for pose, one in found.by_pose.items()}
         said = verdict(list(proof.values()))
-        with _outputs(out) as folder:
-            pictures = _write_design(answer, folder)
-            _write_validations(proof, folder, "version")
+        with outputs(out) as folder:
+            pictures = write_design(answer, folder)
+            write_validations(proof, folder, "version")
             response = plots.save(plots.frequency_responses(worst), folder / "frequency_responses.png")
             pictures.append(("Nonlinear simulation: a small slow sweep at each machine's worst pose", response))
             title = f"{model.section.title or model.name}: new cylinders and pins"
@@ -246,7 +248,7 @@ def design(
             (folder / "report.html").write_text(page, encoding="utf-8")
         shown = validation_sheet({label: found.limiting for label, found in worst.items()})
         sheets.append(dataclasses.replace(shown, note=f"{said}: validation.csv; {shown.note}"))
-    _print([*sheets, summary(answer)])
+    show([*sheets, summary(answer)])
 
 
 @app.command()
@@ -267,7 +269,7 @@ def check(
     from armdesign.workspace import Workspace
 
     counts = _counts(points)
-    with _progress("reading the file"):
+    with progress("reading the file"):
         faults = problems(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
@@ -276,7 +278,7 @@ def check(
         for fault in faults:
             print(f"armdesign: {fault}", file=sys.stderr)
         raise typer.Exit(2)
-    _print(sheets)
+    show(sheets)
 
 
 @app.command()
@@ -295,16 +297,16 @@ def compare(
     from armdesign import comparison, plots
     from armdesign.machine import load
 
-    with _progress("mapping both machines"):
+    with progress("mapping both machines"):
         counts = _counts(points)
-        _check_out(out)
+        check_out(out)
         one, other = (load(machine, allow_outside=allow_outside) for machine in (first, second))
         found = comparison.compare(one, other, counts)
-    with _outputs(out) as folder:
-        _write_csv(found.frame, folder / "compare.csv")
+    with outputs(out) as folder:
+        write_csv(found.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
             plots.save(found.plot(plane), folder / f"compare_{plane}.png")
-    _print(found.sheets(units.units))
+    show(found.sheets(units.units))
 
 
 @app.command()
@@ -321,14 +323,14 @@ def new(
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out
-    _check_out(folder)
+    check_out(folder)
     files = {f"{name}.toml": text, f"{name}.urdf": urdf}
     for file in files:
         if (folder / file).exists():
             raise ArmDesignError(str(folder / file), "exists already", "give another name or --out another folder")
     if not (folder / "machine.schema.json").exists():  # which editors read; several machines may share it
         files["machine.schema.json"] = schema.schema()
-    with _outputs(folder) as place:
+    with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
     print(f"next: armdesign map {folder / f'{name}.toml'}")
@@ -347,20 +349,20 @@ def paper(out: OutOption = Path("out")) -> None:
     from armdesign.report.paper import paper_sheets
     from armdesign.simulation.bias import sweep_bias
 
-    _check_out(out)
-    with _progress("sweeping 40 configurations"):
+    check_out(out)
+    with progress("sweeping 40 configurations"):
         found = source.reproduce()
         errata, scan, bias = source.errata(found.mechanism), source.scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
-    with _outputs(out) as folder:
-        _write_csv(found.frame, folder / "paper.csv")
-        _write_csv(found.errors.reset_index(), folder / "paper_errors.csv")
-        _write_csv(source.errata_frame(errata), folder / "paper_errata.csv")
-        _write_csv(scan, folder / "paper_scan.csv")
-        _write_csv(bias, folder / "paper_sweep_bias.csv")
+    with outputs(out) as folder:
+        write_csv(found.frame, folder / "paper.csv")
+        write_csv(found.errors.reset_index(), folder / "paper_errors.csv")
+        write_csv(source.errata_frame(errata), folder / "paper_errata.csv")
+        write_csv(scan, folder / "paper_scan.csv")
+        write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(found.plot(formula), folder / f"paper_figures_{name}.png")
-    _print(paper_sheets(found, errata, scan, bias))
+    show(paper_sheets(found, errata, scan, bias))
 
 
 def _design(
@@ -399,56 +401,13 @@ def _least(
     return made
 
 
-# ---------------------------------------------------------------------------------------------------------- writing
-
-
-def _write_csv(frame: pd.DataFrame, path: Path) -> None:
-    frame.to_csv(path, index=False, float_format="%.9g")
-
-
-def _write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
-    from armdesign import plots
-
-    for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
-        fig, (ax,) = plots.figure(1, *size)
-        if name == "holding":
-            plots.holding_pressure(frequencies, ax)
-        else:
-            frequencies.plot(ax, plane=name)
-        fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
-        plots.save(fig, folder / f"map_{name}.png")
-
-
-def _write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
-    """Machine file, maps and pictures of a design; returns the pictures with their captions."""
-    from armdesign import plots
-
-    design.machine.save(folder / f"{design.today.name}_optimized.toml")
-    _write_csv(design.before.frame, folder / "map_before.csv")
-    _write_csv(design.after.frame, folder / "map_after.csv")
-    pictures = [
-        ("Lowest natural frequency over two joints", plots.before_after(design), "map_joints.png"),
-        ("Lowest natural frequency at each place of the tool", plots.before_after(design, "reach"), "map_reach.png"),
-        ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
-    ]
-    return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
-
-
-def _write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
-    """All of them in one file; the names go into a column ``label``."""
-    import pandas as pd
-
-    frames = [v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()]
-    _write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
-
-
 def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[Machine, Workspace]:
     """The machine and its workspace; what is wrong with the options is said before anything is computed."""
     from armdesign.machine import load
     from armdesign.workspace import Workspace
 
     counts = _counts(points)
-    _check_out(out)
+    check_out(out)
     model = load(machine, allow_outside=allow_outside)
     return model, Workspace.grid(model, counts)
 
@@ -462,18 +421,6 @@ def _bands(model: Machine) -> Bands:
         example = "payload_share = [0.8, 1.2]"
         raise ArmDesignError("--robust", f"{model.source.name} states no bands", f"add [bands] to it, like {example}")
     return stated
-
-
-def _check_out(out: Path) -> None:
-    """Raise if nothing can be written there."""
-    try:
-        there = next(place for place in (out, *out.absolute().parents) if place.exists())
-    except OSError as error:
-        raise ArmDesignError(
-            f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
-        ) from None
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
 
 
 def _counts(points: str) -> int | list[int] | None:
@@ -496,50 +443,6 @@ def _numbers(text: str) -> list[float] | None:
         return [float(word) for word in _words(text)] or None
     except ValueError:
         raise ArmDesignError("--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1") from None
-
-
-@contextmanager
-def _outputs(out: Path) -> Iterator[Path]:
-    """A folder to write into; its files move to ``out`` only when all of them are there."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as temporary:
-            yield Path(temporary)
-            written = sorted(p.relative_to(temporary) for p in Path(temporary).rglob("*") if p.is_file())
-            for name in written:
-                (out / name).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(Path(temporary) / name, out / name)
-    except OSError as error:
-        raise ArmDesignError(f"--out {out}", f"cannot be written ({error.strerror})", "name another folder") from None
-    print(f"wrote {', '.join(map(str, written))} to {out}/")
-
-
-@contextmanager
-def _progress(text: str) -> Iterator[Callable[[str], None]]:
-    """A progress display on stderr that leaves no trace; call what it yields to change the text."""
-    from armdesign.arrays import terminal
-
-    with terminal().status(text) as status:
-        yield lambda words: status.update(words)
-
-
-def _print(items: Sequence[Sheet | str]) -> None:
-    from rich.console import Console
-
-    from armdesign.report.sheet import rich_table
-
-    console = Console()
-    if not console.is_terminal:
-        console.width = 100
-    for item in items:
-        if isinstance(item, str):
-            console.print(item, highlight=False, markup=False)
-            continue
-        console.print(item.title, style="bold", highlight=False, markup=False)
-        if item.rows:
-            console.print(rich_table(item), highlight=False)
-        if item.note:
-            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False)
 
 
 def main() -> None:

@@ -53,7 +53,7 @@ ORDER = [
     ),
     *("linearization", "simulation.experiment", "simulation.validation", "paper"),
     *("plots", "report.sheet", "report.maps", "report.designs", "report.validations", "report.inspections"),
-    *("report.paper", "comparison", "cli"),
+    *("report.paper", "comparison", "output", "cli"),
 ]
 # Results draw themselves: two lines that open the door to drawing when they are asked to.
 UPWARDS = {

@@ -1,0 +1,119 @@
+"""What commands leave behind: files in one folder, all or none of them, and words in the terminal."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armdesign.errors import ArmDesignError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from armdesign.design.optimum import Design
+    from armdesign.maps import FrequencyMap
+    from armdesign.report.sheet import Sheet
+    from armdesign.simulation.validation import Validation
+
+
+def write_csv(frame: pd.DataFrame, path: Path) -> None:
+    """A frame with nine digits."""
+    frame.to_csv(path, index=False, float_format="%.9g")
+
+
+def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
+    """Lowest frequency over joints and over the tool's places, and the pressure that holds the load."""
+    from armdesign import plots
+
+    for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
+        fig, (ax,) = plots.figure(1, *size)
+        if name == "holding":
+            plots.holding_pressure(frequencies, ax)
+        else:
+            frequencies.plot(ax, plane=name)
+        fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
+        plots.save(fig, folder / f"map_{name}.png")
+
+
+def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
+    """Machine file, maps and pictures of a design; returns the pictures with their captions."""
+    from armdesign import plots
+
+    design.machine.save(folder / f"{design.today.name}_optimized.toml")
+    write_csv(design.before.frame, folder / "map_before.csv")
+    write_csv(design.after.frame, folder / "map_after.csv")
+    pictures = [
+        ("Lowest natural frequency over two joints", plots.before_after(design), "map_joints.png"),
+        ("Lowest natural frequency at each place of the tool", plots.before_after(design, "reach"), "map_reach.png"),
+        ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
+    ]
+    return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
+
+
+def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
+    """All of them in one file; the names go into a column ``label``."""
+    import pandas as pd
+
+    frames = [v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()]
+    write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
+
+
+def check_out(out: Path) -> None:
+    """Raise if nothing can be written there."""
+    try:
+        there = next(place for place in (out, *out.absolute().parents) if place.exists())
+    except OSError as error:
+        raise ArmDesignError(
+            f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
+        ) from None
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
+
+
+@contextmanager
+def outputs(out: Path) -> Iterator[Path]:
+    """A folder to write into; its files move to ``out`` only when all of them are there."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as temporary:
+            yield Path(temporary)
+            written = sorted(p.relative_to(temporary) for p in Path(temporary).rglob("*") if p.is_file())
+            for name in written:
+                (out / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(Path(temporary) / name, out / name)
+    except OSError as error:
+        raise ArmDesignError(f"--out {out}", f"cannot be written ({error.strerror})", "name another folder") from None
+    print(f"wrote {', '.join(map(str, written))} to {out}/")
+
+
+@contextmanager
+def progress(text: str) -> Iterator[Callable[[str], None]]:
+    """A progress display on stderr that leaves no trace; call what it yields to change the text."""
+    from armdesign.arrays import terminal
+
+    with terminal().status(text) as status:
+        yield lambda words: status.update(words)
+
+
+def show(items: Sequence[Sheet | str]) -> None:
+    """Sheets and sentences, one after the other, in the terminal."""
+    from rich.console import Console
+
+    from armdesign.report.sheet import rich_table
+
+    console = Console()
+    if not console.is_terminal:
+        console.width = 100
+    for item in items:
+        if isinstance(item, str):
+            console.print(item, highlight=False, markup=False)
+            continue
+        console.print(item.title, style="bold", highlight=False, markup=False)
+        if item.rows:
+            console.print(rich_table(item), highlight=False)
+        if item.note:
+            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False)
