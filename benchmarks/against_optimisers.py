@@ -40,7 +40,7 @@ from armdesign.design.conditions import conditions, static_loads_held
 from armdesign.design.limits import Stepped, holding_rows, limits
 from armdesign.design.problem import RANGE_POSES, Geometry, Problem
 from armdesign.design.searching import MISSED
-from armdesign.design.still import lowest
+from armdesign.design.still import inverse_root, lowest
 from armdesign.poses import static_forces
 from armdesign.workspace import Workspace
 
@@ -130,10 +130,11 @@ class Judge:
     def _at(self, x: Array) -> tuple[Array, Array, Array]:
         problem, new = self.problem, Plain(self.problem, x, self.poses)
         g, pose, rows = new.geometry, problem.rows.pose, np.arange(len(problem))
-        forces = static_forces(g.arm[pose], problem.rows.gravity, new.areas[0, :, 0])
+        mass, gravity, slope = problem.loads(x, problem.rows, rows)
+        forces = static_forces(g.arm[pose], gravity, new.areas[0, :, 0])
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        stiffness = problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, rows, forces)
-        lower = problem._inverse_cholesky
+        stiffness = problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, forces) + slope
+        lower = problem._inverse_cholesky if problem.own is None else inverse_root(mass)
         frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
         judged = [*conditions(new, frame), *static_loads_held(new, frame, forces[None])]
         room = np.array([c.room[0].real.min() for c in judged])
@@ -321,7 +322,7 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
         if z.tobytes() not in known:
             task.evaluations += 1
             at = limits(problem, x, holding)
-            base, slopes = (part / scale for part in problem.matrices(x, rows))
+            base, slopes = (part / scale for part in problem.matrices(x, rows, z[-1] * scale))
             squared, vectors = np.linalg.eigh(base)
             slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :2].reshape(-1, len(x))
             value = np.concatenate([squared[:, :2].ravel() - z[-1], at.values])
