@@ -8,7 +8,7 @@ that have ever been low, the whole workspace is looked at in the end, and the wo
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -108,20 +108,21 @@ class Search:
         self._improve(trust, tolerance)
         return self
 
-    def foresee(self, designs: Sequence[Array], given: slice) -> list[float]:
-        """Merit that one step promises for each of some designs near ``x`` when their ``given`` entries are to stay."""
+    def foresight(self, given: slice) -> Callable[[Array], float]:
+        """Function of a design near ``x``: the merit that one step promises if its ``given`` entries are to stay."""
         here = self._trial(self.x, self.limits)
         low, high = np.maximum(self.bounds[0] - self.x, -0.02), np.minimum(self.bounds[1] - self.x, 0.02)
         model = self._model(here, self.active(here.squared), low, high)
-        found = []
-        for x in designs:
+
+        def promised(x: Array) -> float:
             low[given] = high[given] = (x - self.x)[given]
             try:
                 step = self._solve(model, low, high)
-                found.append(step.value - PRICE * step.violation)
             except InfeasibleError:  # the solver gave up
-                found.append(-math.inf)
-        return found
+                return -math.inf
+            return step.value - PRICE * step.violation
+
+        return promised
 
     def upper_bound(self) -> float | None:
         """Worst frequency [Hz] that no areas can exceed with these pins; None where no bound is known.

@@ -35,8 +35,7 @@ from armdesign.workspace import Workspace
 
 GRID = 0.1  # [mm] what a drawing can say
 COMBINATIONS = 128  # of rounded bores and rods that are tried
-FORESEEN = 16  # of them whose pins are tuned in thought
-TUNED = 3  # and in earnest
+TUNED = 3  # sizes whose pins are tuned in earnest
 TIGHTENING = 1e-4  # share by which limits are drawn in for that
 RETUNED = 4  # times that pins are tuned again, with more in reserve each time
 TOLERANCE = 1e-9  # of a slack
@@ -120,17 +119,31 @@ def _tuned(search: Search) -> Iterator[Machine]:
 
 
 def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Array, Array]]]:
-    """Bores and rods on the grid from which most is hoped: in a row [mm], as x, and as bounds that hold them."""
-    problem = search.problem
-    choices = _choices(search, FORESEEN)
-    designs = [_with_sizes(problem, search.x, _resized(problem.machine, choice)) for choice in choices]
+    """Bores and rods on the grid from which most is hoped: in a row [mm], as x, and as bounds that hold them.
+
+    From the nearest each size in turn goes to what promises most beside the others, until none moves.
+    """
+    problem, (options, _) = search.problem, _options(search)
     sizes = slice(0, problem.areas_today.size)
-    promised = search.foresee(designs, sizes)
+    promised, designs = search.foresight(sizes), {}
+    hopes: dict[tuple[float, ...], float] = {}
+
+    def hope(choice: tuple[float, ...]) -> float:
+        if choice not in hopes:
+            designs[choice] = _with_sizes(problem, search.x, _resized(problem.machine, choice))
+            hopes[choice] = promised(designs[choice])
+        return hopes[choice]
+
+    best, before = _choices(search, 1)[0], None
+    while best != before:
+        before = best
+        for k, some in enumerate(options):
+            best = max(((*best[:k], size, *best[k + 1 :]) for size in some), key=hope)
     found = []
-    for k in np.argsort(promised)[::-1][:TUNED]:
+    for choice in sorted(hopes, key=hope, reverse=True)[:TUNED]:
         low, high = (end.copy() for end in search.bounds)
-        low[sizes] = high[sizes] = designs[k][sizes]
-        found.append((choices[k], designs[k], (low, high)))
+        low[sizes] = high[sizes] = designs[choice][sizes]
+        found.append((choice, designs[choice], (low, high)))
     return found
 
 
@@ -223,20 +236,27 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
             return
 
 
-def _choices(search: Search, count: int) -> list[tuple[float, ...]]:
-    """Bore and rod of every cylinder in a row [mm], rounded up or down where they vary, the nearest first.
+def _options(search: Search) -> tuple[list[list[float]], list[float]]:
+    """For bore and rod of every cylinder in a row what it may be, up or down where it varies, and what it is [mm].
 
     Those of a catalogue stay what they are.
     """
     problem = search.problem
     if problem.sizes:
-        return [tuple(size_in_mm(size) for pair in problem.sizes if pair for size in pair)]
+        chosen = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
+        return [[size] for size in chosen], chosen
     options, wanted = [], []
     pairs = zip(problem.machine.cylinders, problem.areas(search.x), problem.resized, strict=False)  # motors stay
     for cylinder, (a1, a2), free in pairs:
         real = [2 * math.sqrt(area / cylinder.count / math.pi) / mm for area in (a1, a1 - a2)]
         wanted += real
         options += [_neighbours(size) if may else [size] for size, may in zip(real, free, strict=True)]
+    return options, wanted
+
+
+def _choices(search: Search, count: int) -> list[tuple[float, ...]]:
+    """Bore and rod of every cylinder in a row [mm], the nearest first."""
+    options, wanted = _options(search)
     some = itertools.islice(itertools.product(*options), 20_000)
     return sorted(some, key=lambda c: float(np.abs(np.subtract(c, wanted)).sum()))[:count]
 

@@ -293,7 +293,7 @@ def test_the_stand_in_changes_sign_at_the_optimum(proportional: bool) -> None:
 def test_complementary_slackness() -> None:
     """A requirement with room is worth nothing: multiplier × slack = 0 at an optimum, with masses too."""
     search = solved(posed(bars("triple"), ("areas",), proportional=True))
-    worth = search.worth()
+    worth = {label: priced.at_margin for label, priced in search.worth().items()}
     for label in worth:
         room = search.limits.values[[n == label for n in search.limits.names]].min()
         assert worth[label] * room < 1e-7, label
@@ -304,7 +304,7 @@ def test_worth_is_the_gain_of_more_oil() -> None:
     """Envelope theorem, against solving again with 0.1 % more: the multiplier knows that more area weighs more."""
     search = solved(posed(bars("double"), ("areas",)))
     more = solved(posed(bars("double"), ("areas",), oil_total_share=1.001))
-    worth = search.worth()
+    worth = {label: priced.at_margin for label, priced in search.worth().items()}
     gain = 10 * (math.sqrt(more.squared / search.squared) - 1)
     assert gain > 0.002
     assert worth["oil.cap.total"] + worth["oil.annulus.total"] == pytest.approx(gain, rel=0.03)

@@ -383,10 +383,13 @@ def test_keys_of_places() -> None:
 
 
 def test_workers_do_not_change_the_answer() -> None:
-    """Same seed, same answer to the last digit, in one process or in two."""
+    """Same seed, same machine to the last digit, in one process or in two; what starts reach but for rounding errors.
+
+    Arrays that went to another process lie elsewhere in memory, where numpy may add in another order.
+    """
     machine = double()
     space = Workspace.grid(machine, points=4)
     alone, shared = (ad.optimize(machine, space, starts=3, seed=4, workers=n) for n in (1, 2))
     assert alone.machine.text == shared.machine.text
-    assert alone.starts == shared.starts
+    assert alone.starts == pytest.approx(shared.starts, rel=1e-12)
     assert len(alone.starts) == 3
