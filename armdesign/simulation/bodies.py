@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -36,15 +37,16 @@ class Bodies:
         By the articulated-body algorithm. With what bars add to M (n, nq, nq) and to h (n, nq), M is computed by
         composite bodies and h by Newton and Euler's recursion, and the sums are solved.
         """
-        q, velocity, pairs, found = self._ordered(q), self._ordered(velocity), self._pairs, np.empty(q.shape)
+        if not self._same:
+            q, velocity = self._ordered(q), self._ordered(velocity)
+        pairs, found = cycle(self._pairs), np.empty(q.shape)
         if bars is None:
-            aba = self._library.aba
-            for row, (at, speed, push) in enumerate(zip(q, velocity, self._ordered(torque), strict=True)):
-                found[row] = aba(*pairs[row % len(pairs)], at, speed, push)
+            aba, pushes = self._library.aba, torque if self._same else self._ordered(torque)
+            for row, ((model, data), at, speed, push) in enumerate(zip(pairs, q, velocity, pushes, strict=False)):
+                found[row] = aba(model, data, at, speed, push)
             return found if self._same else found[:, self._order]
         mass, force = np.empty(bars[0].shape), np.empty(q.shape)
-        for row, (at, speed) in enumerate(zip(q, velocity, strict=True)):
-            model, data = pairs[row % len(pairs)]
+        for row, ((model, data), at, speed) in enumerate(zip(pairs, q, velocity, strict=False)):
             mass[row] = self._library.crba(model, data, at)
             force[row] = self._library.nonLinearEffects(model, data, at, speed)
         _solve(mass, force, self._order, *bars, torque, found)
@@ -65,8 +67,6 @@ class Bodies:
 
     def _ordered(self, values: Array) -> Array:
         """Rows in the order of the model."""
-        if self._same:
-            return values
         ordered = np.empty_like(values)
         ordered[:, self._order] = values
         return ordered

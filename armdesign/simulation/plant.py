@@ -100,10 +100,12 @@ class Plant:
         self.bodies = Bodies([machine.loaded_arm for machine in machines])
         self.functions = np.stack([functions_of(machine) for machine in machines])
         self._systems = np.stack([system_of(machine) for machine in machines])
-        self._joints = np.stack([joints_of(machine.arm) for machine in machines])
-        self._drives = np.stack([drives_of(machine) for machine in machines])
+        joints = np.stack([joints_of(machine.arm) for machine in machines])
+        drives = np.stack([drives_of(machine) for machine in machines])
+        self._numbers = (self.functions, self._systems, joints, drives)
         self.nq, self.nc = len(self.machine.joints), len(self.machine.functions)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
+        self._no_bars = np.zeros((0, self.nq, self.nq)), np.zeros((0, self.nq))
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, int(self.has_line), self.nc, self.nc])
         self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
         self._chambers = slice(int(edges[2]), int(edges[4]))
@@ -189,16 +191,14 @@ class Plant:
             state: (n, size), or more columns, which are left alone: their rates are not set.
             command: of the spools (n, nc).
         """
-        state, n, nq = np.ascontiguousarray(state), len(state), self.nq
+        state, command, n, nq = np.ascontiguousarray(state), np.ascontiguousarray(command), len(state), self.nq
         found = Evaluation(np.empty_like(state), np.empty((n, self.nc), TOLD), np.empty((n, 3)), np.empty(n))
-        torque, weighs = np.empty((n, nq)), n if self._weighs else 0
-        bar_mass, bar_force = np.zeros((weighs, nq, nq)), np.zeros((weighs, nq))
-        numbers = (self.functions, self._systems, self._joints, self._drives)
-        command = np.ascontiguousarray(command)
-        _evaluate(state, command, *numbers, self.has_line, *found, torque, bar_mass, bar_force)
+        torque = np.empty((n, nq))
+        bars = (np.zeros((n, nq, nq)), np.zeros((n, nq))) if self._weighs else self._no_bars
+        _evaluate(state, command, *self._numbers, self.has_line, *found, torque, *bars)
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
-        bars = (bar_mass, bar_force) if self._weighs else None
-        found.rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, bars)
+        heavy = bars if self._weighs else None
+        found.rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, heavy)
         return found
 
 
