@@ -158,46 +158,37 @@ class Validation:
         """One row per sweep, as in ``validation.csv``; what a failure did not find is empty."""
         import pandas as pd
 
-        return pd.DataFrame([self._row(one) if isinstance(one, Run) else self._failed_row(one) for one in self.sweeps])
+        return pd.DataFrame([self._row(one) for one in self.sweeps])
 
-    def _row(self, run: Run) -> dict[str, object]:
-        return {
-            "payload": run.payload,
-            **dict(zip(self.joints, run.q.tolist(), strict=True)),
-            "cylinder": run.cylinder,
-            "mode": run.mode,
-            "linear_hz": run.linear_frequency,
-            "identified_hz": run.identified_frequency,
-            "deviation": run.deviation,
-            "linear_damping": run.linear_damping,
-            "identified_damping": run.identified_damping,
-            "amplitude": run.amplitude,
-            "pose": run.pose,
-            "dry_friction": run.dry_friction,
-            "at_rest_hz": run.frequency_at_rest,
-            "remark": run.remark,
-            "peak_hz": run.peak,
-            "energy_error": run.energy_error,
-            "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
-            "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
-            **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
-            **{f"{joint}_span": span for joint, span in zip(self.joints, run.span.tolist(), strict=True)},
+    def _row(self, sweep: Run | Failure) -> dict[str, object]:
+        """All columns in their order; of a failure only what a sweep is known by."""
+        run = sweep if isinstance(sweep, Run) else None
+        found: dict[str, object] = {
+            "payload": sweep.payload,
+            **dict(zip(self.joints, sweep.q.tolist(), strict=True)),
+            "cylinder": sweep.cylinder,
+            "mode": sweep.mode,
+            "linear_hz": sweep.linear_frequency,
+            "identified_hz": run.identified_frequency if run else math.nan,
+            "deviation": run.deviation if run else math.nan,
+            "linear_damping": sweep.linear_damping,
+            "identified_damping": run.identified_damping if run else math.nan,
+            "amplitude": sweep.amplitude,
+            "pose": sweep.pose,
+            "dry_friction": sweep.dry_friction,
+            "at_rest_hz": sweep.frequency_at_rest,
+            "remark": sweep.remark if isinstance(sweep, Run) else f"failed: {sweep.error}",
         }
-
-    def _failed_row(self, failure: Failure) -> dict[str, object]:
-        return {
-            "payload": failure.payload,
-            **dict(zip(self.joints, failure.q.tolist(), strict=True)),
-            "cylinder": failure.cylinder,
-            "mode": failure.mode,
-            "linear_hz": failure.linear_frequency,
-            "linear_damping": failure.linear_damping,
-            "amplitude": failure.amplitude,
-            "pose": failure.pose,
-            "dry_friction": failure.dry_friction,
-            "at_rest_hz": failure.frequency_at_rest,
-            "remark": f"failed: {failure.error}",
-        }
+        if run:
+            found |= {
+                "peak_hz": run.peak,
+                "energy_error": run.energy_error,
+                "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
+                "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
+                **{f"{joint}_mean": mean for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)},
+                **{f"{joint}_span": span for joint, span in zip(self.joints, run.span.tolist(), strict=True)},
+            }
+        return found
 
     @property
     def by_pose(self) -> dict[str, Validation]:

@@ -181,6 +181,9 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert [one.pose for one in found.failures] == ["1"]
     assert found.worst_deviation == np.inf
     assert len(found.frame) == 3
+    ordered = [column for column in found.frame.columns if column in COLUMNS]
+    assert ordered == [column for column in COLUMNS if column in ordered]  # though the first row is a failure
+    assert ordered.index("identified_hz") < ordered.index("amplitude")
     assert "to hold the load, supply is 60 bar" in found.frame["remark"].iloc[0]
     assert list(np.isnan(found.frame["identified_hz"])) == [True, False, False]
     assert list(found.by_pose) == ["1", "2"]
