@@ -42,6 +42,20 @@ class RigidPoses:
         """The poses ``rows`` selects (slice, mask or indices)."""
         return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
+    def distinct(self, joint: int) -> tuple[RigidPoses, Array | slice]:
+        """Poses at which a joint has each of its values once, and for every pose which of them has its value.
+
+        The poses themselves where few values occur twice. Worked out once for a joint.
+        """
+        if joint not in self._distinct:
+            _, first, back = np.unique(self.q[:, joint], return_index=True, return_inverse=True)
+            self._distinct[joint] = (self[first], back) if 2 * len(first) < len(self) else (self, slice(None))
+        return self._distinct[joint]
+
+    @cached_property
+    def _distinct(self) -> dict[int, tuple[RigidPoses, Array | slice]]:
+        return {}
+
 
 class Arm:
     """The moving links of a URDF.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
-from functools import cache
+from functools import cache, wraps
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -21,6 +21,21 @@ T = TypeVar("T")
 
 CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
 PATIENCE = 2.0  # [s] before a progress bar appears
+
+
+def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
+    """A method of an array that remembers what it found for the last one."""
+    name = f"_last_{method.__name__}"
+
+    @wraps(method)
+    def recalled(self: Any, x: Array) -> T:
+        key = x.tobytes()
+        if name not in vars(self) or vars(self)[name][0] != key:
+            vars(self)[name] = key, method(self, x)
+        found: T = vars(self)[name][1]
+        return found
+
+    return recalled
 
 
 def chunks(count: int) -> Iterator[slice]:

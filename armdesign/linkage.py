@@ -150,14 +150,20 @@ class Linkage:
         along = span * (span.dot(span).sqrt().reciprocal() * length)
         return {"barrel": (base, base + along), "rod": (end - along, end), **found}
 
+    def _distinct(self, poses: RigidPoses) -> tuple[RigidPoses, Array | slice]:
+        """Poses at which this cylinder is somewhere else, and which of them each pose is to it."""
+        return poses.distinct(self.joints[0]) if len(self.joints) == 1 else (poses, slice(None))
+
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the four-bar does not close."""
-        return np.asarray(np.linalg.norm(self._span(poses).value, axis=1))
+        few, back = self._distinct(poses)
+        return np.asarray(np.linalg.norm(self._span(few).value, axis=1)[back])
 
     def actuation(self, poses: RigidPoses) -> Actuation:
         """Length, moment arm and its derivative at the poses."""
-        span = self._span(poses)
-        return self._scatter(span.dot(span).sqrt())
+        few, back = self._distinct(poses)
+        span = self._span(few)
+        return self._scatter(span.dot(span).sqrt(), back)
 
     def sensitivity(self, poses: RigidPoses, name: str, axis: int) -> Actuation:
         """Exact derivative of the actuation by one coordinate of a place."""
@@ -168,9 +174,10 @@ class Linkage:
 
         d moves by ∂d: ± the link's axis, which turns with the link, or what the knee makes of it; ∂ℓ = d·∂d/ℓ, on jets.
         """
-        span = self._span(poses)
+        few, back = self._distinct(poses)
+        span = self._span(few)
         inverse = span.dot(span).sqrt().reciprocal()
-        return [self._scatter(span.dot(shift) * inverse) for shift in self._shifts(poses, moves)]
+        return [self._scatter(span.dot(shift) * inverse, back) for shift in self._shifts(few, moves)]
 
     def _shifts(self, poses: RigidPoses, moves: Sequence[Move]) -> Iterator[VectorJet]:
         """How the span moves with each coordinate."""
@@ -186,13 +193,15 @@ class Linkage:
                 sign, link = (-1.0, self.base.link) if name == "base" else (1.0, getattr(self, name).link)
                 yield self.arm.direction(poses, link, sign * np.eye(3)[axis], self._observer, self.joints)
 
-    def _scatter(self, jet: ScalarJet) -> Actuation:
-        """From this cylinder's joints to all joints of the arm."""
-        n, nq, own = len(jet.value), len(self.arm.joints), np.array(self.joints)
-        arm, curve = np.zeros((n, nq)), np.zeros((n, nq, nq))
-        arm[:, own] = jet.first
-        curve[np.ix_(np.arange(n), own, own)] = jet.second
-        return Actuation(jet.value, arm, curve)
+    def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
+        """From this cylinder's joints to all joints of the arm, and ``back`` to all poses."""
+        length, nq = jet.value[back], len(self.arm.joints)
+        arm, curve = np.zeros((len(length), nq)), np.zeros((len(length), nq, nq))
+        for a, own in enumerate(self.joints):
+            arm[:, own] = jet.first[back, a]
+            for b, other in enumerate(self.joints):
+                curve[:, own, other] = jet.second[back, a, b]
+        return Actuation(length, arm, curve)
 
     def closes(self, poses: RigidPoses) -> Flags:
         """Whether rocker and coupler reach each other (n,); always true without a four-bar."""

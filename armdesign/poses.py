@@ -83,34 +83,46 @@ class Poses:
 
 
 def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
-    """Cylinder forces (n, nc) [N, + pushes] that hold gravity, g = RᵀF; inf where a pose is singular.
+    """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, nq), g = RᵀF; inf where a pose is singular.
 
     With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W
-    R)⁻¹ g with W = diag(A²), bore areas ``areas`` (nc,) or (n, nc). Complex-safe.
+    R)⁻¹ g with W = diag(A²), bore areas ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
-    n, nc, nq = moment_arms.shape
-    transposed = np.swapaxes(moment_arms, 1, 2)
-    squares = np.broadcast_to((areas / np.real(areas).max()) ** 2, (n, nc))[..., None]
-    system = transposed if nc == nq else transposed @ (squares * moment_arms)
-    singular = is_singular(np.real(moment_arms))
-    forces = np.full((n, nc), np.inf, dtype=np.result_type(moment_arms, areas, float))
-    solved = np.linalg.solve(system[~singular], gravity_torque[~singular, :, None])
-    forces[~singular] = (solved if nc == nq else squares[~singular] * (moment_arms[~singular] @ solved))[..., 0]
+    singular, own = is_singular(np.real(moment_arms)), _own_joints(moment_arms)
+    gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
+    if own is not None:
+        arm = moment_arms[..., np.arange(len(own)), own]
+        return np.asarray(np.where(singular[..., None], np.inf, gravity[..., own] / np.where(arm == 0, 1.0, arm)))
+    forces = np.full(moment_arms.shape[:-1], np.inf, dtype=np.result_type(moment_arms, gravity, areas, float))
+    arms, loads = moment_arms[~singular], gravity[~singular, :, None]
+    turned = np.swapaxes(arms, 1, 2)
+    if arms.shape[1] == arms.shape[2]:
+        forces[~singular] = np.linalg.solve(turned, loads)[..., 0]
+    else:
+        squares = np.broadcast_to((areas / np.real(areas).max()) ** 2, forces.shape)[~singular][..., None]
+        forces[~singular] = (squares * (arms @ np.linalg.solve(turned @ (squares * arms), loads)))[..., 0]
     return forces
 
 
 def is_singular(moment_arms: Array) -> Flags:
-    """Whether the cylinders lose hold of a joint (n,): R without full column rank, or not finite.
+    """Whether the cylinders lose hold of a joint (…,): R (…, nc, nq) without full column rank, or not finite.
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its dead centre.
     """
-    n, nc, nq = moment_arms.shape
+    nc, nq = moment_arms.shape[-2:]
     if nc < nq:
-        return np.ones(n, dtype=bool)
-    finite = np.all(np.isfinite(moment_arms), axis=(1, 2))
-    used = np.any(moment_arms != 0, axis=0)
-    if used.shape[0] == used.shape[1] and np.all(used.sum(axis=0) == 1) and np.all(used.sum(axis=1) == 1):
-        smallest = np.abs(moment_arms[:, used]).min(axis=1)  # one cylinder per joint: the arms are the singular values
+        return np.ones(moment_arms.shape[:-2], dtype=bool)
+    finite, own = np.all(np.isfinite(moment_arms), axis=(-2, -1)), _own_joints(moment_arms)
+    if own is not None:  # the arms are the singular values
+        smallest = np.abs(moment_arms[..., np.arange(len(own)), own]).min(axis=-1)
     else:
-        smallest = np.linalg.svd(np.where(finite[:, None, None], moment_arms, 0.0), compute_uv=False)[:, -1]
+        known = np.where(finite[..., None, None], moment_arms, 0.0)
+        smallest = np.linalg.svd(known, compute_uv=False)[..., -1]
     return np.asarray(~finite | ~(smallest >= 1e-6))
+
+
+def _own_joints(moment_arms: Array) -> Array | None:
+    """The joint that each cylinder moves (nc,), where each moves one and none moves the same; else None."""
+    used = np.any(moment_arms != 0, axis=tuple(range(moment_arms.ndim - 2)))
+    alone = used.shape[0] == used.shape[1] and np.all(used.sum(axis=0) == 1) and np.all(used.sum(axis=1) == 1)
+    return np.asarray(used.argmax(axis=1)) if alone else None

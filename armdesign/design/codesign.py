@@ -242,7 +242,7 @@ class Search:
     def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
         base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
-        keep = _nearest_limits(here.limits, low, high, 160)
+        keep = _nearest_limits(here.limits, low, high, 100)
         value, jacobian = _padded(here.limits.values[keep], here.limits.jacobian[keep])
         return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)
 

@@ -86,7 +86,7 @@ def _lift(new: Candidate, frame: Frame, at: LiftPose) -> Condition:
     share, supply = frame.requirements.holding_share, new.machine.supply
     arms = new.moment_arms(at.rigid)
     bare, per_mass = (
-        np.stack([static_forces(arms[v], load[v % len(load)], new.areas[v, :, 0])[0] for v in range(len(arms))])
+        static_forces(arms, load, new.areas[:, None, :, 0])[:, 0]
         for load in (new.bare_gravity(at.rigid), at.torque[None])
     )
     mass = liftable(new.machine, bare, per_mass, new.areas, share)

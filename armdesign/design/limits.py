@@ -70,29 +70,15 @@ class Stepped:
         """See ``Candidate``."""
         return self._lengths[1]
 
-    @cached_property
-    def linkages(self) -> list[Linkage]:
+    @property
+    def linkages(self) -> tuple[Linkage, ...]:
         """Every cylinder's pins at x."""
         return self.problem.linkages(self.x)
 
-    @cached_property
+    @property
     def sweeps(self) -> list[tuple[Array, Array] | None]:
         """See ``Candidate``."""
-        found: list[tuple[Array, Array] | None] = []
-        for i, (linkage, poses) in enumerate(zip(self.linkages, self.problem.ranges, strict=True)):
-            if poses is None:
-                found.append(None)
-                continue
-            actuation, joint = linkage.actuation(poses), linkage.joints[0]
-            length, arm = (
-                np.tile(value.astype(complex), (len(self.x), 1))
-                for value in (actuation.length, actuation.moment_arm[:, joint])
-            )
-            for index, moved in self.problem.sensitivities(i, linkage, poses):
-                length[index] += 1j * STEP * moved.length * self.problem.box
-                arm[index] += 1j * STEP * moved.moment_arm[:, joint] * self.problem.box
-            found.append((length, arm))
-        return found
+        return self.problem.stepped_sweeps(self.x)
 
     def place(self, i: int, name: str) -> Array | None:
         """See ``Candidate``."""
@@ -154,8 +140,7 @@ def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> I
     yield from conditions(new, frame)
     arm = new.moment_arms(problem.workspace.rigid[problem.held.pose[rows]])
     gravity = problem.stepped_loads(x, problem.held, rows)[1]
-    forces = np.stack([static_forces(arm[v], gravity[v % len(gravity)], new.areas[v, :, 0]) for v in range(len(x))])
-    yield from static_loads_held(new, frame, forces)
+    yield from static_loads_held(new, frame, static_forces(arm, gravity, new.areas[:, None, :, 0]))
 
 
 def buckling_factor(problem: Problem, i: int) -> float:

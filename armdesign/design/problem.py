@@ -14,12 +14,11 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import zip_longest
 
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, remembered
 from armdesign.bands import Bands, scaled_links
 from armdesign.cylinder import stiffness
 from armdesign.design.catalogue import relative_areas
@@ -50,6 +49,10 @@ class Geometry:
     d_length: Array | None = None
     d_arm: Array | None = None
     d_curve: Array | None = None
+
+    def __getitem__(self, poses: Array) -> Geometry:
+        """At some of the poses, without derivatives."""
+        return Geometry(self.length[poses], self.arm[poses], self.curve[poses])
 
     def stepped(self) -> tuple[Array, Array, Array]:
         """The three arrays with a complex step along each entry of x (nx, n, nc, …)."""
@@ -163,7 +166,7 @@ class Problem:
 
     def placed(self, x: Array) -> Machine:
         """Today's machine with pins, bars, closed lengths, strokes and own masses of x; bores and rods are today's."""
-        places = zip(self.machine.cylinders, *self._strokes(x, self._range_lengths(x)[0]), strict=False)  # motors stay
+        places = zip(self.machine.cylinders, *self.strokes(x), strict=False)  # motors stay
         cylinders = [
             dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke)) for c, closed, stroke in places
         ]
@@ -175,7 +178,7 @@ class Problem:
                     self.machine.cylinders[i], self.machine.linkages[i], self.areas(x)[i], closed[i], linkages[i]
                 )
                 cylinders[i] = with_masses(cylinders[i], own)
-        return dataclasses.replace(self.machine, cylinders=tuple(cylinders), linkages=tuple(linkages))
+        return dataclasses.replace(self.machine, cylinders=tuple(cylinders), linkages=linkages)
 
     def areas(self, x: Array) -> Array:
         """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
@@ -192,7 +195,8 @@ class Problem:
         """Today's rods (nc,) [m²]."""
         return np.asarray(self.areas_today[:, 0] - self.areas_today[:, 1])
 
-    def linkages(self, x: Array) -> list[Linkage]:
+    @remembered
+    def linkages(self, x: Array) -> tuple[Linkage, ...]:
         """Every cylinder's pins and bars at x."""
         made = list(self.machine.linkages)
         for value, v in zip(x, self.variables, strict=True):
@@ -200,7 +204,7 @@ class Problem:
                 at = list(made[v.cylinder].place(v.pin) or ())
                 at[v.axis] += float(value) * self.box
                 made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
-        return made
+        return tuple(made)
 
     def like(self, x: Array, other: Problem) -> Array:
         """The design ``x`` of another problem of this machine as one of this problem, as far as it varies here."""
@@ -244,11 +248,9 @@ class Problem:
 
     def held_forces(self, x: Array) -> Array:
         """Static forces (n, nc) [N] of the rows ``held`` at x."""
-        poses, back = np.unique(self.held.pose, return_inverse=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            arm = self.geometry(x, self.workspace.rigid[poses]).arm[back]
-            gravity = self.loads(x, self.held, np.arange(len(back)))[1]
-            return static_forces(arm, gravity, self.areas(x)[:, 0])
+        arm = self._geometry_of(x, self.held.pose).arm
+        gravity = self.loads(x, self.held, np.arange(len(arm)))[1]
+        return static_forces(arm, gravity, self.areas(x)[:, 0])
 
     @property
     def softened(self) -> Problem:
@@ -272,7 +274,7 @@ class Problem:
         if self.own is None:
             return known
         poses, back = np.unique(rows.pose[chosen], return_inverse=True)
-        linkages, closed = self.linkages(x), self._strokes(x, self._range_lengths(x)[0])[0]
+        linkages, closed = self.linkages(x), self.strokes(x)[0]
         if self.moving:
             units = self.own.units(linkages, closed, self.workspace.rigid[poses])
         else:
@@ -373,21 +375,28 @@ class Problem:
     def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
         if self._still is not None:
-            strokes = self._strokes(x, self._range_lengths(x)[0])
-            return self._still.look(x, rows, lambda length, force: self._oil(length, *strokes, self.areas(x), force))
+            ends = self.strokes(x)
+            return self._still.look(x, rows, lambda length, force: self._oil(length, *ends, self.areas(x), force))
         rows = np.arange(len(self)) if rows is None else rows
-        if self._fixed is not None:
-            g, back = self._fixed, self.rows.pose[rows]
-        else:
-            poses, back = np.unique(self.rows.pose[rows], return_inverse=True)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                g = self.geometry(x, self.workspace.rigid[poses])
-        strokes = self._strokes(x, self._range_lengths(x)[0])
-        arm, areas, (mass, gravity, slope) = g.arm[back], self.areas(x), self.loads(x, self.rows, rows)
-        forces = static_forces(arm, gravity, areas[:, 0])
-        matrix = self._stiffness(g.length[back], arm, g.curve[back], *strokes, areas, forces) + slope
+        matrix, mass, forces = self._assembled(x, rows)
         lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
+
+    def _assembled(self, x: Array, rows: Array) -> tuple[Array, Array, Array]:
+        """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
+        g, areas, (mass, gravity, slope) = (
+            self._geometry_of(x, self.rows.pose[rows]), self.areas(x), self.loads(x, self.rows, rows)
+        )  # fmt: skip
+        forces = static_forces(g.arm, gravity, areas[:, 0])
+        return self._stiffness(g.length, g.arm, g.curve, *self.strokes(x), areas, forces) + slope, mass, forces
+
+    def _geometry_of(self, x: Array, poses: Array) -> Geometry:
+        """Geometry at some of the workspace's poses."""
+        if self._fixed is not None:
+            return self._fixed[poses]
+        rigid = self.workspace.rigid
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.geometry(x, rigid)[poses] if len(poses) >= len(rigid) else self.geometry(x, rigid[poses])
 
     @cached_property
     def _fixed(self) -> Geometry | None:
@@ -413,8 +422,16 @@ class Problem:
 
         The latter is for a machine that is next to unstable, or is unstable, at its worst pose.
         """
-        squared = self.frequencies(self.start)
-        return float(max(squared.min(), 0.01 * np.median(np.abs(squared))))
+        return float(max(self.lowest_today, 0.01 * np.median(np.abs(self._squared_today))))
+
+    @property
+    def lowest_today(self) -> float:
+        """Today's lowest ω² [rad²/s²]."""
+        return float(self._squared_today.min())
+
+    @cached_property
+    def _squared_today(self) -> Array:
+        return self.frequencies(self.start)
 
     def tightened(self, share: float) -> Problem:
         """The same problem with limits drawn in by a share."""
@@ -440,16 +457,12 @@ class Problem:
         (closed, stroke), areas = self.stepped_strokes(x), self.stepped_areas(x)
         mass, gravity, slope = self.stepped_loads(x, self.rows, rows)
         pull = slope - 1j * squared * mass.imag
-        stepped = np.stack([
-            self._stiffness(
-                length[v], arm[v], curve[v], closed[v], stroke[v], areas[v],
-                static_forces(arm[v], gravity[v % len(gravity)], areas[v, :, 0]),
-            ) + pull[v % len(pull)]
-            for v in range(len(x))
-        ])  # fmt: skip
+        forces = static_forces(arm, gravity, areas[:, None, :, 0])
+        ends = closed[:, None], stroke[:, None]
+        stepped = self._stiffness(length, arm, curve, *ends, areas[:, None], forces) + pull
         lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass[0].real)
-        scaled = lower @ stepped @ np.swapaxes(lower, 1, 2)
-        return scaled[0].real, scaled.imag / STEP
+        turned = np.swapaxes(lower, 1, 2)
+        return lower @ stepped[0].real @ turned, lower @ (stepped.imag / STEP) @ turned
 
     def chord_matrices(
         self, low: Array, high: Array, rows: Array, about: Array | None = None, squared: float = 0.0
@@ -476,10 +489,7 @@ class Problem:
         Where M hangs on x: L⁻¹(K − ω²(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ at ``about`` (x itself if None) with an ω²
         of ``squared`` [rad²/s²]. Its lowest eigenvalue is above, at or below ω² where that of K v = λ M v is.
         """
-        g = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]])
-        areas, (mass, gravity, slope) = self.areas(x), self.loads(x, self.rows, rows)
-        strokes, forces = self._strokes(x, self._range_lengths(x)[0]), static_forces(g.arm, gravity, areas[:, 0])
-        matrix = self._stiffness(g.length, g.arm, g.curve, *strokes, areas, forces) + slope
+        matrix, mass, _ = self._assembled(x, rows)
         if self.own is None:
             lower = self._inverse_cholesky[rows]
         else:
@@ -490,16 +500,19 @@ class Problem:
     def _stiffness(
         self, length: Array, arm: Array, curve: Array, closed: Array, stroke: Array, areas: Array, forces: Array
     ) -> Array:
-        """K less gravity's slope: hydraulic + geometric (n, nq, nq); complex-safe."""
-        weighted = arm * self._oil(length, closed, stroke, areas, forces)[:, :, None]
-        return np.swapaxes(arm, 1, 2) @ weighted - np.einsum("nc,ncij->nij", forces, curve)
+        """K less gravity's slope: hydraulic + geometric (…, n, nq, nq); complex-safe. Axes in front as in ``_oil``."""
+        weighted = arm * self._oil(length, closed, stroke, areas, forces)[..., None]
+        return np.swapaxes(arm, -1, -2) @ weighted - np.einsum("...c,...cij->...ij", forces, curve)
 
     def _oil(self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array) -> Array:
-        """Oil stiffness of every function (n, nc) at its lengths, areas (nc, 2) and static forces [N/m, N m/rad]."""
+        """Oil stiffness of every function (…, n, nc) [N/m, N m/rad] at its lengths and static forces (…, n, nc).
+
+        Closed lengths and strokes (…, nc) and areas (…, nc, 2) are broadcast.
+        """
         fluid, return_pressure = self._soft.fluid, self._soft.supply.return_pressure
         oil = []
         for i, function in enumerate(self._soft.functions):
-            a1, a2 = areas[i]
+            a1, a2 = areas[..., i, 0], areas[..., i, 1]
             if self.proportional:
                 old = self.areas_today[i]
                 function = dataclasses.replace(
@@ -507,9 +520,9 @@ class Problem:
                     cap_dead_volume=function.cap_dead_volume * a1 / old[0],
                     annulus_dead_volume=function.annulus_dead_volume * a2 / old[1],
                 )
-            extension = length[:, i] - closed[i]
-            oil.append(stiffness(function, a1, a2, extension, stroke[i], forces[:, i], fluid, return_pressure))
-        return np.stack(oil, axis=1)
+            extension = length[..., i] - closed[..., i]
+            oil.append(stiffness(function, a1, a2, extension, stroke[..., i], forces[..., i], fluid, return_pressure))
+        return np.stack(oil, axis=-1)
 
     # -------------------------------------------------------------------------------------------------- strokes
 
@@ -522,37 +535,53 @@ class Problem:
             for k in self.machine.linkages
         ]
 
-    def _range_lengths(self, x: Array) -> tuple[list[Array | None], list[Linkage]]:
-        linkages = self.linkages(x)
-        found: list[Array | None] = []
-        with np.errstate(invalid="ignore"):
-            for i, (linkage, poses) in enumerate(zip(linkages, self.ranges, strict=True)):
-                found.append(linkage.length(poses) if poses is not None and i in self.moving else None)
-        return found, linkages
-
-    def _strokes(self, x: Array, lengths: list[Array | None]) -> tuple[Array, Array]:
-        """Closed length and stroke of each function [m]: least length and span over its joint's range.
+    @remembered
+    def strokes(self, x: Array) -> tuple[Array, Array]:
+        """Closed length and stroke of each function (nc,) [m]: least length and span over its joint's range.
 
         Today's for a motor and for a cylinder whose pins stay.
         """
-        closed, stroke = [], []
-        for function, length in zip_longest(self.machine.functions, lengths):
-            closed.append(function.closed_length if length is None else length.min())
-            stroke.append(function.stroke if length is None else np.ptp(length))
-        return np.array(closed), np.array(stroke)
+        functions = self.machine.functions
+        closed, stroke = (np.array([getattr(f, key) for f in functions]) for key in ("closed_length", "stroke"))
+        linkages = self.linkages(x)
+        for i in self.moving:
+            if (poses := self.ranges[i]) is not None:
+                with np.errstate(invalid="ignore"):
+                    length = linkages[i].length(poses)
+                closed[i], stroke[i] = length.min(), np.ptp(length)
+        return closed, stroke
+
+    @remembered
+    def stepped_sweeps(self, x: Array) -> list[tuple[Array, Array] | None]:
+        """Length and moment arm over each cylinder's range with a complex step along each entry of x (nx, n).
+
+        None across several joints.
+        """
+        found: list[tuple[Array, Array] | None] = []
+        for i, (linkage, poses) in enumerate(zip(self.linkages(x), self.ranges, strict=True)):
+            if poses is None:
+                found.append(None)
+                continue
+            actuation, joint = linkage.actuation(poses), linkage.joints[0]
+            length, arm = (
+                np.tile(value.astype(complex), (len(x), 1))
+                for value in (actuation.length, actuation.moment_arm[:, joint])
+            )
+            for index, moved in self.sensitivities(i, linkage, poses):
+                length[index] += 1j * STEP * moved.length * self.box
+                arm[index] += 1j * STEP * moved.moment_arm[:, joint] * self.box
+            found.append((length, arm))
+        return found
 
     def stepped_strokes(self, x: Array) -> tuple[Array, Array]:
         """Closed lengths and strokes with a complex step along each entry of x (nx, nc)."""
-        lengths, linkages = self._range_lengths(x)
-        closed, stroke = (np.tile(value.astype(complex), (len(x), 1)) for value in self._strokes(x, lengths))
-        for i, (poses, length) in enumerate(zip(self.ranges, lengths, strict=True)):
-            if poses is None or length is None:
-                continue
-            ends = [int(length.argmin()), int(length.argmax())]
-            for index, moved in self.sensitivities(i, linkages[i], poses[ends]):
-                first, last = moved.length * self.box
-                closed[index, i] += 1j * STEP * first
-                stroke[index, i] += 1j * STEP * (last - first)
+        closed, stroke = (np.tile(value.astype(complex), (len(x), 1)) for value in self.strokes(x))
+        sweeps = self.stepped_sweeps(x)
+        for i in self.moving:
+            if (swept := sweeps[i]) is not None:
+                length = swept[0]
+                closed[:, i] = length[:, length[0].real.argmin()]
+                stroke[:, i] = length[:, length[0].real.argmax()] - closed[:, i]
         return closed, stroke
 
     def stepped_areas(self, x: Array) -> Array:

@@ -1,17 +1,15 @@
 """Rounding: from the optimum in real numbers to a machine file that a drawing office can use.
 
-Pins, bores, rods, strokes and closed lengths go to the 0.1 mm grid; the machine is written, read back, and judged by
-``check``, which knows nothing of the optimiser.
+Pins, bores, rods, strokes and closed lengths go to the 0.1 mm grid; the machine's file is written, read again, and the
+machine that it says judged by ``check``, which knows nothing of the optimiser.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -28,7 +26,7 @@ from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import Concession, InfeasibleError
 from armdesign.linkage import BARS
-from armdesign.machine import Machine, load
+from armdesign.machine import Machine
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
 from armdesign.workspace import Workspace
@@ -56,7 +54,7 @@ def rounded(search: Search) -> Judged:
     for tightening in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3) if not passed else ():
         inner = _near(search, search.problem.tightened(tightening), search.x, search.bounds).run(0.02, 1e-5)
         for changes in _candidates(inner):
-            judged = _judged(_through_file(today, changes), search)
+            judged = _judged(today.replace(changes), search)
             if not _failed(judged):
                 passed.append(judged)
                 break
@@ -110,10 +108,11 @@ def _tuned(search: Search) -> Iterator[Machine]:
                 break
             x = near.x
             changes = _weighed(problem, _pin_changes(problem, near.x) | _size_changes(problem, choice, near.x))
-            slacks = {c.name: c.slack for c in check(today.replace(changes), today, light, requirements)}
+            machine = today.replace(changes)
+            slacks = {c.name: c.slack for c in check(machine, today, light, requirements)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
-                yield _through_file(today, changes)
+                yield machine
                 break
             reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
 
@@ -161,7 +160,7 @@ def _hardly_gained(search: Search) -> bool:
     problem = search.problem
     if problem.sizes:  # today's machine need not be in the catalogue
         return False
-    if search.squared > 1.02 * problem.frequencies(problem.start).min():
+    if search.squared > 1.02 * problem.lowest_today:
         return False
     checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
     return min(c.slack for c in checks) >= -TOLERANCE
@@ -289,7 +288,7 @@ def _neighbours(value: float) -> list[float]:
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
-    linkages = problem.linkages(x)
+    linkages = list(problem.linkages(x))
     today, requirements = problem.machine, problem.requirements
     common = requirements.box(today, problem.workspace)
     for i in problem.moving:
@@ -344,9 +343,3 @@ def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
             found[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
     return found
 
-
-def _through_file(machine: Machine, changes: dict[str, Any]) -> Machine:
-    """The changed machine, saved and loaded again."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = machine.replace(changes).save(Path(folder) / machine.source.name)
-        return replace(load(path), source=machine.source).loaded_like(machine)

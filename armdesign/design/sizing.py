@@ -40,36 +40,37 @@ class StepProgramme:
 
     def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
         import cvxpy as cp
+        from scipy.sparse import eye_array, kron
 
         self.shape = (n, nq, m, nx)
-        pairs = [(a, b) for a in range(nq) for b in range(a, nq)]
-        self._pairs = np.array(pairs).T
-        self._base, self._unit = cp.Parameter((n, len(pairs))), cp.Parameter((n, len(pairs)))
-        self._slopes = [cp.Parameter((len(pairs), nx)) for _ in range(n)]
+        upper = np.transpose(np.triu_indices(nq))
+        self._pairs = upper.T
+        entries = n * len(upper)
+        self._base, self._unit = cp.Parameter(entries), cp.Parameter(entries)
+        self._slopes = cp.Parameter((entries, nx))
         self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
         self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
         self._change, self._lambda = cp.Variable(nx), cp.Variable()
         self._excess = cp.Variable(m, nonneg=True)
-        self._matrices = []
-        place = np.zeros((nq * nq, len(pairs)))
-        for k, (a, b) in enumerate(pairs):
+        place = np.zeros((nq * nq, len(upper)))
+        for k, (a, b) in enumerate(upper):
             place[a * nq + b, k] = place[b * nq + a, k] = 1.0
-        for j in range(n):
-            entries = self._base[j] + self._slopes[j] @ self._change - self._unit[j] * self._lambda
-            self._matrices.append(cp.reshape(place @ entries, (nq, nq), order="C") >> 0)
+        triangles = self._base + self._slopes @ self._change - self._unit * self._lambda
+        whole = kron(eye_array(n), place, format="csr") @ triangles
+        self._matrices = cp.reshape(whole, (n, nq, nq), order="C") >> 0
         self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
         self._box = [self._change >= self._low, self._change <= self._high]
         objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
-        self._problem = cp.Problem(objective, [*self._matrices, self._limits, *self._box])
+        self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
 
     def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
         """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``."""
         a, b = self._pairs
         frame = _levelled(base)
         turned = np.swapaxes(frame, 1, 2)
-        self._base.value, self._unit.value = (frame @ base @ turned)[:, a, b], (frame @ turned)[:, a, b]
-        for j, parameter in enumerate(self._slopes):
-            parameter.value = (frame[j] @ slopes[:, j] @ turned[j])[:, a, b].T
+        unit = np.eye(base.shape[1])
+        self._base.value, self._unit.value = ((frame @ m @ turned)[:, a, b].ravel() for m in (base, unit))
+        self._slopes.value = (frame @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
         self._value.value, self._jacobian.value = value, jacobian
         self._low.value, self._high.value = low, high
         _solve(self._problem)
@@ -80,7 +81,7 @@ class StepProgramme:
             multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
             low_multipliers=np.asarray(self._box[0].dual_value),
             high_multipliers=np.asarray(self._box[1].dual_value),
-            weights=turned @ np.array([c.dual_value for c in self._matrices]).reshape(base.shape) @ frame,
+            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ frame,
         )
 
 
