@@ -23,7 +23,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import cma
@@ -94,8 +94,7 @@ class Plain(Stepped):
 
     @cached_property
     def _lengths(self) -> tuple[Array, Array]:
-        moving = [pair[0][0] if pair and i in self.problem.moving else None for i, pair in enumerate(self.sweeps)]
-        closed, stroke = self.problem._strokes(self.x, moving)
+        closed, stroke = self.problem.strokes(self.x)
         return closed[None], stroke[None]
 
     def place(self, i: int, name: str) -> Array | None:
@@ -120,7 +119,7 @@ class Judge:
     def poses(self) -> RigidPoses:
         """The workspace's and those of the joint ranges."""
         parts = [self.problem.workspace.rigid, *(poses for poses in self.problem.ranges if poses is not None)]
-        return RigidPoses(*(np.concatenate(values) for values in zip(*(vars(p).values() for p in parts), strict=True)))
+        return RigidPoses(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RigidPoses)))
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
         """Lowest ω² (n,) [rad²/s²] and static forces (n, nc) [N] of all rows, and what each requirement misses, ≥ 0."""

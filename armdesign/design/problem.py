@@ -249,7 +249,7 @@ class Problem:
     def held_forces(self, x: Array) -> Array:
         """Static forces (n, nc) [N] of the rows ``held`` at x."""
         arm = self._geometry_of(x, self.held.pose).arm
-        gravity = self.loads(x, self.held, np.arange(len(arm)))[1]
+        gravity = self.loads(x, self.held, slice(None))[1]
         return static_forces(arm, gravity, self.areas(x)[:, 0])
 
     @property
@@ -268,7 +268,7 @@ class Problem:
         """Today's machine without the own masses that hang on x."""
         return self.machine if self.own is None else self.own.rest
 
-    def loads(self, x: Array, rows: Rows, chosen: Array) -> Loads:
+    def loads(self, x: Array, rows: Rows, chosen: Array | slice) -> Loads:
         """M, g and ∂g/∂q of some rows at x, own masses included."""
         known = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
         if self.own is None:
@@ -374,15 +374,21 @@ class Problem:
 
     def look(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x (all rows if None)."""
+        return self._look_everywhere(x) if rows is None else self._look(x, rows)
+
+    @remembered
+    def _look_everywhere(self, x: Array) -> tuple[Array, Array]:
+        return self._look(x, slice(None))
+
+    def _look(self, x: Array, rows: Array | slice) -> tuple[Array, Array]:
         if self._still is not None:
-            ends = self.strokes(x)
-            return self._still.look(x, rows, lambda length, force: self._oil(length, *ends, self.areas(x), force))
-        rows = np.arange(len(self)) if rows is None else rows
+            length, forces = self._still.length[rows], self._still.forces[rows]
+            return self._still.squared(rows, self._oil(length, *self.strokes(x), self.areas(x), forces)), forces
         matrix, mass, forces = self._assembled(x, rows)
         lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
-    def _assembled(self, x: Array, rows: Array) -> tuple[Array, Array, Array]:
+    def _assembled(self, x: Array, rows: Array | slice) -> tuple[Array, Array, Array]:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
         g, areas, (mass, gravity, slope) = (
             self._geometry_of(x, self.rows.pose[rows]), self.areas(x), self.loads(x, self.rows, rows)

@@ -342,4 +342,3 @@ def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
             mass = getattr(new.cylinders[i], f"{name}_mass")
             found[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
     return found
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,31 +9,23 @@ import numpy as np
 from armdesign.arrays import Array
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Still:
     """All rows of a problem in which only areas vary and static forces do not hang on them.
 
     Lengths, static forces (n, nc), and in the frame of L⁻¹, M = L Lᵀ: arm L⁻¹r (n, nc, nq) and rest, K without oil
-    (n, nq, nq). It remembers the last look at all rows.
+    (n, nq, nq).
     """
 
     length: Array
-    force: Array
+    forces: Array
     arm: Array
     rest: Array
-    seen: tuple[bytes, Array] | None = None
 
-    def look(self, x: Array, rows: Array | None, oil: Callable[[Array, Array], Array]) -> tuple[Array, Array]:
-        """Lowest ω² [rad²/s²] and static forces [N] of rows (all if None) at x, with ``oil(length, force)`` [N/m]."""
-        if rows is not None:
-            return self._squared(rows, oil), self.force[rows]
-        if self.seen is None or self.seen[0] != x.tobytes():
-            self.seen = (x.tobytes(), self._squared(slice(None), oil))
-        return self.seen[1], self.force
-
-    def _squared(self, rows: Array | slice, oil: Callable[[Array, Array], Array]) -> Array:
-        arm, stiffness = self.arm[rows], oil(self.length[rows], self.force[rows])
-        return lowest(self.rest[rows] + np.swapaxes(arm, 1, 2) @ (arm * stiffness[:, :, None]))
+    def squared(self, rows: Array | slice, oil: Array) -> Array:
+        """Lowest ω² (n,) [rad²/s²] of rows with the stiffness (n, nc) [N/m] of their oil."""
+        arm = self.arm[rows]
+        return lowest(self.rest[rows] + np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None]))
 
 
 def lowest(scaled: Array) -> Array:
