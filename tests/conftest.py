@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import machines
 import pytest
+from commands import Refused, assert_one_line, main
 from hypothesis import HealthCheck, settings
 
 import armdesign as ad
@@ -28,3 +32,18 @@ def machine(request: pytest.FixtureRequest) -> ad.Machine:
 @pytest.fixture(scope="session")
 def excavator() -> ad.Machine:
     return machines.named("excavator_20t").with_payload("full")
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Refused:
+    """Asserts that a command, run in an empty folder, says why it cannot in one line and leaves nothing behind."""
+
+    def assert_refused(words: Sequence[str], message: str) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert main(words, monkeypatch) == 2
+        out, err = capfd.readouterr()
+        assert out == ""
+        assert_one_line(err, message)
+        assert not list(tmp_path.iterdir())
+
+    return assert_refused

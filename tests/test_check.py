@@ -9,8 +9,8 @@ from pathlib import Path
 import machines
 import numpy as np
 import pytest
+from commands import main
 from test_bad_input import URDF, damaged
-from test_cli import main
 
 import armdesign as ad
 from armdesign import urdf_faults

@@ -9,15 +9,14 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 
 import machines
 import pandas as pd
 import pytest
+from commands import Refused, assert_one_line, main
 
 import armdesign as ad
-from armdesign import cli
 from armdesign.bands import worst_within
 from armdesign.errors import ArmDesignError
 from armdesign.report.designs import design_sheets
@@ -46,14 +45,6 @@ def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedPr
         timeout=60,
         env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
     )
-
-
-def main(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> int:
-    """The entry point in this process: its exit code."""
-    monkeypatch.setattr(sys, "argv", ["armdesign", *words])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    return int(caught.value.code or 0)
 
 
 # ------------------------------------------------------------------------------------------------------- what it does
@@ -273,36 +264,13 @@ BAD = [
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_arguments_are_one_line(
-    command: str,
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main([command, *words, "--out", "out"], monkeypatch) == 2
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert_one_line(err, message)
-    assert not list(tmp_path.iterdir())
+def test_bad_arguments_are_one_line(command: str, words: list[str], message: str, refused: Refused) -> None:
+    refused([command, *words, "--out", "out"], message)
 
 
 @pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_arguments_of_check(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["check", *words], monkeypatch) == 2
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert_one_line(err, message)
-    assert not list(tmp_path.iterdir())
+def test_bad_arguments_of_check(words: list[str], message: str, refused: Refused) -> None:
+    refused(["check", *words], message)
 
 
 FILES = [
@@ -344,13 +312,6 @@ def test_a_broken_file_is_one_line(
     assert {path.name for path in tmp_path.iterdir()} == before
     assert main(["check", "broken.toml"], monkeypatch) == 2
     assert message in capfd.readouterr().err
-
-
-def assert_one_line(text: str, message: str) -> None:
-    assert text.count("\n") == 1, text
-    assert text.startswith("armdesign: ")
-    assert message in text
-    assert "Traceback" not in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -7,7 +7,7 @@ from pathlib import Path
 import machines
 import pandas as pd
 import pytest
-from test_cli import assert_one_line, main
+from commands import Refused, main
 
 import armdesign as ad
 from armdesign.comparison import compare
@@ -105,14 +105,5 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.
         (["excavator_20t", "excavator_12t", "--out", "/proc/none"], "--out /proc/none"),
     ],
 )
-def test_bad_input(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["compare", *words], monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, message)
-    assert not list(tmp_path.iterdir())
+def test_bad_input(words: list[str], message: str, refused: Refused) -> None:
+    refused(["compare", *words], message)

@@ -11,7 +11,7 @@ from typing import Any
 import machines
 import numpy as np
 import pytest
-from test_cli import assert_one_line, main
+from commands import Refused, assert_one_line, main
 
 import armdesign as ad
 from armdesign import scaffold, schema
@@ -96,17 +96,8 @@ def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (["x", "--out", "/proc/none"], "--out /proc/none"),
     ],
 )
-def test_bad_input(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["new", *words], monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, message)
-    assert not list(tmp_path.iterdir())
+def test_bad_input(words: list[str], message: str, refused: Refused) -> None:
+    refused(["new", *words], message)
 
 
 # ------------------------------------------------------------------------------------------------------------ schema
