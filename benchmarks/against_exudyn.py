@@ -53,10 +53,14 @@ def best_of(action: Callable[[], Array], times: int = 5) -> tuple[float, Array]:
 def ours(machine: Machine, shares: Sequence[float], tolerance: float) -> Array:
     """Joint positions (cases, n, nq) of our simulation at a tolerance of its integration."""
     cases = [
-        motion.Case(machine=machine, q=POSE, command=lambda _, s=s: np.multiply(s, STEPS), duration=DURATION, rate=RATE)
-        for s in shares
+        motion.Case(machine=machine, q=POSE, command=constant(share), duration=DURATION, rate=RATE) for share in shares
     ]
     return np.array([run.q for run in motion.simulate_all(cases, tolerance=tolerance)])
+
+
+def constant(share: float) -> Callable[[float], list[float]]:
+    """A share of all steps from the start on."""
+    return lambda _: [share * step for step in STEPS]
 
 
 def theirs(twin: Twin, valves: Sequence[Valves], solver: str, count: int) -> Array:
@@ -66,7 +70,7 @@ def theirs(twin: Twin, valves: Sequence[Valves], solver: str, count: int) -> Arr
 
 def spools(machine: Machine, share: float) -> Valves:
     """Openings of both ports: a symmetric valve whose spool answers a step."""
-    responses = [step_response(cylinder.valve) for cylinder in machine.cylinders]
+    responses = [step_response(cylinder.valve) for cylinder in machine.cylinders if cylinder.valve]
 
     def openings(now: float, _: Array) -> list[tuple[float, float]]:
         positions = [share * step * response(now) for step, response in zip(STEPS, responses, strict=True)]

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ def main() -> None:
     for label, frequencies in (("before", design.before), ("after", design.after)):
         worst = frequencies.worst
         case = frequencies.machine.with_payload(worst.payload)
-        seconds, validation = best_of(lambda c=case, w=worst: ad.validate(c, w.q, cylinders=[w.cylinder]), 1)
+        seconds, validation = best_of(partial(ad.validate, case, worst.q, cylinders=[worst.cylinder]), 1)
         deviation = float(np.abs(validation.frame["deviation"]).max())
         report(f"identified against linear, {label} ({seconds:.1f} s)", f"{deviation:.3%}", "< 2 %", deviation < 0.02)
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pandas as pd
 
+import armdesign as ad
 from armdesign import paper
 from armdesign.simulation.bias import sweep_bias
 
 OUT = Path("out") / "00_paper_validation"
 OPENINGS = (0.002, 0.01, 0.05)  # of the valve in the raw sweep; the paper does not say
-CORNERS = {"masses": (50.0, 400.0), "lengths": (0.5, 1.5)}
+CORNERS = (50.0, 400.0), (0.5, 1.5)  # [kg, m]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
@@ -24,11 +25,12 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
     Columns: against the linear answer (closed form, always all 40), the frequencies fitted at small amplitude, and
     the highest line of sweeps with each opening.
     """
-    grid = paper.grid(paper.load(paper.MACHINE))
+    grid = paper.grid(ad.load(paper.MACHINE))
     computed = grid.frequencies
     table = pd.DataFrame({"linear": paper.error_of(computed, computed["joint_exact"])})
     for opening in (paper.SWEEP.amplitude,) if fast else OPENINGS:
-        found = paper.reproduce(sweep=replace(paper.SWEEP, amplitude=opening), **(CORNERS if fast else {}))
+        masses, lengths = CORNERS if fast else (paper.MASSES, paper.LENGTHS)
+        found = paper.reproduce(None, masses, lengths, replace(paper.SWEEP, amplitude=opening))
         table["fitted"] = found.errors["identified"]
         table[f"sweep {100 * opening:g} %"] = found.errors["swept"]
         if opening == paper.SWEEP.amplitude:

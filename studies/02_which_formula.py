@@ -34,12 +34,12 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
     for name, found in maps.items():
         for formula in FORMULAS:
             ratio = ratios(found, formula)
-            worst = found.frame.loc[ratio.idxmax()]
+            worst = found.frame.iloc[int(ratio.to_numpy().argmax())]
             rows[name, formula] = {
                 "median": ratio.median(),
                 "p95": ratio.quantile(0.95),
                 "worst": ratio.max(),
-                "lowest_pose": ratio[found.frame["f1_hz"].idxmin()],
+                "lowest_pose": ratio.iloc[int(found.frame["f1_hz"].to_numpy().argmin())],
                 "where": ", ".join(f"{joint} {worst[joint]:.2f}" for joint in found.machine.joints),
                 "payload": worst["payload"],
             }
