@@ -12,48 +12,46 @@ from armdesign.report.sheet import Sheet
 if TYPE_CHECKING:
     from armdesign.simulation.validation import Validation
 
-SLIPPERY = "*"  # marks runs without dry friction
-
 
 def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     """Linear against identified frequencies; one validation per label. What failed is told below the table."""
-    from armdesign.simulation.validation import AGREES, Failure
+    from armdesign.simulation.validation import AGREES, Failure, Run
 
+    rough = any(run.with_friction for validation in validations.values() for run in validation.runs)
+    columns = ["pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ"]
+    columns += ["dry"] * rough
     rows, told = [], []
     for label, validation in validations.items():
         for one in validation.sweeps:
-            place, mark = f"{label}, {one.payload}", SLIPPERY if one.dry_friction == "left out" else ""
-            name = f"{one.cylinder}{mark}"
-            valve = "–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %"
-            linear = f"{one.linear_frequency:.4f}"
+            place = f"{label}, {one.payload}"
+            cells = [place, one.cylinder]
+            cells.append("–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %")
+            cells.append(f"{one.linear_frequency:.4f}")
+            for failed in (one, one.with_friction if isinstance(one, Run) else None):
+                if isinstance(failed, Failure):
+                    told.append(f"{place}, {one.cylinder}: {failed.error}")
             if isinstance(one, Failure):
-                rows.append((place, name, valve, linear, *4 * ("–",), "failed"))
-                told.append(f"{place}, {name}: {one.error}")
+                rows.append((*cells, *["–"] * (len(columns) - len(cells)), "failed"))
                 continue
-            rows.append(
-                (
-                    place,
-                    name,
-                    valve,
-                    linear,
-                    f"{one.identified_frequency:.4f}",
-                    f"{100 * one.deviation:+.2f} %",
-                    f"{one.linear_damping:.4f}",
-                    f"{one.identified_damping:.4f}",
-                    one.remark,
-                )
-            )
-    columns = ("pose, load", "cylinder", "valve", "linear", "identified", "deviation", "linear ζ", "ζ", "remark")
+            cells += [f"{one.identified_frequency:.4f}", f"{100 * one.deviation:+.2f} %"]
+            cells += [f"{one.linear_damping:.4f}", f"{one.identified_damping:.4f}"]
+            if rough:
+                other = one.with_friction
+                cells.append(f"{other.identified_frequency:.4f}" if isinstance(other, Run) else "failed")
+            rows.append((*cells, one.remark))
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "friction (gone without dry friction), pressures (of oil with air, behind valves that leak), or a fault"
+        "pressures (of oil with air, behind valves that leak), or a fault"
     )
-    if any(run.dry_friction == "left out" for validation in validations.values() for run in validation.runs):
-        note += f"; {SLIPPERY}: repeated without dry friction, of which the linear answer knows nothing"
+    if rough:
+        note += (
+            "; dry friction, of which no linear answer knows, is left out; dry: fitted with the machine's own, which "
+            "holds small motions"
+        )
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
-        columns=columns,
+        columns=(*columns, "remark"),
         rows=tuple(rows),
         note=". Failed: ".join([note, *told]),
     )
@@ -61,14 +59,16 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
 
 def verdict(validations: Sequence[Validation]) -> str:
     """How many sweeps of how many there are agree, what is said of the others, and how far off they are."""
+    from armdesign.simulation.validation import Run
+
     runs = [run for validation in validations for run in validation.runs]
     remarks = Counter(run.remark for run in runs)
     agree = remarks.pop("agrees", 0)
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
-    smooth = [run for run in runs if run.dry_friction == "left out"]
-    largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, smooth) if some]
-    far = f"; largest deviation {', without dry friction '.join(largest)}" if largest else ""
+    rough = [run.with_friction for run in runs if isinstance(run.with_friction, Run)]
+    largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, rough) if some]
+    far = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
     return (
         f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best poses, every cylinder, "
         f"agree{others}{far}"

@@ -7,8 +7,8 @@ coupled modes that the cylinder takes part in. Every sweep is run at full and at
 amplitude shrinks with it, a fault of the model does not.
 
 The linear answer is one of the oil's spring alone; it knows no dry friction, which damps a small motion more than a
-large one, and at last holds a piston fast. So where any function has dry friction, both sweeps are repeated without it.
-What is then gone was friction; what is left is judged as it is elsewhere.
+large one, and at last holds a piston fast. So like is compared with like: the sweeps leave dry friction out. Where a
+machine has any, both are repeated with it, and what it makes of them is told beside.
 
 The linear answer takes the pressures that the load alone makes. Behind a valve that leaks the flow makes others, and
 oil with air has another stiffness under them; so the frequency of the plant at its own rest is told beside it.
@@ -60,7 +60,6 @@ class Sweep:
             oil with air is under other pressures there than its static load alone makes: behind a valve that leaks.
         linear_damping: damping ratio there.
         amplitude: mean opening of the valve in the sweep.
-        dry_friction: "none"; else whether the machine's was "left in" or "left out".
     """
 
     pose: str
@@ -72,7 +71,6 @@ class Sweep:
     frequency_at_rest: float
     linear_damping: float
     amplitude: float
-    dry_friction: str
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
@@ -93,8 +91,10 @@ class Run(Sweep):
         span: largest less smallest joint position during it (nq,).
         energy_error: of the run's energy balance, see ``Simulation.energy_error``.
         remark: what to think of the deviation: "energy" if the run's balance does not close; "agrees"; "pressures" if
-            it agrees with ``frequency_at_rest``; "amplitude" if it shrinks with it; "friction" if it is gone without
-            dry friction; else "fault"; "not repeated" if the other amplitude's run failed.
+            it agrees with ``frequency_at_rest``; "amplitude" if it shrinks with it; else "fault"; "not repeated" if the
+            other amplitude's run failed.
+        with_friction: the same sweep of the machine with its dry friction, which no linear answer knows; None where it
+            has none.
     """
 
     fit: Fit
@@ -104,6 +104,7 @@ class Run(Sweep):
     span: Array
     energy_error: float
     remark: str = ""
+    with_friction: Run | Failure | None = None
 
     @property
     def identified_frequency(self) -> float:
@@ -137,7 +138,7 @@ class Validation:
 
     Attributes:
         joints: names of the coordinates.
-        sweeps: all, in the order of poses, payloads, cylinders, dry friction (in, out), amplitudes (full, half).
+        sweeps: all, in the order of poses, payloads, cylinders, amplitudes (full, half).
     """
 
     joints: tuple[str, ...]
@@ -162,7 +163,10 @@ class Validation:
 
     def _row(self, sweep: Run | Failure) -> dict[str, object]:
         """All columns in their order; of a failure only what a sweep is known by."""
-        run = sweep if isinstance(sweep, Run) else None
+        run, rough = (sweep, sweep.with_friction) if isinstance(sweep, Run) else (None, None)
+        remark = f"failed: {sweep.error}" if isinstance(sweep, Failure) else sweep.remark
+        if isinstance(rough, Failure):
+            remark += f"; with dry friction failed: {rough.error}"
         found: dict[str, object] = {
             "payload": sweep.payload,
             **dict(zip(self.joints, sweep.q.tolist(), strict=True)),
@@ -175,9 +179,10 @@ class Validation:
             "identified_damping": run.identified_damping if run else math.nan,
             "amplitude": sweep.amplitude,
             "pose": sweep.pose,
-            "dry_friction": sweep.dry_friction,
             "at_rest_hz": sweep.frequency_at_rest,
-            "remark": sweep.remark if isinstance(sweep, Run) else f"failed: {sweep.error}",
+            "with_friction_hz": rough.identified_frequency if isinstance(rough, Run) else math.nan,
+            "with_friction_damping": rough.identified_damping if isinstance(rough, Run) else math.nan,
+            "remark": remark,
         }
         if run:
             found |= {
@@ -335,7 +340,6 @@ def _trials(
                 frequency_at_rest=math.nan,
                 linear_damping=math.nan,
                 amplitude=math.nan,
-                dry_friction="none",
             )
             try:
                 groups.append(_group(sweep, Experiment.of(case, pose, index, mode), amplitude))
@@ -345,20 +349,17 @@ def _trials(
 
 
 def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[_Trial]:
-    """Full and half amplitude; where there is dry friction, the same without it."""
+    """Full and half amplitude without dry friction; where there is any, the same with it."""
     machine, full = experiment.machine, amplitude or experiment.default_amplitude()
     linear = experiment.linear
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0  # no pair left: overdamped
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
-    ways = [("none", experiment)]
+    versions = [experiment]
     if any(function.friction.coulomb or function.friction.static for function in machine.functions):
-        ways = [("left in", experiment), ("left out", experiment.of_machine(without_dry_friction(machine)))]
-    return [
-        _Trial(dataclasses.replace(sweep, amplitude=size, dry_friction=friction), version)
-        for friction, version in ways
-        for size in (full, full / 2)
-    ]
+        versions = [experiment.of_machine(without_dry_friction(machine)), experiment]
+    sizes = full, full / 2
+    return [_Trial(dataclasses.replace(sweep, amplitude=size), version) for version in versions for size in sizes]
 
 
 def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Failure]]]) -> list[Validation]:
@@ -378,19 +379,18 @@ def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Fail
 
 
 def _judged(group: Sequence[Run | Failure]) -> list[Run | Failure]:
-    """The group with remarks on the deviations, which half the amplitude or no dry friction explains or does not."""
-    as_it_is, smooth = group[:2], group[-2:]
-    remarks = [_verdict(smooth)] * 2
-    if len(group) > 2:
-        remarks = [_friction_verdict(as_it_is, smooth)] * 2 + remarks
-    pairs = zip(group, remarks, strict=True)
-    return [dataclasses.replace(one, remark=words) if isinstance(one, Run) else one for one, words in pairs]
+    """Full and half amplitude with remarks on the deviations; the same with dry friction, if any, put beside."""
+    smooth, rough = group[:2], group[2:] or (None, None)
+    balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
+    remark = _verdict(smooth) if balanced else "energy"
+    return [
+        dataclasses.replace(one, remark=remark, with_friction=other) if isinstance(one, Run) else one
+        for one, other in zip(smooth, rough, strict=True)
+    ]
 
 
 def _verdict(pair: Sequence[Run | Failure]) -> str:
     """Of a sweep at full and at half amplitude."""
-    if any(one.energy_error > BALANCED for one in pair if isinstance(one, Run)):
-        return "energy"
     deviations = [abs(one.deviation) for one in pair if isinstance(one, Run)]
     if all(deviation <= AGREES for deviation in deviations):
         return "agrees"
@@ -400,14 +400,3 @@ def _verdict(pair: Sequence[Run | Failure]) -> str:
     if len(deviations) < len(pair):
         return "not repeated"
     return "amplitude" if deviations[1] < 0.75 * deviations[0] else "fault"
-
-
-def _friction_verdict(pair: Sequence[Run | Failure], smooth: Sequence[Run | Failure]) -> str:
-    """Of the same with dry friction: what deviates as much without it has the same cause there."""
-    if (words := _verdict(pair)) == "agrees":
-        return words
-    both = [(a, b) for a, b in zip(pair, smooth, strict=True) if isinstance(a, Run) and isinstance(b, Run)]
-    if not both:
-        return "not repeated"
-    alike = all(abs(a.deviation - b.deviation) <= AGREES for a, b in both)
-    return _verdict(smooth) if alike else "friction"
