@@ -38,8 +38,9 @@ from armdesign.design.check import check
 from armdesign.design.codesign import hertz
 from armdesign.design.conditions import conditions, static_loads_held
 from armdesign.design.limits import Stepped, holding_rows, limits
-from armdesign.design.problem import RANGE_POSES, Geometry, Problem
+from armdesign.design.problem import Problem
 from armdesign.design.searching import MISSED
+from armdesign.design.space import RANGE_POSES, Geometry
 from armdesign.design.still import inverse_root, lowest
 from armdesign.poses import static_forces
 from armdesign.workspace import Workspace

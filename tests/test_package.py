@@ -21,7 +21,8 @@ ORDER = [
     *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check", "design.choices"),
-    *("design.variables", "design.still", "design.problem", "design.limits", "design.conflict", "design.sizing"),
+    *("design.variables", "design.space", "design.still", "design.problem"),
+    *("design.limits", "design.conflict", "design.sizing"),
     *("design.codesign", "design.polishing", "design.settling", "design.rounding", "design.selection"),
     *(
         "design.intervals",

@@ -15,7 +15,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.candidates import Condition
 from armdesign.design.limits import conditions_at, holding_rows
-from armdesign.design.problem import STEP, Problem
+from armdesign.design.problem import Problem
+from armdesign.design.space import STEP
 from armdesign.errors import Concession, InfeasibleError
 from armdesign.units import WORKSHOP
 

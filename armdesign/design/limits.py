@@ -18,7 +18,8 @@ from armdesign.cylinder import euler_safety
 from armdesign.design.candidates import Condition, frame_of
 from armdesign.design.conditions import conditions, rod_area_factor, static_loads_held
 from armdesign.design.lifting import unloaded
-from armdesign.design.problem import RANGE_POSES, STEP, Problem
+from armdesign.design.problem import Problem
+from armdesign.design.space import RANGE_POSES, STEP
 from armdesign.errors import InfeasibleError
 from armdesign.linkage import OF_FOUR_BAR, Linkage
 from armdesign.machine import Machine
