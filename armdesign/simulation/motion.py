@@ -47,10 +47,9 @@ class Simulation:
         joints: names, in order.
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank (n,) [J].
-        stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J]. Oil
-            that enters or leaves a chamber at a pressure p brings or takes the energy of its own compression, p²/2β of
-            each m³; it is booked neither here nor in what was supplied or dissipated. It is p/2β of the oil's work p Q:
-            1 % at 300 bar. Shut in, oil is booked exactly.
+        stored: growth of kinetic and potential energy and of that in compliances and stops, and the work that has
+            compressed oil and hoses (n,) [J]. That oil enters or leaves a chamber compressed, with about p²/2β in each
+            m³ (1 % of its work p Q at 300 bar), is left out here and in ``supplied``: see ``plant``.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
         events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
