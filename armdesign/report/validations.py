@@ -47,7 +47,8 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "friction (gone without dry friction), pressures (of oil with air, behind valves that leak), or a fault"
+        "friction (gone without dry friction), leaks (which make other pressures, and damp), creep (of what no spool "
+        "position makes up for), or a fault"
     )
     if any(run.dry_friction == "left out" for validation in validations.values() for run in validation.runs):
         note += f"; {SLIPPERY}: repeated without dry friction, of which the linear answer knows nothing"
