@@ -23,7 +23,6 @@ def bulk_modulus(pressure: Any, oil_modulus: float, air: float, exponent: float 
         air: a, gas volume per liquid volume at atmospheric pressure.
         exponent: n, 1 isothermal, 1.4 adiabatic.
     """
-    absolute = np.asarray(pressure) + ATMOSPHERE
-    absolute = np.where(np.real(absolute) < 0.01 * ATMOSPHERE, 0.01 * ATMOSPHERE, absolute)
+    absolute = np.maximum(pressure + ATMOSPHERE, 0.01 * ATMOSPHERE)  # of complex numbers, too: by their real parts
     ratio = (ATMOSPHERE / absolute) ** (1 / exponent)
     return oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))

@@ -54,6 +54,11 @@ class Valve:
         """Flow over the root of the pressure drop of an open edge of rated size [m³/s/√Pa]."""
         return self.rated_flow / math.sqrt(self.rated_drop)
 
+    @property
+    def leaks(self) -> bool:
+        """Whether oil flows at rest: by leakage, or within an underlap."""
+        return self.leakage > 0 or self.tank_leakage > 0 or self.overlap < 0
+
 
 @dataclass(frozen=True, kw_only=True)
 class LoadHolding:

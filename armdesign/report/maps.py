@@ -13,6 +13,7 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     from armdesign.maps import FrequencyMap
 
+NOTABLE = 0.005  # change of the worst frequency
 UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
 
 
@@ -29,9 +30,30 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
+        note=_rest_note(frequencies),
         bold=(0,),
     )
     return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+
+
+def _rest_note(frequencies: FrequencyMap) -> str:
+    """What a map leaves out of oil with air behind valves that leak, if it matters at the worst pose."""
+    machine, worst = frequencies.machine, frequencies.worst
+    valves = {function.name: function.valve for function in machine.functions}
+    leaking = [name for name, valve in valves.items() if valve and valve.leaks]
+    if not leaking or machine.fluid.air == 0 or not all(valves.values()):
+        return ""
+    from armdesign.linearization import linearize
+
+    found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+    left = len(found) == len(machine.joints)
+    if left and abs(found[0] - worst.frequency) < NOTABLE * worst.frequency:
+        return ""
+    return (
+        "oil with air is as stiff as its pressures make it, taken here as those of the load alone; behind valves that "
+        f"leak or have an underlap ({', '.join(leaking)}) the flow makes others: the worst pose then "
+        + (f"has {found[0]:.3f} Hz" if left else "is overdamped")
+    )
 
 
 def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:

@@ -42,7 +42,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "pressures (of oil with air, behind valves that leak), or a fault"
+        "leaks (which make other pressures, and damp), creep (of what no spool position makes up for), or a fault"
     )
     if rough:
         note += (

@@ -57,8 +57,7 @@ class Bodies:
         (model, data), library = self._pairs[0], self._library
         total = np.zeros(len(q))
         for row, (at, speed) in enumerate(zip(self._ordered(q), self._ordered(velocity), strict=True)):
-            total[row] = library.computeKineticEnergy(model, data, at, speed)
-            total[row] += library.computePotentialEnergy(model, data, at)
+            total[row] = library.computeMechanicalEnergy(model, data, at, speed)
         points = self._arm.points(self._arm.arm.kinematics(q)) if self._arm.points else []
         for m, point in points:
             moved = np.einsum("nji,nj->ni", point.first, velocity)

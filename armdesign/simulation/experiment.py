@@ -36,6 +36,7 @@ SOFTENING = 0.004  # relative change of the bulk modulus, with air
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
+CREEP = 0.01  # of the supply pressure: a chamber that drifts by more in a sweep
 HOLD_SHARE = 0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
 
 
@@ -107,6 +108,14 @@ class Experiment:
         return float(self.frequencies[self.mode])
 
     @property
+    def creeps(self) -> bool:
+        """Whether oil leaks away that no spool position makes up for: then there is no rest to sweep about."""
+        held = self.plant.split(self.rest)[4]
+        _, _, cap, annulus, _, _ = self.plant.split(self.plant.derivative(self.rest[None], held[None])[0])
+        fastest = float(np.abs(np.concatenate([cap, annulus])).max())
+        return fastest * self.duration > CREEP * self.machine.supply.pressure
+
+    @property
     def modes(self) -> int:
         """How many modes lie in the band."""
         return _count(self.frequencies, self.band)
@@ -148,9 +157,16 @@ class Experiment:
         )
 
     def fit(self, motion: Simulation) -> Fit:
-        """The modes in the response of the piston's speed to the speed that the spool asks for, in a run."""
+        """The modes in the response of the piston's speed to the speed that the spool asks for, in a run.
+
+        Raises:
+            SimulationError: the spool opened nothing, or see ``fit_modes``.
+        """
         asked = np.asarray(self.even.speed * self.even.share(motion.spool[:, self.index]))
         part = f"{self.machine.name}: sweep of {self.cylinder}"
+        if not np.any(asked):
+            problem = f"the spool stays within its overlap of {100 * self.even.valve.overlap:g} %"
+            raise SimulationError(part, problem, "raise the amplitude, or give a faster spool")
         return fit_modes(motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part)
 
     def peak(self, motion: Simulation) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 
-SPARE = 2  # degrees of B and E above those of a sum of modes: what modes outside the band add
+SPARE = 3  # degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
 ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1963)
 LEAST_EQUATIONS = 2  # per unknown
 

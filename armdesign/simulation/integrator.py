@@ -3,8 +3,8 @@
 Dormand and Prince's pair of order 5(4) (1980), with the tableau and the interpolant of scipy's RK45. All cases take a
 step at the same time, but each one has its own instant, step and error norm: so a case comes out as if it were alone,
 whatever its company, one that meets a kink or a stop does not slow the others, and no error hides in a mean over cases.
-A case that has come to its end is dropped when half of its company has. A case that turns stiff (a wide open valve that
-passes hardly any pressure drop, a fast spool, a piston in dry friction) is finished by LSODA alone.
+A case that has come to its end, or cannot go on, is dropped when half of its company has. A case that turns stiff
+(a wide open valve that passes hardly any drop, a fast spool, a piston in dry friction) is finished by LSODA alone.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class System(Protocol):
 
 
 class GaveUpError(Exception):
-    """A case cannot go on: which, at what time [s] and state, and why."""
+    """A case cannot go on: at what time [s] and state, and why."""
 
-    def __init__(self, case: int, time: float, state: Array, cause: str) -> None:
+    def __init__(self, time: float, state: Array, cause: str) -> None:
         super().__init__(cause)
-        self.case, self.time, self.state, self.cause = case, time, state.copy(), cause
+        self.time, self.state, self.cause = time, state.copy(), cause
 
 
 @dataclass
@@ -79,8 +79,10 @@ def integrate(
     tolerance: float,
     most_steps: int,
     swiftest: Array | None = None,
-) -> list[Array]:
+) -> list[Array | GaveUpError]:
     """States (count + 1, m) of every case at evenly spaced instants from 0 to its duration.
+
+    Where steps become too small or too many there is an error in their place, and the other cases go on.
 
     Args:
         system: the cases.
@@ -91,9 +93,6 @@ def integrate(
         tolerance: of a step's error, root of the mean square over the states of a case: relative and absolute.
         most_steps: that a case may take.
         swiftest: largest ω of damped ones, too, that steps may have to follow (n,) [rad/s]; None: ``fastest``.
-
-    Raises:
-        GaveUpError: steps became too small or too many.
     """
     front = _Front(system, start, durations, fastest, fastest if swiftest is None else swiftest)
     records = _Records.of(start, durations, counts)
@@ -102,14 +101,12 @@ def integrate(
         for number in range(1, most_steps + 1):
             front.advance(records, tolerance)
             if number % WINDOW == 0:
-                for row in front.stiff():
-                    case, begin, at = int(front.cases[row]), float(front.time[row]), front.state[row]
-                    _implicitly(front.system.picked([row]), case, begin, at, records, tolerance, 7 * most_steps)
-                    front.time[row] = front.ends[row]
+                front.finish_stiff(records, tolerance, 7 * most_steps)
             if front.drop_finished():
-                return records.split()
-    row = int(np.argmin(front.time / front.ends))
-    raise front.gave_up(row, f"more than {most_steps} steps")
+                break
+    for row in front.under_way():
+        front.give_up(row, f"more than {most_steps} steps")
+    return [front.errors.get(case, states) for case, states in enumerate(records.split())]
 
 
 class _Front:
@@ -119,6 +116,7 @@ class _Front:
         from scipy.integrate import RK45
 
         self.system, self.cases, self.ends = system, np.arange(len(start)), durations.astype(float)
+        self.errors: dict[int, GaveUpError] = {}
         self.most = STABLE / np.maximum(fastest, STABLE / durations)
         self.needed = np.minimum(self.most, STABLE / np.maximum(swiftest, STABLE / durations))
         self.time, self.state, self.slope = np.zeros(len(start)), start.copy(), start
@@ -154,27 +152,42 @@ class _Front:
             records.spacing,
             records.done,
         )
-        if stuck >= 0:
-            raise self.gave_up(stuck, f"no step is small enough: {NOT_FINITE}")
+        if stuck:
+            for row in np.flatnonzero((self.step == 0) & (self.time < self.ends)).tolist():
+                self.give_up(row, f"no step is small enough: {NOT_FINITE}")
 
-    def stiff(self) -> list[int]:
-        """Cases whose steps of late were far below what their oscillations need."""
+    def finish_stiff(self, records: _Records, tolerance: float, most: int) -> None:
+        """Finish those whose steps of late were far below what their oscillations need."""
         slow = self.time - self._before < WINDOW * self.needed / STIFF
         self._before = self.time.copy()
-        return [int(row) for row in np.flatnonzero(slow & (self.time < self.ends))]
+        for row in (row for row in self.under_way() if slow[row]):
+            case, begin = int(self.cases[row]), float(self.time[row])
+            try:
+                _implicitly(self.system.picked([row]), case, begin, self.state[row], records, tolerance, most)
+            except GaveUpError as error:
+                self.errors[case] = error
+            self._end(row)
+
+    def under_way(self) -> list[int]:
+        """Rows that are not at their end."""
+        return [int(row) for row in np.flatnonzero(self.time < self.ends)]
 
     def drop_finished(self) -> bool:
         """Let go of cases at their end once they are half of all; whether all are."""
-        left = np.flatnonzero(self.time < self.ends)
+        left = self.under_way()
         if 0 < 2 * len(left) <= len(self.time):
-            self.system = self.system.picked(left.tolist())
+            self.system = self.system.picked(left)
             for name in ("cases", "ends", "most", "needed", "time", "state", "slope", "step", "_before"):
                 setattr(self, name, getattr(self, name)[left])
         return len(left) == 0
 
-    def gave_up(self, row: int, cause: str) -> GaveUpError:
-        """The error of a case that cannot go on."""
-        return GaveUpError(int(self.cases[row]), float(self.time[row]), self.state[row], cause)
+    def give_up(self, row: int, cause: str) -> None:
+        """End a case that cannot go on with an error."""
+        self.errors[int(self.cases[row])] = GaveUpError(float(self.time[row]), self.state[row], cause)
+        self._end(row)
+
+    def _end(self, row: int) -> None:
+        self.time[row], self.step[row] = self.ends[row], 0.0
 
 
 @compiled
@@ -211,9 +224,11 @@ def _settle(
 ) -> int:
     """Take or refuse the step of every case, by the estimate of its error, and choose the next one's size.
 
-    What lies within a step is recorded by y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j. Returns a case that is stuck, or −1.
+    What lies within a step is recorded by y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j. Returns how many cases are stuck:
+    before their end no step is left to them.
     """
     n, m = state.shape
+    stuck = 0
     for case in range(n):
         h = step[case]
         if h == 0.0:
@@ -244,15 +259,20 @@ def _settle(
             state[case], slope[case] = ahead[case], slopes[6, case]
         factor = min(max(SAFETY * max(norm, 1e-10) ** -0.2, SHRINK), GROW) if math.isfinite(norm) else SHRINK
         if not norm < 1 and h * factor < 1e-14 * max(time[case], 1.0):
-            return case
-        step[case] = min(h * factor, most[case], ends[case] - time[case])
-    return -1
+            step[case], stuck = 0.0, stuck + 1
+        else:
+            step[case] = min(h * factor, most[case], ends[case] - time[case])
+    return stuck
 
 
 def _implicitly(
     system: System, case: int, begin: float, state: Array, records: _Records, tolerance: float, most: int
 ) -> None:
-    """The rest of one stiff case by LSODA (Petzold 1983), which turns implicit by itself, and back."""
+    """The rest of one stiff case by LSODA (Petzold 1983), which turns implicit by itself, and back.
+
+    Raises:
+        GaveUpError: it takes too many evaluations, or LSODA fails.
+    """
     from scipy.integrate import solve_ivp
 
     states, spacing = records.split()[case], float(records.spacing[case])
@@ -263,7 +283,7 @@ def _implicitly(
         nonlocal last, count
         found, count = system.rates(np.array([time]), at[None])[0], count + 1
         if count > most or not np.all(np.isfinite(found)):
-            raise GaveUpError(case, *last, f"more than {most} evaluations" if count > most else NOT_FINITE)
+            raise GaveUpError(*last, f"more than {most} evaluations" if count > most else NOT_FINITE)
         last = (time, at)
         return found
 
@@ -272,5 +292,5 @@ def _implicitly(
         warnings.simplefilter("ignore")  # LSODA warns and fails; the failure is reported
         run = solve_ivp(rates, (begin, end), state, method="LSODA", t_eval=instants, rtol=tolerance, atol=tolerance)
     if not run.success:
-        raise GaveUpError(case, *last, str(run.message))
+        raise GaveUpError(*last, str(run.message))
     states[done + 1 :], records.done[case] = run.y.T, records.last[case]

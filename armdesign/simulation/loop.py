@@ -129,13 +129,16 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
 
 @compiled
 def _correct(wanted: Any, state: Any, gains: Any, functions: Any, corrected: Any) -> None:
-    """Spool positions that open a valve by what the loop adds; those without a loop as they are."""
+    """Spool positions that open a valve by what the loop adds; those without a loop as they are.
+
+    One machine and one row of gains serve any number of states.
+    """
     n, nc = wanted.shape
     for case in range(n):
-        m = case if len(functions) > 1 else 0
+        m, row = case if len(functions) > 1 else 0, case if len(gains) > 1 else 0
         for i in range(nc):
             corrected[case, i] = wanted[case, i]
-            if gains[case, i] > 0:
+            if gains[row, i] > 0:
                 share = opening(functions[m, i], wanted[case, i]) + state[case, state.shape[1] - nc - 3 + i]
                 corrected[case, i] = spool_position(functions[m, i], share)
 

@@ -23,6 +23,7 @@ from armdesign.simulation.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
+INSTANT = 1e-9  # [s] beyond a state, where the next one could not be reached
 FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
 F = TypeVar("F", Cylinder, Motor)
 
@@ -46,10 +47,9 @@ class Simulation:
         joints: names, in order.
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank (n,) [J].
-        stored: growth of kinetic and potential energy and of that in oil, hoses, compliances and stops (n,) [J]. Oil
-            that enters or leaves a chamber at a pressure p brings or takes the energy of its own compression, p²/2β of
-            each m³; it is booked neither here nor in what was supplied or dissipated. It is p/2β of the oil's work p Q:
-            1 % at 300 bar. Shut in, oil is booked exactly.
+        stored: growth of kinetic and potential energy and of that in compliances and stops, and the work that has
+            compressed oil and hoses (n,) [J]. That oil enters or leaves a chamber compressed, with about p²/2β in each
+            m³ (1 % of its work p Q at 300 bar), is left out here and in ``supplied``: see ``plant``.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
         events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
@@ -233,21 +233,16 @@ def _refuse(case: Case) -> None:
 
 
 def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
-    """Runs of one shape; after one has given up the others begin anew without it."""
-    found: list[Simulation | SimulationError | None] = [None] * len(cases)
-    while left := [index for index, run in enumerate(found) if run is None]:
-        under_way = [cases[index] for index in left]
-        plants = [Plant(case.machine) for case in under_way]
-        starts = [_start(plant, case) for plant, case in zip(plants, under_way, strict=True)]
-        loop = Loop.of(plants, starts, [case.command for case in under_way], [case.hold for case in under_way])
-        try:
-            states = _states(loop, under_way, tolerance)
-        except GaveUpError as stop:
-            found[left[stop.case]] = _failure(plants[stop.case], stop)
-            continue
-        for row, (index, case) in enumerate(zip(left, under_way, strict=True)):
-            found[index] = _recorded(loop.picked([row]), float(case.duration), states[row])
-    return [run for run in found if run is not None]
+    """Runs of one shape."""
+    plants = [Plant(case.machine) for case in cases]
+    starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
+    loop = Loop.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
+    return [
+        _failure(loop.picked([row]), states)
+        if isinstance(states, GaveUpError)
+        else _recorded(loop.picked([row]), float(case.duration), states)
+        for row, (case, states) in enumerate(zip(cases, _states(loop, cases, tolerance), strict=True))
+    ]
 
 
 def _start(plant: Plant, case: Case) -> Array:
@@ -258,8 +253,8 @@ def _start(plant: Plant, case: Case) -> Array:
     return state
 
 
-def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array]:
-    """States of all cases at their instants."""
+def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array | GaveUpError]:
+    """States of all cases at their instants, or why there are none."""
     durations = np.array([case.duration for case in cases], dtype=float)
     fastest = np.array([2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases])
     spools = [max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases]
@@ -268,19 +263,21 @@ def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array]:
     return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
 
 
-def _failure(plant: Plant, stop: GaveUpError) -> SimulationError:
-    machine, body = plant.machine, stop.state[: plant.size]
-    q = plant.split(body)[0]
+def _failure(loop: Loop, stop: GaveUpError) -> SimulationError:
+    machine, q = loop.plant.machine, loop.plant.split(stop.state[: loop.plant.size])[0]
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     return SimulationError(
         f"{machine.name}: simulation",
         f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
-        _likely_cause(machine, q),
+        _likely_cause(machine, q, loop.asked[0](stop.time + INSTANT)),
     )
 
 
-def _likely_cause(machine: Machine, q: Array) -> str:
-    """What to look at when an integration has stopped at a pose."""
+def _likely_cause(machine: Machine, q: Array, asked: Sequence[float]) -> str:
+    """What to look at when an integration has stopped at a pose under some commands."""
+    for value in asked:
+        if not math.isfinite(value):
+            return f"the command gives {value:g} there: give −1…1"
     for cylinder, margin in zip(machine.functions, machine.margins(q)[0], strict=True):
         if margin == -np.inf:
             return f"the four-bar of {cylinder.name} does not close there: command it less far"

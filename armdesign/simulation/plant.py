@@ -9,8 +9,11 @@ with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2): the pins' compliance c in ser
 ideal pump holds its pressure. Masses of barrels, rods, rockers and couplers are in M and h.
 
 Energy is booked with it: what pumps supply (less what returns to the tank under return pressure), what compresses oil
-(Σ p C ṗ: oil that leaves takes with it the energy of its compression, p/2β of its pressure's work, about 1 %), and what
-edges, leakage, friction and stops dissipate. Kinetic, potential and spring energy are functions of the state.
+(Σ p C ṗ), and what edges, leakage, friction and stops dissipate. Kinetic, potential and spring energy are functions of
+the state. The balance is exact for these equations, as p Q = p C ṗ + p V̇ at every port. Compression inside is not all
+that the oil's own energy V ε changes by: with ρ'/ρ = 1/β, oil at p holds ε = ρ ∫ p dρ/ρ² in each m³, about p²/2β, and
+(V ε)˙ = ε Q + p C ṗ. What crosses a port brings or takes ε Q, about p/2β of its work p Q. Valve laws and pumps count
+volumes and know nothing of it, so it is left out of what is supplied and of what is stored alike.
 
 Units inside the state: pressures in bar, everything else SI, so that all numbers are of one order.
 """

@@ -23,7 +23,7 @@ def holding_pressures(
     """
     shut = _shut(cylinder, supply, force, preloaded)
     valve = cylinder.valve
-    if creeps or valve is None or not (valve.leakage or valve.tank_leakage or valve.overlap < 0):
+    if creeps or valve is None or not valve.leaks:
         return (*shut, 0.0)
     return _balanced(cylinder, valve, supply, force) or (*shut, 0.0)
 

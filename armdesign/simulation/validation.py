@@ -11,7 +11,8 @@ large one, and at last holds a piston fast. So like is compared with like: the s
 machine has any, both are repeated with it, and what it makes of them is told beside.
 
 The linear answer takes the pressures that the load alone makes. Behind a valve that leaks the flow makes others, and
-oil with air has another stiffness under them; so the frequency of the plant at its own rest is told beside it.
+oil with air has another stiffness under them; a large leak softens the spring as well. So the frequency of the plant
+at its own rest is told beside it. Where no spool position makes up for the leaks there is no rest: the load creeps.
 """
 
 from __future__ import annotations
@@ -90,9 +91,10 @@ class Run(Sweep):
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
         energy_error: of the run's energy balance, see ``Simulation.energy_error``.
-        remark: what to think of the deviation: "energy" if the run's balance does not close; "agrees"; "pressures" if
-            it agrees with ``frequency_at_rest``; "amplitude" if it shrinks with it; else "fault"; "not repeated" if the
-            other amplitude's run failed.
+        remark: what to think of the deviation: "energy" if the run's balance does not close; "agrees"; "creep" if oil
+            leaks away that no spool position makes up for; "leaks" if that from ``frequency_at_rest`` is small, or
+            shrinks with the amplitude while this does not; "amplitude" if this shrinks; else "fault"; "not repeated" if
+            the other amplitude's run failed.
         with_friction: the same sweep of the machine with its dry friction, which no linear answer knows; None where it
             has none.
     """
@@ -373,30 +375,39 @@ def _measured(machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Fail
             if isinstance(group, Failure):
                 results.append(group)
             else:
-                results += _judged([trial.result(next(motions)) for trial in group])
+                results += _judged([trial.result(next(motions)) for trial in group], group[0].experiment.creeps)
         found.append(Validation(joints, tuple(results)))
     return found
 
 
-def _judged(group: Sequence[Run | Failure]) -> list[Run | Failure]:
+def _judged(group: Sequence[Run | Failure], creeps: bool = False) -> list[Run | Failure]:
     """Full and half amplitude with remarks on the deviations; the same with dry friction, if any, put beside."""
     smooth, rough = group[:2], group[2:] or (None, None)
     balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
-    remark = _verdict(smooth) if balanced else "energy"
+    remark = _verdict(smooth, creeps) if balanced else "energy"
     return [
         dataclasses.replace(one, remark=remark, with_friction=other) if isinstance(one, Run) else one
         for one, other in zip(smooth, rough, strict=True)
     ]
 
 
-def _verdict(pair: Sequence[Run | Failure]) -> str:
+def _verdict(pair: Sequence[Run | Failure], creeps: bool) -> str:
     """Of a sweep at full and at half amplitude."""
-    deviations = [abs(one.deviation) for one in pair if isinstance(one, Run)]
-    if all(deviation <= AGREES for deviation in deviations):
+    linear = _trend([one.deviation for one in pair if isinstance(one, Run)])
+    at_rest = _trend([one.identified_frequency / one.frequency_at_rest - 1 for one in pair if isinstance(one, Run)])
+    if linear == "agrees":
+        return linear
+    if creeps:
+        return "creep"
+    if at_rest == "agrees":
+        return "leaks"
+    return "leaks" if linear == "fault" and at_rest == "amplitude" else linear
+
+
+def _trend(deviations: Sequence[float]) -> str:
+    """Of deviations at full and at half amplitude."""
+    if all(abs(deviation) <= AGREES for deviation in deviations):
         return "agrees"
-    at_rest = [one.identified_frequency / one.frequency_at_rest - 1 for one in pair if isinstance(one, Run)]
-    if all(abs(deviation) <= AGREES for deviation in at_rest):
-        return "pressures"
-    if len(deviations) < len(pair):
+    if len(deviations) < 2:
         return "not repeated"
-    return "amplitude" if deviations[1] < 0.75 * deviations[0] else "fault"
+    return "amplitude" if abs(deviations[1]) < 0.75 * abs(deviations[0]) else "fault"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 
 import helpers
@@ -14,6 +15,10 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
+from armdesign.report.maps import map_sheets
+from armdesign.simulation.decay import identify_decay
+from armdesign.simulation.motion import simulate
+from armdesign.simulation.plant import Plant
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
 
@@ -100,3 +105,33 @@ def test_without_python_control_the_remedy_is_named(excavator: Machine, monkeypa
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(SimulationError, match=r"needs the package python-control; pip install 'armdesign\[control\]'"):
         linearize(excavator, WORST).to_control()
+
+
+@pytest.mark.parametrize("leak", ["leakage_l_per_min_per_bar", "overlap_percent"])
+def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
+    """Oil with air behind valves that leak: the frequency that the map tells beside its own is that of a free decay."""
+    size = -1.0 if leak == "overlap_percent" else 1e-4
+    machine = ad.load("paper_1dof").replace({"fluid.entrained_air_percent": 1.0, f"cylinder.lift.valve.{leak}": size})
+    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
+    note = map_sheets(found)[0].note
+    assert "(lift) the flow makes others" in note
+    told = float(re.search(r"then has ([\d.]+) Hz", note)[1])  # type: ignore[index]
+    plant = Plant(machine)
+    trim = plant.split(plant.rest(found.worst.q))[4].tolist()
+    run = simulate(machine, found.worst.q, lambda _: trim, velocity=[1e-4], duration=1.0, rate=400)
+    assert told == pytest.approx(identify_decay(run.time, run.velocity).natural_frequencies[0], rel=2e-3)
+    assert told > 1.5 * found.worst.frequency
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"fluid.entrained_air_percent": 1.0},  # tight
+        {"cylinder.lift.valve.overlap_percent": -1.0},  # the same stiffness under all pressures
+        # no spool position makes up for what both chambers lose: it creeps, from the pressures of the map
+        {"fluid.entrained_air_percent": 1.0, "cylinder.lift.valve.tank_leakage_l_per_min_per_bar": 1e-4},
+    ],
+)
+def test_a_map_says_so_only_there(changes: dict[str, float]) -> None:
+    machine = ad.load("paper_1dof").replace(changes)
+    assert map_sheets(ad.frequency_map(machine, ad.Workspace.grid(machine, 5)))[0].note == ""

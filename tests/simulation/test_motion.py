@@ -123,6 +123,11 @@ def test_slow_loop_brings_the_piston_back(excavator: Machine) -> None:
     late = free.time > 20
     away = [abs(np.mean(run.extensions[late, 0]) - run.extensions[0, 0]) for run in (free, held)]
     assert away[1] < 0.2 * away[0]
+    own, valve = held.time > 1.5, excavator.cylinders[0].valve
+    assert valve is not None
+    lag = valve.damping_ratio / np.pi / valve.natural_frequency  # what the loop commands, the spool follows
+    expected = held.spool[own, 0] + lag * np.gradient(held.spool[own, 0], held.time[1])
+    assert np.abs(held.command[own, 0] - expected).max() < 0.02 * np.abs(expected).max()
 
 
 def test_missing_valve_is_one_line(excavator: Machine) -> None:

@@ -20,6 +20,7 @@ from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import motion
 from armdesign.simulation import validation as judging
 from armdesign.simulation.bias import sweep_bias
+from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
@@ -71,12 +72,12 @@ def test_frame_shows_the_poses_visited(worst: Validation) -> None:
 
 
 def test_frame_shows_what_the_raw_peak_would_say(worst: Validation) -> None:
-    """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator, far more than the fit."""
+    """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator; the small ones' fit is not."""
     expected = sweep_bias(periods=(16,), damping=(0.0,))["speed_peak"][0]
     off = worst.frame["peak_hz"] / worst.frame["linear_hz"] - 1
     assert (off < 0).all()
     assert off.to_numpy() == pytest.approx(np.full(6, expected), abs=5e-3)
-    assert (off.abs() > 5 * worst.frame["deviation"].abs()).all()
+    assert (off.abs() > 5 * worst.frame["deviation"].abs())[1::2].all()
 
 
 def test_measured_at_the_pose_asked_for(worst: Validation) -> None:
@@ -151,19 +152,23 @@ def test_dry_friction_stands_beside() -> None:
 def test_verdicts(worst: Validation) -> None:
     """A wrong linear answer is a fault, whatever dry friction does; a deviation that falls with it is amplitude."""
 
-    def judged(*shares: float) -> list[str]:
-        """Remarks on runs that deviate by these shares."""
+    def judged(*shares: float, beside: float = 0.0, creeps: bool = False) -> list[str]:
+        """Remarks on runs that deviate by these shares, by ``beside`` more from the frequency at rest."""
         run = worst.runs[0]
         frequency = run.identified_frequency
         linear = [frequency / (1 + share) for share in shares]
-        group = [replace(run, linear_frequency=f, frequency_at_rest=f) for f in linear]
-        return [one.remark for one in judging._judged(group) if isinstance(one, judging.Run)]
+        group = [replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear]
+        return [one.remark for one in judging._judged(group, creeps) if isinstance(one, judging.Run)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
     assert judged(0.02, 0.02) == ["fault"] * 2
     assert judged(0.001, 0.001, 0.3, 0.2) == ["agrees"] * 2  # the latter with dry friction
     assert judged(0.02, 0.02, 0.001, 0.001) == ["fault"] * 2
+    assert judged(0.200, 0.190, beside=-0.1567) == ["leaks"] * 2
+    assert judged(0.200, 0.200, beside=-0.1567) == ["fault"] * 2
+    assert judged(0.02, 0.006, creeps=True) == judged(0.02, 0.02, creeps=True) == ["creep"] * 2
+    assert judged(0.004, 0.002, creeps=True) == ["agrees"] * 2
     broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
     assert [one.remark for one in judging._judged(broken) if isinstance(one, judging.Run)] == ["energy"] * 2
 
@@ -252,10 +257,37 @@ def test_air_behind_valves_that_leak() -> None:
         changes |= {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 1e-3}
     validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
     for run in validation.runs:
-        assert run.remark == "pressures"
+        assert run.remark == "leaks"
         assert run.frequency_at_rest > 1.3 * run.linear_frequency
         assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=1e-3)
         assert run.identified_damping == pytest.approx(run.linear_damping, rel=0.03)
+
+
+def test_wide_underlap() -> None:
+    """What damps so much, and shifts the frequency by a quarter, is told from a fault."""
+    changes = {f"cylinder.{name}.valve.overlap_percent": -5.0 for name in ("boom", "stick", "bucket")}
+    validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
+    for run in validation.runs:
+        assert run.remark == "leaks"
+        assert run.linear_damping > 0.4
+        assert run.deviation < -0.2
+        assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=1e-2)
+
+
+def test_creep() -> None:
+    """Both chambers lose oil, and a lapped valve can feed but one: the pressures fall while the sweep lasts."""
+    changes = {f"cylinder.{name}.valve.tank_leakage_l_per_min_per_bar": 0.005 for name in ("boom", "stick", "bucket")}
+    machine = ad.load("excavator_20t").with_payload("full").replace(changes)
+    assert Experiment.of(machine, np.array(WORST), 0, 0).creeps
+    assert {run.remark for run in validate(machine, WORST, cylinders=["boom"]).runs} == {"creep"}
+    across = {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 0.005 for name in ("boom", "stick", "bucket")}
+    assert not Experiment.of(machine.replace(across | dict.fromkeys(changes, 0.0)), np.array(WORST), 0, 0).creeps
+
+
+def test_a_spool_that_never_leaves_its_overlap(excavator: Machine) -> None:
+    slow = {"cylinder.boom.valve.overlap_percent": 10.0, "cylinder.boom.valve.natural_frequency_hz": 0.1}
+    with pytest.raises(SimulationError, match="stays within its overlap of 10 %; raise the amplitude, or give a"):
+        validate(excavator.replace(slow), WORST, cylinders=["boom"])
 
 
 @pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
@@ -288,7 +320,7 @@ def test_poses_and_payloads_make_rows() -> None:
 
 def test_a_sweep_that_hardly_breaks_loose() -> None:
     """It does not show the mode, as the table and its verdict tell; without dry friction it does."""
-    machine = helpers.with_friction(ad.load("paper_1dof"), Friction(coulomb=3000, static=3000))
+    machine = helpers.with_friction(ad.load("paper_1dof"), Friction(coulomb=1500, static=1500))
     validation = validate(machine, [0.0], amplitude=0.002)
     for run in validation.runs:
         assert run.remark == "agrees"
