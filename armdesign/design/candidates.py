@@ -256,6 +256,19 @@ def _transmission(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: 
     return linkage.transmission(poses)[0][None]
 
 
+def peak(values: Array, curve: Array) -> tuple[Array, Array]:
+    """Where |curve| (b, k) is largest over even values (k,), and how large: by the parabola through three samples."""
+    k = int(np.abs(curve[0].real).argmax())
+    middle = np.sign(curve[0, k].real) * curve[:, k]
+    if k in (0, len(values) - 1):
+        return np.full(len(curve), values[k]), middle
+    before, after = (np.sign(curve[0, k].real) * curve[:, j] for j in (k - 1, k + 1))
+    bend, slope = before - 2 * middle + after, (after - before) / 2
+    if bend[0].real == 0:
+        return np.full(len(curve), values[k]), middle
+    return values[k] - slope / bend * (values[1] - values[0]), middle - slope**2 / bend / 2
+
+
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:
     """Bore and rod of one of the parallel cylinders (b,) [m]; a rod there always is, if a thin one."""
     one = 4 / math.pi / new.machine.cylinders[i].count

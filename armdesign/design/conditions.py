@@ -13,7 +13,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.column import euler_load, second_moment, stepped_load
 from armdesign.cylinder import STEEL_MODULUS, barrel_outer, holding_force, kind
-from armdesign.design.candidates import Built, Candidate, Condition, Frame, bounded, diameters
+from armdesign.design.candidates import Built, Candidate, Condition, Frame, bounded, diameters, peak
 from armdesign.design.explicit import explicit
 from armdesign.linkage import BARS, PINS
 
@@ -118,9 +118,10 @@ def _moment_arms(new: Candidate, frame: Frame) -> Iterator[Condition]:
             requirements.moment_arm_share * float(today.min()), at_least=True, scale=float(today.min()),
         )  # fmt: skip
         if name in requirements.digging:
-            best = int(arm[0].real.argmax())
-            own = pressure * float(frame.old.areas[0, i, 0] * today.max())
-            torque = pressure * new.areas[:, i, 0] * arm[:, best]
+            samples = np.arange(arm.shape[1])
+            most, once = (peak(samples, some)[1] for some in (arm, today[None]))
+            own = pressure * float(frame.old.areas[0, i, 0] * once[0])
+            torque = pressure * new.areas[:, i, 0] * most
             words, limit = f"digging torque of the {name} cylinder", requirements.digging_share * own
             yield bounded(f"digging.{name}", words, "N m", torque, limit, at_least=True, scale=own)
 

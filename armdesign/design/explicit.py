@@ -14,7 +14,7 @@ import numpy as np
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
 from armdesign.cylinder import barrel_outer, estimated_mass
-from armdesign.design.candidates import Candidate, Condition, Frame, bounded, diameters
+from armdesign.design.candidates import Candidate, Condition, Frame, bounded, diameters, peak
 from armdesign.design.lifting import LiftPose, liftable
 from armdesign.design.outlines import clearance, depth
 from armdesign.design.requirements import Clearance, Speed
@@ -112,7 +112,7 @@ def digging_forces(new: Candidate, frame: Frame) -> dict[str, Array]:
         joint = frame.today.linkages[i].joints[0]
         if swept is None or not arm.joints[joint].revolute:
             continue
-        where, most = _peak(over(ranges[joint], frame.samples), np.abs(swept[1].real), swept[1])
+        where, most = peak(over(ranges[joint], frame.samples), swept[1])
         best[joint] = cylinder.name, where, new.machine.supply.pressure * new.areas[:, i, 0] * most
     q = arm.limits.mean(axis=1)
     for joint, (_, where, _) in best.items():
@@ -134,19 +134,6 @@ def digging_forces(new: Candidate, frame: Frame) -> dict[str, Array]:
 def _beyond(chain: tuple[int, ...], joint: int, known: dict[int, Any]) -> list[int]:
     """Joints further out than one, of those known."""
     return [k for k in chain[chain.index(joint) + 1 :] if k in known]
-
-
-def _peak(values: Array, size: Array, curve: Array) -> tuple[Array, Array]:
-    """Where |curve| (b, k) is largest over even values (k,), and how large: by the parabola through three samples."""
-    k = int(size[0].argmax())
-    middle = np.sign(curve[0, k].real) * curve[:, k]
-    if k in (0, len(values) - 1):
-        return np.full(len(curve), values[k]), middle
-    before, after = (np.sign(curve[0, k].real) * curve[:, j] for j in (k - 1, k + 1))
-    bend, slope = before - 2 * middle + after, (after - before) / 2
-    if bend[0].real == 0:
-        return np.full(len(curve), values[k]), middle
-    return values[k] - slope / bend * (values[1] - values[0]), middle - slope**2 / bend / 2
 
 
 def _digging_force(new: Candidate, frame: Frame) -> Iterator[Condition]:
