@@ -29,6 +29,7 @@ from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
     from armdesign.bands import Bands
+    from armdesign.design.catalogue import Sizes
     from armdesign.design.optimum import Design
     from armdesign.machine import Machine
     from armdesign.workspace import Workspace
@@ -137,13 +138,13 @@ def optimize(
     """
     from armdesign.report.designs import design_sheets
 
-    if bool(least) != bool(frequency) or (least and catalogue):
-        raise ArmDesignError("--least", "goes with --frequency and without --catalogue", "give both, or neither")
+    if bool(least) != bool(frequency):
+        raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
     with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
         bands = _bands(model) if robust else None
         if least:
-            design = _least(model, workspace, vary, least, frequency, bands, say)
+            design = _least(model, workspace, vary, catalogue, least, frequency, bands, say)
         else:
             design = _design(model, workspace, vary, catalogue, bands, say)
     with outputs(out) as folder:
@@ -159,6 +160,7 @@ def pareto(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
+    catalogue: CatalogueOption = "",
     robust: RobustOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -174,8 +176,10 @@ def pareto(
     with progress("looking for the best design under each limit"):
         numbers = _numbers(values)
         model, workspace = _model(machine, points, out, allow_outside)
-        bands = _bands(model) if robust else None
-        found = trade_off(model, workspace, against=against, values=numbers, vary=_words(vary), bands=bands)
+        bands, sizes = _bands(model) if robust else None, _offered(catalogue)
+        found = trade_off(
+            model, workspace, against=against, values=numbers, vary=_words(vary), bands=bands, catalogue=sizes
+        )
         table = found.frame
     with outputs(out) as folder:
         write_csv(table, folder / "pareto.csv")
@@ -368,12 +372,11 @@ def paper(out: OutOption = Path("out")) -> None:
 def _design(
     model: Machine, workspace: Workspace, vary: str, catalogue: str, bands: Bands | None, say: Callable[[str], None]
 ) -> Design:
-    from armdesign.design.catalogue import read_sizes
     from armdesign.design.optimum import optimize, size_cylinders
 
     words = _words(vary)
     say("looking for better sizes" if words == ("areas",) else "looking for a better design")
-    offered = read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
+    offered = _offered(catalogue)
     if words == ("areas",):
         made = size_cylinders(model, workspace, bands=bands, catalogue=offered)
     else:
@@ -387,6 +390,7 @@ def _least(
     model: Machine,
     workspace: Workspace,
     vary: str,
+    catalogue: str,
     of: str,
     frequency: float,
     bands: Bands | None,
@@ -395,10 +399,18 @@ def _least(
     from armdesign.design.least import least
 
     say(f"looking for the least {of}")
-    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary), bands=bands)
+    sizes = _offered(catalogue)
+    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary), bands=bands, catalogue=sizes)
     say("mapping the new machine")
     _ = made.before, made.after
     return made
+
+
+def _offered(catalogue: str) -> str | Sizes | None:
+    """What ``--catalogue`` asks for."""
+    from armdesign.design.catalogue import read_sizes
+
+    return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
 
 
 def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[Machine, Workspace]:

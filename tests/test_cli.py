@@ -94,7 +94,6 @@ def test_least_oil_for_a_frequency(
     for more in (
         ["--least", "oil"],
         ["--frequency", "1"],
-        ["--least", "oil", "--frequency", "1", "--catalogue", "iso"],
     ):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err

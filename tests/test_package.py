@@ -20,10 +20,11 @@ ORDER = [
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
-    *("design.candidates", "design.explicit", "design.conditions", "design.check", "design.choices"),
+    *("design.candidates", "design.explicit", "design.conditions", "design.check"),
     *("design.variables", "design.space", "design.still", "design.problem"),
     *("design.limits", "design.conflict", "design.sizing"),
-    *("design.codesign", "design.polishing", "design.settling", "design.rounding", "design.selection"),
+    *("design.codesign", "design.polishing", "design.settling", "design.rounding"),
+    *("design.choices", "design.selection"),
     *(
         "design.intervals",
         "design.own_bounds",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from armdesign.design.sizing import StepProgramme
 from armdesign.errors import ArmDesignError, InfeasibleError
 
 TURNS = 5  # of choosing sizes for pins and pins for sizes
+Taken: TypeAlias = tuple[tuple[float, float] | None, ...]  # bore and rod [m] of cylinders whose size is chosen
 BORES, RODS = 2, 2  # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 
 
@@ -28,35 +30,56 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
         ArmDesignError: no size varies, or forces hang on the sizes.
         InfeasibleError: no combination meets the requirements.
     """
-    _refuse_fixed(problem)
+    refuse_fixed(problem)
     found = _selected(problem, problem.start, sizes)
     return _sized(problem, problem.start, found.sizes).run(trust=0.02, looks=1), found
 
 
 def sizes_and_pins(
-    problem: Problem, sizes: Sizes, starts: int, seed: int, workers: int
+    problem: Problem, sizes: Sizes, starts: int, seed: int, workers: int, start: tuple[Array, Taken] | None = None
 ) -> tuple[Search, tuple[float, ...]]:
     """Sizes of a catalogue and the pins for them; and what each start reached with free sizes [Hz].
 
-    From the best free sizes one cylinder after the other takes a size of the catalogue while the rest follows; or all
-    of them as today's pins want them. From the better of both, sizes and pins are found in turn.
+    ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
     Raises:
         ArmDesignError: no size varies, or forces hang on the sizes.
-        InfeasibleError: no design meets the requirements.
+        InfeasibleError: no design meets the requirements, whatever its sizes.
     """
-    _refuse_fixed(problem)
-    best, reached = multistart(problem, starts, seed, workers)
-    found = [finished(_nearest(met(best), sizes), trust=0.05)]
+    refuse_fixed(problem)
+    best, reached = multistart(problem, starts, seed, workers, start and start[0])
+    return with_sizes(met(best), sizes, start), reached
+
+
+def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None = None) -> Search:
+    """The best design with sizes of a catalogue, from one with free sizes; it may miss a requirement.
+
+    One cylinder after the other takes a size while the rest follows; or all of them as today's pins want them; or as
+    in ``start``. The best of these is ``bettered``.
+    """
+    problem = search.problem
+    found = [finished(_nearest(search, sizes), trust=0.05)]
+    if start and all(size in (None, *sizes) for size in start[1]):
+        found.append(finished(_sized(problem, *start), trust=0.1))
     try:
         chosen = _selected(problem, problem.start, sizes)
         found.append(finished(_sized(problem, problem.start, chosen.sizes), trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
-    return _one_by_one(_in_turn(met(max(found, key=_rank)), sizes), sizes), reached
+    return bettered(max(found, key=_rank), sizes)
 
 
-def _refuse_fixed(problem: Problem) -> None:
+def bettered(search: Search, sizes: Sizes) -> Search:
+    """Sizes and pins found in turn, and one size after the other taken anew, until nothing is better."""
+    return _one_by_one(_in_turn(search, sizes), sizes)
+
+
+def refuse_fixed(problem: Problem) -> None:
+    """Raise where no size varies.
+
+    Raises:
+        ArmDesignError: none does.
+    """
     if not any(bore or rod for bore, rod in problem.resized):
         raise ArmDesignError("catalogue", "has no use where sizes stay as they are", 'add "areas" to what varies')
 
@@ -149,9 +172,7 @@ def _selected(problem: Problem, x: Array, sizes: Sizes) -> Selection:
     return select(offered, problem.bands)
 
 
-def _sized(
-    problem: Problem, x: Array, sizes: tuple[tuple[float, float] | None, ...], programme: StepProgramme | None = None
-) -> Search:
+def _sized(problem: Problem, x: Array, sizes: Taken, programme: StepProgramme | None = None) -> Search:
     """A search from the pins of x with sizes that are chosen."""
     fixed = replace(problem, sizes=sizes)
     return Search(problem=fixed, x=np.clip(x, *fixed.bounds), programme=programme)

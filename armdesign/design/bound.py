@@ -54,8 +54,8 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
         x: a good design: prices are sought around it. The bound holds whatever it is.
         rows: rows that may enter, such as those that a search has watched.
 
-    Barrels and rods that weigh are enclosed by intervals over all pins and areas. None is known if a four-bar moves of
-    which something weighs, its cylinder included, or no cylinder has a joint to itself.
+    Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder has a joint to
+    itself and pins that ``shapes`` knows.
     """
     moving = any(v.pin is not None for v in problem.variables)
     known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()

@@ -14,6 +14,7 @@ tolerance.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
@@ -89,7 +90,7 @@ class Share:
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
     air: Air | None = None
-    own: tuple[float, float] = (0.0, 0.0)  # what barrel and rod add per bore and rod area, at most [1/m²]
+    own: Sequence[float] = (0.0, 0.0)  # what barrel and rod add per bore and rod area, at most [1/m²]
 
     def upper(self, low: Array, high: Array) -> Boxes:
         """Upper bounds over boxes; boxes in which nothing is allowed are left out."""

@@ -20,9 +20,10 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
-from armdesign.design.check import slacks, static_loads
+from armdesign.design.check import Check, check, slacks, static_loads
+from armdesign.design.conflict import sentence
 from armdesign.design.requirements import Requirements
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.errors import ArmDesignError, Concession, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
@@ -31,6 +32,8 @@ PROBES = 40  # random combinations on which requirements must be sums
 TOUCHED = 1e-12  # a slack that moves less hangs on other things
 LOST = 1e3  # times its limit: a slack below minus this is as good as any other
 BATCH = 500  # combinations judged at a time
+ROUNDING = 1e-12  # of a slack
+NONE = np.zeros(0, dtype=int)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,10 +62,11 @@ class Judge:
         return np.maximum(np.concatenate([self._judged(part)[1] for part in parts]) + self.tolerance, -LOST)
 
     def _judged(self, areas: Array) -> tuple[list[str], Array]:
-        return slacks(self.frame, areas, self.today, self.workspace, self._requirements, self._loads)
+        return slacks(self.frame, areas, self.today, self.workspace, self.limits, self._loads)
 
     @cached_property
-    def _requirements(self) -> Requirements:
+    def limits(self) -> Requirements:
+        """The requirements, the pin box that of today's workspace."""
         return replace(self.requirements, pin_box=self.requirements.box(self.today, self.workspace))
 
     @cached_property
@@ -158,9 +162,9 @@ def _allowed(judge: Judge, options: list[list[Cylinder]]) -> Choices:
     whole = _not_sums(judge, slack, areas, changes)
     moved = np.array([np.any(np.abs(change) > TOUCHED, axis=0) for change in changes])
     touched = moved & ~whole
-    if not _possible(slack, changes, touched, np.flatnonzero(touched.any(axis=0))):
-        what = _conflict(judge.names, slack, changes, touched)
-        raise InfeasibleError(judge.frame.name, f"no sizes of the catalogue meet {what}", "loosen them or offer others")
+    sums = _Sums(slack, changes, touched)
+    if sums.possible(np.flatnonzero(touched.any(axis=0))) is None:
+        raise _refusal(judge, options, sums)
     own_alone, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
     kept = [_meeting(slack, change, np.flatnonzero(own_alone & touched[i])) for i, change in enumerate(changes)]
     return Choices(
@@ -189,39 +193,124 @@ def _meeting(slack: Array, change: Array, columns: Array) -> Array:
     return np.flatnonzero(np.all(slack[columns] + change[:, columns] >= 0, axis=1))
 
 
-def _possible(slack: Array, changes: list[Array], touched: Array, columns: Array) -> bool:
-    """Whether some combination meets the requirements in ``columns``."""
-    own = touched.sum(axis=0) == 1
-    shared = columns[~own[columns]]
-    reached = slack[None, shared]
-    for i, change in enumerate(changes):
-        left = change[_meeting(slack, change, columns[own[columns] & touched[i, columns]])]
-        if len(left) == 0:
-            return False
-        before, more = _undominated(reached), _undominated(left[:, shared])
-        reached = (before[:, None] + more).reshape(len(before) * len(more), len(shared))
-    return bool(np.any(np.all(reached >= 0, axis=1)))
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Slacks as sums: of the frame (m,), changes by each cylinder's sizes (sizes, m), who touches which (nc, m)."""
+
+    slack: Array
+    changes: list[Array]
+    touched: Flags
+
+    def possible(self, columns: Array) -> Array | None:
+        """A combination (nc,) that meets the requirements in ``columns``; None if none does.
+
+        Cylinder after cylinder, combinations that another beats in all that they share are dropped.
+        """
+        alone = self.touched.sum(axis=0) == 1
+        shared = columns[~alone[columns]]
+        reached, chosen = self.slack[None, shared], np.zeros((1, 0), dtype=int)
+        for i, change in enumerate(self.changes):
+            left = _meeting(self.slack, change, columns[alone[columns] & self.touched[i, columns]])
+            if len(left) == 0:
+                return None
+            left = left[_undominated(change[np.ix_(left, shared)])]
+            reached = np.repeat(reached, len(left), axis=0) + np.tile(change[np.ix_(left, shared)], (len(reached), 1))
+            chosen = np.column_stack([np.repeat(chosen, len(left), axis=0), np.tile(left, len(chosen))])
+            best = _undominated(reached)
+            reached, chosen = reached[best], chosen[best]
+        meets = np.flatnonzero(np.all(reached >= 0, axis=1))
+        return chosen[meets[0]] if len(meets) > 0 else None
+
+    def nearest(self, give: Array, keep: Array) -> Array | None:
+        """The combination (nc,) that meets ``keep`` and misses ``give`` by the least largest share; None if none can.
+
+        Of several that do, one that misses the first of ``give`` least, then the next.
+        """
+        shares, every = np.zeros(len(self.slack)), np.union1d(keep, give)
+        shares[give] = 2 * LOST
+        best = self._eased(shares).possible(every)
+        if best is None:
+            return None
+        for some in (give, *give[:, None]):
+            low, trial, high = 0.0, 0.0, self._missed(best, some)
+            while trial < high:
+                shares[some] = trial
+                met = self._eased(shares).possible(every)
+                if met is None:
+                    low = trial
+                else:
+                    best, high = met, self._missed(met, some)
+                trial = (low + high) / 2 if high - low > TOLERANCE * (1 + high) else high
+            shares[some] = high + ROUNDING * (1 + high)
+        return best
+
+    def _eased(self, shares: Array) -> _Sums:
+        """The same with requirements eased by shares (m,)."""
+        return replace(self, slack=self.slack + shares)
+
+    def _missed(self, combination: Array, columns: Array) -> float:
+        """The largest share by which a combination misses requirements."""
+        changed = sum(change[o, columns] for change, o in zip(self.changes, combination, strict=True))
+        return float(np.maximum(-(self.slack[columns] + changed), 0.0).max())
 
 
 def _undominated(points: Array) -> Array:
-    """Points (n, m) than which no other is at least as large in everything."""
-    kept = []
-    while len(points) > 0:
-        best = points[points.sum(axis=1).argmax()]
+    """Rows of points (n, m) than which no other is at least as large in everything."""
+    kept, left = [], np.arange(len(points))
+    while len(left) > 0:
+        best = left[points[left].sum(axis=1).argmax()]
         kept.append(best)
-        points = points[np.any(points > best, axis=1)]
+        left = left[np.any(points[left] > points[best], axis=1)]
     return np.array(kept)
 
 
-def _conflict(names: list[str], slack: Array, changes: list[Array], touched: Array) -> str:
-    """Requirements that no combination meets together while any one less could be met; what a lone one is missed by."""
-    columns = np.flatnonzero(touched.any(axis=0))
-    best = slack + sum(change.max(axis=0) for change in changes)
-    missed = columns[best[columns] < 0]
-    if len(missed) > 0:
-        return " and ".join(f"{names[c]} (the nearest misses it by {100 * -best[c]:.2g} %)" for c in missed)
+def _refusal(judge: Judge, options: list[list[Cylinder]], sums: _Sums) -> InfeasibleError:
+    """The error that names the fewest requirements that exclude each other, and what they must give."""
+    every = np.flatnonzero(sums.touched.any(axis=0))
+    columns = _conflicting(sums, every)
+    others = np.setdiff1d(every, columns)
+    together, settles = sums.nearest(columns, others), True
+    if together is None:
+        others = NONE
+        together, settles = sums.nearest(columns, others), False
+    assert together is not None  # nothing has to be met
+    checks, given = _checks(judge, options, together), []
+    for column in columns:
+        only = sums.nearest(np.array([column]), np.union1d(others, columns[columns != column]))
+        c = checks[column]
+        given.append(
+            Concession(
+                name=c.name,
+                words=c.words,
+                unit=c.unit,
+                limit=c.limit,
+                at_least=c.at_least,
+                together=_missed(c),
+                alone=None if only is None else _missed(_checks(judge, options, only)[column]),
+            )
+        )
+    words = sentence(given, settles, "no sizes of the catalogue meet")
+    return InfeasibleError(judge.frame.name, words, "loosen them or offer other sizes", tuple(given))
+
+
+def _checks(judge: Judge, options: list[list[Cylinder]], combination: Array) -> tuple[Check, ...]:
+    """Every requirement of a combination, in the order of the judge's names."""
+    cylinders = tuple(made[o] for made, o in zip(options, combination, strict=True))
+    return check(replace(judge.frame, cylinders=cylinders), judge.today, judge.workspace, judge.limits)
+
+
+def _missed(c: Check) -> float:
+    """By how much, in its unit."""
+    return abs(c.value - c.limit) if c.slack < 0 else 0.0
+
+
+def _conflicting(sums: _Sums, columns: Array) -> Array:
+    """Requirements that no combination meets together while any one less could be met."""
+    for column in columns:
+        if sums.possible(np.array([column])) is None:
+            return np.array([column])
     for column in columns:
         fewer = columns[columns != column]
-        if not _possible(slack, changes, touched, fewer):
+        if sums.possible(fewer) is None:
             columns = fewer
-    return " together with ".join(names[c] for c in columns)
+    return columns

@@ -249,17 +249,17 @@ def _step(at: _Missed, soft: Collection[str], low: Array, high: Array) -> tuple[
     return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in held)
 
 
-def sentence(conflict: Sequence[Concession], settles: bool) -> str:
+def sentence(conflict: Sequence[Concession], settles: bool, none_meets: str = "no design meets") -> str:
     """A conflict in plain words; ``settles``: what it gives is enough for all requirements to be met."""
     more = "" if settles else "; others conflict besides"
     if len(conflict) == 1:
         only = conflict[0]
-        return f"no design meets {_named(only)}: it must give {_given(only, only.together)}{more}"
+        return f"{none_meets} {_named(only)}: it must give {_given(only, only.together)}{more}"
     names = " together with ".join(_named(c) for c in conflict)
     each = ", ".join(f"{c.name} {_given(c, c.together)}" for c in conflict)
     single = [f"{c.name} {_given(c, c.alone)}" for c in conflict if c.alone is not None]
     alone = f", or one alone {' or '.join(single)}" if single else ", no one alone is enough"
-    return f"no design meets {names}: they must give {each}{alone}{more}"
+    return f"{none_meets} {names}: they must give {each}{alone}{more}"
 
 
 def nearest(missed: Sequence[Concession]) -> str:

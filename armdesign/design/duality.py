@@ -321,7 +321,7 @@ class Dual:
                     dead=d.dead,
                     hoses=d.hoses,
                     air=air,
-                    own=worths.get(d.cylinder, (0.0, 0.0)),
+                    own=worths.get(d.cylinder, (0.0, 0.0))[:2],
                 )
             )
         return found
@@ -333,8 +333,8 @@ class Dual:
             total = total + bar.gravity(self.problem.workspace.rigid[self.problem.rows.pose[rows]])
         return total
 
-    def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, float]]]:
-        """What own masses add to the upper bound, per bore and rod area of their cylinder, at most [1/m²]."""
+    def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, ...]]]:
+        """What own masses add to the upper bound at most, as in ``Barred.worth`` [1/m²]."""
         nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
         weights = np.zeros((len(prices.rows), nq, nq))
         weights[:, joints[:, None], joints] = prices.weight

@@ -2,18 +2,25 @@
 
 The best worst frequency never falls when a limit is loosened. So the least amount is the root of *best frequency under
 that limit = frequency asked for*, found by the secant rule within a bracket; each search starts from the last answer.
+
+With a catalogue and given pins each search is a selection with its proof, and the bracket closes on an amount that a
+combination uses: under a little less none is enough. Where pins vary, sizes are chosen under the least amount of free
+sizes, the amount follows the sizes, and both are repeated: sizes that need less are sizes that reach more under the
+same limit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from armdesign.bands import Bands
+from armdesign.design.assortment import bettered, refuse_fixed, sizes_for_pins, with_sizes
+from armdesign.design.catalogue import Sizes, sizes_of
 from armdesign.design.check import cylinder_mass
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.optimum import Design
@@ -21,14 +28,18 @@ from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
 from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
+from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
 AMOUNTS = {"oil": "oil_total_share", "flow": "oil_each_share", "mass": "cylinder_mass"}
 WIDEST = 4.0  # times today's amount
+GROWTH = 1.3  # of the amount, until it is enough
 NARROW = 3e-4  # bracket of the amount, relative
+LESS = 1e-6  # than what a combination of a catalogue uses: no other uses so much, or nothing is gained
 SEARCHES = 40
+TURNS = 5  # of sizes for an amount and the amount for sizes
 ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016)  # shares of the amount that rounding may cost
 
 
@@ -44,6 +55,7 @@ def least(
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
+    catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """The machine that needs least oil, pump flow or steel and still has a given worst frequency on the workspace.
 
@@ -63,6 +75,8 @@ def least(
         seed: as in ``optimize``.
         workers: as in ``optimize``.
         bands: what is not known exactly: the worst frequency within them is then what may not fall below.
+        catalogue: as in ``optimize``. Where no pin varies the answer is the least of all combinations;
+            ``selection.below`` says whether that is proved.
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
@@ -72,57 +86,114 @@ def least(
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
     problem = posed(machine, workspace, requirements, vary, bands=bands)
-    hunt = _Hunt(problem=problem, limit=AMOUNTS[of], today=cylinder_mass(machine) if of == "mass" else 1.0)
-    return hunt.rounded(hunt.least(frequency, starts, seed, workers), frequency)
+    hunt = _Hunt(problem=problem, of=of, frequency=frequency)
+    if catalogue is None:
+        return hunt.rounded(hunt.least(hunt.free(starts, seed, workers)))
+    refuse_fixed(problem)
+    if problem.moving:
+        free = hunt.least(hunt.free(starts, seed, workers))
+        return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
+    search, selection = hunt.selected(sizes_of(catalogue))
+    return Design.of(search, (selection.frequency,), selection)
+
+
+def amount_of(machine: Machine, today: Machine, of: str) -> float:
+    """What a machine needs of what is made least, see ``least``: share of today's oil or flow, or mass [kg]."""
+    if of == "mass":
+        return cylinder_mass(machine)
+    new, old = (
+        np.array([[c.bore_area * c.stroke, c.annulus_area * c.stroke] for c in one.cylinders])
+        for one in (machine, today)
+    )
+    return float((new.sum(axis=0) / old.sum(axis=0) if of == "oil" else new / old).max())
 
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches under several limits on one amount, ``limit`` of the requirements; ``today`` is a start for it."""
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``reached`` by the starts of the first."""
 
     problem: Problem
-    limit: str
-    today: float
+    of: str
+    frequency: float
     reached: tuple[float, ...] = ()
 
-    def least(self, frequency: float, starts: int, seed: int, workers: int) -> Search:
-        """The search under the smallest amount that reaches a frequency [Hz], before rounding."""
-        search, self.reached = multistart(self._under(self.today), starts, seed, workers)
-        search, low = self._enough(search, frequency)
+    def free(self, starts: int, seed: int, workers: int) -> Search:
+        """The best design under today's amount, with any sizes."""
+        search, self.reached = multistart(self._under(self.problem, self._today), starts, seed, workers)
+        return search
+
+    def least(self, search: Search) -> Search:
+        """The search under the smallest amount that reaches the frequency, before rounding, with sizes as they vary."""
+        search, low = self._enough(search)
         slope = 0.5  # of log frequency by log amount: ω² grows with the oil, at first
         for _ in range(SEARCHES):
             high, found = self._amount(search), _frequency(search)
-            if high / low < 1 + NARROW or found < frequency * (1 + NARROW / 3):
+            if high / low < 1 + NARROW or found < self.frequency * (1 + NARROW / 3):
                 break
-            guess = high * (frequency * (1 + NARROW / 6) / found) ** (1 / slope)
+            guess = high * (self.frequency * (1 + NARROW / 6) / found) ** (1 / slope)
             if not low * (1 + NARROW / 10) < guess < high / (1 + NARROW / 10):
                 guess = math.sqrt(low * high)
             other = self._search(guess, search)
             now = _frequency(other)
             if now > 0 and now != found:
                 slope = float(np.clip(math.log(found / now) / math.log(high / guess), 0.05, 5.0))
-            if now >= frequency:
+            if now >= self.frequency:
                 search = other
             else:
                 low = guess
         return search
 
-    def _enough(self, search: Search, frequency: float) -> tuple[Search, float]:
+    def _enough(self, search: Search) -> tuple[Search, float]:
         """A search under an amount that is enough, and an amount that is not."""
-        amount, low = self.today, self.today / WIDEST**2
-        while _frequency(search) < frequency:
-            if amount >= WIDEST * self.today:
-                search = met(search)
-                raise InfeasibleError(
-                    self.problem.machine.name,
-                    f"{frequency:.4g} Hz is out of reach: the other requirements allow {_frequency(search):.4g} Hz",
-                    "loosen them or ask for less",
-                )
-            low, amount = amount, min(amount * 1.3, WIDEST * self.today)
+        amount = self._amount(search)
+        low = amount / WIDEST**2
+        while _frequency(search) < self.frequency:
+            if amount >= WIDEST * self._today:
+                raise self._out_of_reach(_frequency(met(search)))
+            low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
             search = self._search(amount, search)
         return search, low
 
-    def rounded(self, search: Search, frequency: float) -> Design:
+    def with_sizes(self, search: Search, sizes: Sizes) -> Search:
+        """The least amount with sizes of a catalogue, from that with free sizes."""
+        best = self.least(with_sizes(search, sizes))
+        for _ in range(TURNS):
+            other = bettered(best, sizes)
+            if other.problem.sizes == best.problem.sizes:
+                break
+            best = self.least(other)
+        return best
+
+    def selected(self, sizes: Sizes) -> tuple[Search, Selection]:
+        """The combination of a catalogue that needs least with today's pins; of equals the one that reaches most."""
+        search, selection = self._chosen(WIDEST * self._today, sizes)
+        if _frequency(search) < self.frequency:
+            raise self._out_of_reach(_frequency(search))
+        low, below = self._today / WIDEST**2, math.inf
+        while low < (guess := _between(low, self._used(selection))):
+            try:
+                search, trial = self._chosen(guess, sizes)
+            except InfeasibleError as error:
+                low, below = guess, 0.0 if error.conflict else math.inf
+                continue
+            if _frequency(search) >= self.frequency:
+                selection = trial
+            else:
+                low, below = guess, trial.bound
+        search, selection = self._chosen(self._used(selection), sizes)
+        return search, replace(selection, below=below if self.problem.own is None else math.inf)
+
+    def _chosen(self, amount: float, sizes: Sizes) -> tuple[Search, Selection]:
+        return sizes_for_pins(self._under(self.problem, amount), sizes)
+
+    def _used(self, selection: Selection) -> float:
+        """What a combination needs."""
+        today = self.problem.machine
+        pairs = zip(today.cylinders, selection.sizes, strict=True)
+        cylinders = tuple(replace(c, bore=bore, rod=rod) for c, (bore, rod) in pairs)
+        return amount_of(replace(today, cylinders=cylinders), today, self.of)
+
+    def rounded(self, search: Search) -> Design:
         """The rounded design, under a little more where rounding costs too much."""
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
@@ -131,23 +202,40 @@ class _Hunt:
             except InfeasibleError:  # no room to round in
                 continue
             worst = worst_on_poses(design.machine, design.problem)
-            if worst >= frequency:
+            if worst >= self.frequency:
                 return design
         raise InfeasibleError(
-            self.problem.machine.name, f"rounded sizes reach {worst:.4g} of {frequency:.4g} Hz", "ask for less"
+            self.problem.machine.name, f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz", "ask for less"
         )
 
     def _search(self, amount: float, near: Search) -> Search:
-        return finished(Search(problem=self._under(amount), x=near.x, programme=near.programme), trust=0.2)
+        problem = self._under(near.problem, amount)
+        return finished(Search(problem=problem, x=near.x, programme=near.programme), trust=0.2)
 
-    def _under(self, amount: float) -> Problem:
-        change: dict[str, Any] = {self.limit: amount}
-        return replace(self.problem, requirements=replace(self.problem.requirements, **change))
+    def _under(self, problem: Problem, amount: float) -> Problem:
+        change: dict[str, Any] = {AMOUNTS[self.of]: amount}
+        return replace(problem, requirements=replace(problem.requirements, **change))
+
+    @property
+    def _today(self) -> float:
+        return amount_of(self.problem.machine, self.problem.machine, self.of)
 
     def _amount(self, search: Search) -> float:
-        return float(getattr(search.problem.requirements, self.limit))
+        return float(getattr(search.problem.requirements, AMOUNTS[self.of]))
+
+    def _out_of_reach(self, reached: float) -> InfeasibleError:
+        return InfeasibleError(
+            self.problem.machine.name,
+            f"{self.frequency:.4g} Hz is out of reach: the other requirements allow {reached:.4g} Hz",
+            "loosen them or ask for less",
+        )
 
 
 def _frequency(search: Search) -> float:
     """Worst frequency of a search [Hz]; 0 where it misses a requirement."""
     return hertz(search.squared) if search.violation <= MISSED else 0.0
+
+
+def _between(low: float, high: float) -> float:
+    """The next amount to try under one that is enough: the middle, and at last next to it."""
+    return math.sqrt(low * high) if high / low > 1 + NARROW else high * (1 - LESS)

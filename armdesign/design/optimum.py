@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from armdesign.arrays import Array
 from armdesign.bands import Bands, FrequencyBand, frequency_band
 from armdesign.design.assortment import sizes_and_pins, sizes_for_pins
 from armdesign.design.bound import Bound, upper_bound
 from armdesign.design.catalogue import sizes_of
-from armdesign.design.check import Check
+from armdesign.design.check import Check, slacks, static_loads
 from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
@@ -29,6 +31,7 @@ from armdesign.maps import FrequencyMap, frequency_map
 from armdesign.units import WORKSHOP
 from armdesign.workspace import Workspace
 
+SMALLER = 0.99  # areas, to tell what hangs on them
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
@@ -176,6 +179,16 @@ class Design:
         return sorted(held, key=lambda c: -self.worth[c.name])
 
     @property
+    def tightest(self) -> list[Check]:
+        """Requirements that hang on the areas, that of least slack first: what counts where sizes come in steps."""
+        loads = static_loads(self.machine, self.workspace)
+        areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
+        both = np.stack([areas, SMALLER * areas])
+        names, (here, there) = slacks(self.machine, both, self.today, self.workspace, self.requirements, loads)
+        hang = {name for name, slack, other in zip(names, here, there, strict=True) if slack != other}
+        return sorted((c for c in self.checks if c.name in hang), key=lambda c: c.slack)
+
+    @property
     def sentences(self) -> list[str]:
         """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
         return [c.sentence(self.worth[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding]
@@ -218,20 +231,18 @@ def optimize(
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from another machine; no
-            catalogue, or one of no use, or one with a start.
+            catalogue, or one of no use.
         InfeasibleError: no design meets the requirements.
     """
-    if catalogue is not None and start is not None:
-        raise ArmDesignError("catalogue", "does not go with a start", "leave one out")
     problem = posed(machine, workspace, requirements, vary, bands=bands)
-    if catalogue is not None and problem.moving:
-        return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers))
-    if catalogue is not None:
-        return _of_catalogue(problem, catalogue)
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError("start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it")
-    given = None if start is None else problem.like(start.x, start.problem)
-    return Design.of(*multistart(problem, starts, seed, workers, given))
+    given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
+    if catalogue is not None and problem.moving:
+        return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given))
+    if catalogue is not None:
+        return _of_catalogue(problem, catalogue)
+    return Design.of(*multistart(problem, starts, seed, workers, given and given[0]))
 
 
 def size_cylinders(

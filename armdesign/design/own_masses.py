@@ -87,7 +87,8 @@ class OwnMasses:
     def masses_of(self, i: int, areas: Array, closed: Any, linkage: Linkage) -> Array:
         """Those of the bars of one cylinder."""
         found = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
-        return np.stack(np.broadcast_arrays(*(found[name] for name in self.bars[i])), axis=-1)
+        like = areas[..., 0]  # whose shape and type rocker and coupler alone would not have
+        return np.stack(np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1)[..., 1:]
 
     def units(self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses) -> Loads:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""

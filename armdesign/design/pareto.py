@@ -7,7 +7,7 @@ starts where its tighter neighbour ended and cannot be worse, but for rounding t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.bands import Bands
+from armdesign.design.catalogue import sizes_of
 from armdesign.design.optimum import Design, optimize
 from armdesign.design.requirements import Requirements
 from armdesign.design.searching import STARTS
@@ -97,6 +98,7 @@ def pareto(
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
+    catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Pareto:
     """The worst frequency that can be had under each value of one limit, all other requirements as they are.
 
@@ -113,6 +115,7 @@ def pareto(
         seed: of the drawn starts.
         workers: processes that share the starts.
         bands: as in ``optimize``: every design is made for the worst within them.
+        catalogue: as in ``optimize``.
 
     Raises:
         ArmDesignError: a trade-off that does not exist, or values that cannot be.
@@ -124,6 +127,7 @@ def pareto(
         raise ArmDesignError("against", f"{against!r} is not allowed", choose(str(against), list(SHARES)))
     if against == "digging" and not requirements.digging:
         raise ArmDesignError("against", "no cylinder's digging force counts", "name some in requirements.digging")
+    sizes = None if catalogue is None else sizes_of(catalogue)
     found: dict[float, Design] = {}
     left_out: dict[float, str] = {}
     tighter: Design | None = None
@@ -132,7 +136,7 @@ def pareto(
         try:
             tighter = optimize(
                 machine, workspace, limited, vary,
-                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
+                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands, catalogue=sizes,
             )  # fmt: skip
             found[limit] = tighter
         except InfeasibleError as error:

@@ -47,11 +47,14 @@ class Selection:
         sizes: bore and rod of every cylinder [m].
         frequency: its worst frequency on the workspace's poses [Hz].
         bound: worst frequency that no combination exceeds [Hz]; equal to ``frequency`` where it is proved the best.
+        below: of what ``least`` chose: worst frequency that no combination exceeds which needs less [Hz]; it is proved
+            the least where that is lower than the one asked for. None for the others.
     """
 
     sizes: Sizes
     frequency: float
     bound: float
+    below: float | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

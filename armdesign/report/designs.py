@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from armdesign.linkage import Pin
     from armdesign.machine import Machine
     from armdesign.workspace import Workspace
+
+NEAREST = 6  # requirements shown where none has a price
 
 
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
@@ -81,8 +84,16 @@ def _bound(design: Design) -> str:
         gap = "proved: the best" if (design.gap or 0.0) < 1e-9 else gap
     elif design.catalogue:
         none = "no sizes, of the catalogue or not, and pins exceed"
+    below = "" if design.selection is None else _least(design.selection.below)
     rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
-    return f"; {none} {design.bound:.3f} Hz ({gap}){rigid}"
+    return f"; {none} {design.bound:.3f} Hz ({gap}){below}{rigid}"
+
+
+def _least(below: float | None) -> str:
+    """That a combination of the catalogue needs least, in words; nothing where that was not asked or is not proved."""
+    if below is None or math.isinf(below):
+        return ""
+    return f"; none that needs less {f'exceeds {below:.3f} Hz' if below > 0 else 'meets the requirements'}"
 
 
 def _sizes(design: Design, units: Units) -> Sheet:
@@ -109,6 +120,8 @@ def _pin(pin: Pin | None, units: Units) -> str:
 
 
 def _binding(design: Design, units: Units) -> Sheet:
+    if design.selection is not None:
+        return _nearest(design, units)
     rows = [
         (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * design.worth[c.name]:+.2f} %")
         for c in design.binding
@@ -119,6 +132,21 @@ def _binding(design: Design, units: Units) -> Sheet:
         rows=tuple(rows) or (("nothing", "", "", ""),),
         note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; "
         "each gain is for that requirement alone",
+    )
+
+
+def _nearest(design: Design, units: Units) -> Sheet:
+    """What is nearest to its limit: sizes in steps leave room at every limit, and its price is not known."""
+    rows = [
+        (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * c.slack:.2g} %")
+        for c in design.tightest[:NEAREST]
+    ]
+    return Sheet(
+        title="What is nearest to its limit",
+        columns=("requirement", "new machine", "limit", "room"),
+        rows=tuple(rows),
+        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; sizes of a "
+        "catalogue come in steps, so 1 % more of one limit buys the next step or nothing",
     )
 
 

@@ -9,10 +9,13 @@ import machines
 import numpy as np
 import pytest
 from designs import MACHINES, workspace_of
+from test_catalogue import enumerated
 
 import armdesign as ad
 from armdesign import plots
+from armdesign.design.catalogue import sizes_of
 from armdesign.design.pareto import SHARES
+from armdesign.units import mm
 
 
 @pytest.mark.parametrize(
@@ -55,6 +58,31 @@ def test_each_point_is_the_optimum_of_its_own_problem() -> None:
         assert design.requirements == requirements
         alone = ad.optimize(machine, workspace, requirements, vary=("areas",))
         assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
+
+
+def test_points_of_a_catalogue() -> None:
+    """With given pins the best of all combinations under each limit, as enumerated; one limit alone has none."""
+    machine, workspace = MACHINES["double"](), workspace_of("double")
+    sizes = [(bore * mm, rod * mm) for bore in (90, 95, 100, 105) for rod in (63, 66)]
+    found = ad.pareto(machine, workspace, values=(0.5, 0.9, 1.0, 1.1), vary=("areas",), catalogue=sizes)
+    assert found.limits == (0.9, 1.0, 1.1)
+    assert "no sizes of the catalogue meet" in found.left_out[0.5]
+    for design in found.designs:
+        assert design.unrounded == pytest.approx(enumerated(machine, workspace, design.requirements, sizes), rel=1e-9)
+
+
+def test_points_of_a_catalogue_with_pins() -> None:
+    """Each starts with its tighter neighbour's sizes and pins too, so it cannot be worse."""
+    machine, workspace = MACHINES["double"](), workspace_of("double")
+    asked = {"against": "thrust", "values": (1.0, 1.15, 1.3)}
+    found = ad.pareto(machine, workspace, **asked, starts=1, catalogue="5mm")
+    unrounded = [design.unrounded for design in found.designs]
+    assert np.all(np.diff(unrounded) >= -1e-5 * unrounded[-1])
+    assert unrounded[-1] > 1.01 * unrounded[0]
+    offered = set(sizes_of("5mm"))
+    for design in found.designs:
+        assert {(round(c.bore, 6), round(c.rod, 6)) for c in design.machine.cylinders} <= offered
+        assert min(design.slacks.values()) >= -1e-9
 
 
 def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
