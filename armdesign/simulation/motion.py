@@ -18,7 +18,7 @@ from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.hydraulics import RELIEF_SHARE
 from armdesign.simulation.integrator import GaveUpError, integrate
-from armdesign.simulation.loop import ByName, Command, Loop
+from armdesign.simulation.loop import ENERGY, ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
@@ -87,7 +87,7 @@ class Simulation:
         """
         gap = np.abs(self.supplied - self.stored - self.dissipated).max()
         terms = [np.abs(term).max() for term in (self.supplied, self.stored, self.dissipated)]
-        least = 1e-9 * np.abs(self.energy).max() + 1e-9  # at rest nothing is exchanged
+        least = TOLERANCE * (ENERGY + np.abs(self.energy).max())  # at rest nothing is exchanged, but rounding
         return float(gap / max(*terms, np.ptp(self.energy), least))
 
 
