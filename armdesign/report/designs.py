@@ -130,7 +130,7 @@ def _binding(design: Design, units: Units) -> Sheet:
         title="What binds, and the frequency that relaxing it by 1 % would buy",
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
-        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; "
+        note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; "
         "each gain is for that requirement alone",
     )
 
@@ -145,7 +145,7 @@ def _nearest(design: Design, units: Units) -> Sheet:
         title="What is nearest to its limit",
         columns=("requirement", "new machine", "limit", "room"),
         rows=tuple(rows),
-        note=f"all {len(design.checks)} requirements hold on the machine file, saved and read again; sizes of a "
+        note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; sizes of a "
         "catalogue come in steps, so 1 % more of one limit buys the next step or nothing",
     )
 
