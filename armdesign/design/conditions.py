@@ -182,5 +182,6 @@ def guaranteed(new: Built, frame: Frame, box: float) -> Iterator[Condition]:
             if here is not None and before is not None:
                 own = frame.requirements.box_of(name, place, box)
                 moved = np.abs(here - before).max(axis=1)
-                words = f"move of the {name} cylinder's {place} pin" if place in PINS else f"change of its {place}"
+                pin, length = f"{place.replace('_', '-')} pin", f"{place}'s length"
+                words = f"move of the {name} cylinder's {pin}" if place in PINS else f"change of the {name} {length}"
                 yield bounded(f"pin_box.{name}.{place}", words, "m", moved, own, slack_scale=own or 1.0)
