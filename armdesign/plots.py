@@ -184,7 +184,8 @@ def trade_off(found: Pareto, ax: Any = None) -> Any:
     }[found.against]
     limits = scale * np.array(found.limits)
     today = found.designs[0].before.worst.frequency
-    ax.plot(limits, found.frame["frequency_hz"], "o-", color=MARK, label="best design")
+    style = "steps-post" if found.designs[0].catalogue else "default"  # between limits the same sizes stay the best
+    ax.plot(limits, found.frame["frequency_hz"], "o-", color=MARK, label="best design", drawstyle=style)
     ax.plot(now, today, "*", ms=15, color=INK, label="today's machine")
     if found.robust:
         ax.plot(limits, found.frame["banded_hz"], "o:", color=MARK, label="best design, worst within the bands")

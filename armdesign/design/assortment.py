@@ -59,7 +59,7 @@ def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None =
     """
     problem = search.problem
     found = [finished(_nearest(search, sizes), trust=0.05)]
-    if start and all(size in (None, *sizes) for size in start[1]):
+    if start and _in_catalogue(problem, start[1], sizes):
         found.append(finished(_sized(problem, *start), trust=0.1))
     try:
         chosen = _selected(problem, problem.start, sizes)
@@ -67,6 +67,13 @@ def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None =
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
     return bettered(max(found, key=_rank), sizes)
+
+
+def _in_catalogue(problem: Problem, taken: Taken, sizes: Sizes) -> bool:
+    """Whether every cylinder has a size, and one that it is offered."""
+    cylinders = problem.machine.cylinders
+    pairs = zip(cylinders, taken, problem.resized, strict=False)  # motors have none
+    return len(taken) == len(cylinders) and all(size in offered(c, sizes, *free) for c, size, free in pairs)
 
 
 def bettered(search: Search, sizes: Sizes) -> Search:

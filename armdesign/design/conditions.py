@@ -158,8 +158,9 @@ def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[C
         holds, loaded = held.real > 0, used.real > 0
         ratio = np.where(holds, used / np.where(holds, held, 1.0), np.where(loaded, np.inf, 0.0))
         scale = supply.pressure * float(frame.old.areas[0, i, 0])
+        words = f"static load of the {function.name} {kind(function)} over what the supply gives"
         yield bounded(
-            f"holding.{function.name}", f"static load of the {function.name} {kind(function)}", "", ratio, share,
+            f"holding.{function.name}", words, "", ratio, share,
             room=(share * held - used) / scale, easing=share * held / scale,
         )  # fmt: skip
 
@@ -183,5 +184,7 @@ def guaranteed(new: Built, frame: Frame, box: float) -> Iterator[Condition]:
             if here is not None and before is not None:
                 own = frame.requirements.box_of(name, place, box)
                 moved = np.abs(here - before).max(axis=1)
-                words = f"move of the {name} cylinder's {place} pin" if place in PINS else f"change of its {place}"
+                words = f"change of the {name} {place}'s length"
+                if place in PINS:
+                    words = f"move of the {name} cylinder's {place.replace('_', '-')} pin"
                 yield bounded(f"pin_box.{name}.{place}", words, "m", moved, own, slack_scale=own or 1.0)

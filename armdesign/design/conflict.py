@@ -256,7 +256,7 @@ def sentence(conflict: Sequence[Concession], settles: bool, none_meets: str = "n
         only = conflict[0]
         return f"{none_meets} {_named(only)}: it must give {_given(only, only.together)}{more}"
     names = " together with ".join(_named(c) for c in conflict)
-    each = ", ".join(f"{c.name} {_given(c, c.together)}" for c in conflict)
+    each = ", ".join(f"{c.name} {_given(c, c.together)}" for c in conflict if c.together > 0)
     single = [f"{c.name} {_given(c, c.alone)}" for c in conflict if c.alone is not None]
     alone = f", or one alone {' or '.join(single)}" if single else ", no one alone is enough"
     return f"{none_meets} {names}: they must give {each}{alone}{more}"

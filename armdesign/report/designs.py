@@ -42,7 +42,8 @@ def _gain(design: Design, units: Units) -> Sheet:
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     note += _bound(design)
     if len(design.starts) > 1:
-        note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz"
+        free = " with free sizes" if design.catalogue else ""
+        note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}"
     return Sheet(
         title=f"{design.today.section.title or design.today.name}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
@@ -126,12 +127,13 @@ def _binding(design: Design, units: Units) -> Sheet:
         (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * design.worth[c.name]:+.2f} %")
         for c in design.binding
     ]
+    as_they_are = ", with the sizes as they are" if design.catalogue else ""
     return Sheet(
         title="What binds, and the frequency that relaxing it by 1 % would buy",
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
         note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; "
-        "each gain is for that requirement alone",
+        f"each gain is for that requirement alone{as_they_are}",
     )
 
 

@@ -240,6 +240,18 @@ def test_what_does_not_vary_stays() -> None:
 # --------------------------------------------------------------------------------------------------------- pins too
 
 
+def test_a_start_with_free_sizes_or_those_of_a_catalogue() -> None:
+    """Whatever sizes it has, the answer's are of the catalogue; from its own answer no worse."""
+    machine, space = double(), workspace_of("double")
+    first = ad.optimize(machine, space, starts=1)
+    for start in (first, ad.optimize(machine, space, catalogue=AROUND, starts=1, start=first)):
+        found = ad.optimize(machine, space, catalogue=AROUND, starts=1, start=start)
+        assert {(round(c.bore, 9), round(c.rod, 9)) for c in found.machine.cylinders} <= {
+            (round(bore, 9), round(rod, 9)) for bore, rod in AROUND
+        }
+    assert found.unrounded >= start.unrounded * (1 - 1e-6)
+
+
 def test_no_size_of_one_cylinder_is_better() -> None:
     """Every neighbouring bore or rod of every cylinder, the pins tuned for it: none reaches more."""
     machine, space = double(), workspace_of("double")
