@@ -41,7 +41,7 @@ def _rest_note(frequencies: FrequencyMap) -> str:
     machine, worst = frequencies.machine, frequencies.worst
     valves = {function.name: function.valve for function in machine.functions}
     leaking = [name for name, valve in valves.items() if valve and valve.leaks]
-    if not leaking or machine.fluid.air == 0 or not all(valves.values()):
+    if not leaking or machine.fluid.air == 0 or not all(valves.values()) or worst.frequency == 0:
         return ""
     from armdesign.linearization import linearize
 

@@ -60,7 +60,7 @@ class Loop:
         """The system of some plants of one machine each, from rest.
 
         Raises:
-            SimulationError: a command is not one per cylinder, or names a cylinder that does not exist.
+            SimulationError: a command is no function, not one per cylinder, or for a cylinder that does not exist.
         """
         asked, places, gains = [], [], []
         corners = 2 * math.pi * np.array([[hold or 0.0] for hold in holds])
@@ -109,13 +109,15 @@ class Loop:
 def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> Command:
     """The command as one call for all cylinders."""
     if not isinstance(command, Mapping):
-        if len(command(0.0)) != len(names):
-            problem, remedy = f"gives {len(command(0.0))} numbers", f"give one per cylinder: {', '.join(names)}"
-            raise SimulationError(f"{machine}: command", problem, remedy)
+        count = np.size(_function(command, f"{machine}: command")(0.0))
+        if count != len(names) or np.ndim(command(0.0)) != 1:
+            problem = f"gives {count} number{'s' * (count != 1)}"
+            raise SimulationError(f"{machine}: command", problem, f"give a list, one per cylinder: {', '.join(names)}")
         return command
-    for name in command:
+    for name, part in command.items():
         if name not in names:
             raise SimulationError(f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}")
+        _function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 
     def asked(time: float) -> list[float]:
@@ -125,6 +127,13 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
         return spools
 
     return asked
+
+
+def _function(given: Any, part: str) -> Any:
+    """What is given, if it can be called."""
+    if not callable(given):
+        raise SimulationError(part, f"{given!r} is not a function of time", "give one, like lambda t: 0.1")
+    return given
 
 
 @compiled

@@ -181,8 +181,10 @@ def attempt_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[
 
     Raises:
         PoseError: a pose cannot be taken.
-        SimulationError: a valve is missing.
+        SimulationError: a valve is missing, or an argument is out of its range.
     """
+    if not 0 < tolerance < 1:
+        raise SimulationError("tolerance", f"{tolerance:g} is not in (0, 1)", "give one like 1e-6")
     stacks: dict[Hashable, list[int]] = {}
     cases = [_supplied(case) for case in cases]
     for index, case in enumerate(cases):

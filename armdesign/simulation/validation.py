@@ -253,6 +253,9 @@ def validate(
     """
     if amplitude is not None and not 0 < amplitude <= 1:
         raise SimulationError(f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening")
+    for what, given in (("q", q), ("payloads", payloads), ("cylinders", cylinders)):
+        if given is not None and np.size(given) == 0:
+            raise SimulationError(f"{machine.name}: {what}", "is empty", "give some, or None for the default")
     if q is None:
         places = _chosen(frequency_map(machine, workspace or Workspace.grid(machine)), payloads)
     else:

@@ -144,8 +144,16 @@ def test_faults_of_a_call(excavator: Machine) -> None:
         simulate(excavator, WORST, {"arm": pulse(0.1)}, duration=1.0)
     with pytest.raises(SimulationError, match="duration"):
         simulate(excavator, WORST, {}, duration=-1.0)
-    with pytest.raises(SimulationError, match="gives 2 numbers; give one per cylinder: boom, stick, bucket"):
+    with pytest.raises(SimulationError, match="gives 2 numbers; give a list, one per cylinder: boom, stick, bucket"):
         simulate(excavator, WORST, lambda _: [0.0, 0.0], duration=1.0)
+    with pytest.raises(SimulationError, match="gives 1 number; give a list, one per cylinder"):
+        simulate(excavator, WORST, lambda _: 0.1, duration=1.0)
+    for command in ({"boom": 0.1}, [0.1, 0.0, 0.0]):
+        with pytest.raises(SimulationError, match=r"0\.1.* is not a function of time; give one, like lambda t: 0\.1"):
+            simulate(excavator, WORST, command, duration=1.0)  # type: ignore[arg-type]
+    for tolerance in (0.0, -1.0, 2.0, np.nan):
+        with pytest.raises(SimulationError, match=r"tolerance: .* is not in \(0, 1\); give one like 1e-6"):
+            simulate(excavator, WORST, {}, duration=1.0, tolerance=tolerance)
     with pytest.raises(PoseError, match="holds 2 poses"):
         simulate(excavator, [WORST, WORST], {}, duration=1.0)
 

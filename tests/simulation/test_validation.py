@@ -342,6 +342,9 @@ def test_faults(excavator: Machine) -> None:
         validate(excavator, WORST, cylinders=["arm"])
     with pytest.raises(SimulationError, match="amplitude"):
         validate(excavator, WORST, amplitude=2.0)
+    for empty in ({"q": np.zeros((0, 3))}, {"payloads": []}, {"cylinders": []}):
+        with pytest.raises(SimulationError, match=f"{next(iter(empty))}: is empty; give some, or None"):
+            validate(excavator, **({"q": WORST} | empty))  # type: ignore[arg-type]
     with pytest.raises(PoseError):
         validate(excavator, (3.0, 0.0, 0.0))
     with pytest.raises(SimulationError, match=r"boom cylinder: needs \d+ bar to hold the load, supply is 350 bar"):
