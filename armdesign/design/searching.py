@@ -100,7 +100,7 @@ def _run(searches: list[Search], workers: int, **settings: Any) -> None:
 
     tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
     for search, found in zip(searches, Parallel(workers)(tasks), strict=True):
-        search.x, search.rows, search.holding = found
+        search.x, search.rows, search.holding, search.reference = found
         search.look()
 
 
@@ -114,10 +114,10 @@ def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 
 def _outcome(
     problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
-) -> tuple[Array, Array, Array]:
-    """Where a search ends, and which rows it watches then: what crosses from one process to another."""
+) -> tuple[Array, Array, Array, float]:
+    """Where a search ends, which rows it watches then and what it measures by: what crosses to another process."""
     search = _follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
-    return search.x, search.rows, search.holding
+    return search.x, search.rows, search.holding, search.reference
 
 
 def met(search: Search) -> Search:

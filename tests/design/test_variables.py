@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from designs import as_machine, double, problem_of, solved, some_x
+from designs import MACHINES, as_machine, double, problem_of, solved, some_x, workspace_of
 from machines import BOOM, Function, Joint, build, named
 from numpy.testing import assert_allclose
 from test_problem import slopes, true_frequencies
@@ -382,13 +382,13 @@ def test_keys_of_places() -> None:
     assert [key_of(p) for p in ("base", "lug", "rocker")] == ["base.at_mm", "four_bar.lug.at_mm", "four_bar.rocker_mm"]
 
 
-def test_workers_do_not_change_the_answer() -> None:
+@pytest.mark.parametrize("name", ["double", "excavator"])
+def test_workers_do_not_change_the_answer(name: str) -> None:
     """Same seed, same machine to the last digit, in one process or in two; what starts reach but for rounding errors.
 
     Arrays that went to another process lie elsewhere in memory, where numpy may add in another order.
     """
-    machine = double()
-    space = Workspace.grid(machine, points=4)
+    machine, space = MACHINES[name](), workspace_of(name)
     alone, shared = (ad.optimize(machine, space, starts=3, seed=4, workers=n) for n in (1, 2))
     assert alone.machine.text == shared.machine.text
     assert alone.starts == pytest.approx(shared.starts, rel=1e-12)
