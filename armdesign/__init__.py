@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements import Requirements as Requirements
     from armdesign.errors import ArmDesignError as ArmDesignError
+    from armdesign.errors import InfeasibleError as InfeasibleError
     from armdesign.linearization import LinearModel as LinearModel
     from armdesign.linearization import linearize as linearize
     from armdesign.machine import Machine as Machine
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "ArmDesignError": "errors",
+    "InfeasibleError": "errors",
     "Machine": "machine",
     "load": "machine",
     "Modes": "modes",

@@ -274,5 +274,6 @@ def _named(c: Concession) -> str:
 
 def _given(c: Concession, amount: float) -> str:
     """An amount in its unit and as a share."""
-    share = f" ({100 * amount / abs(c.limit):.2g} %)" if c.limit else ""
+    percent = 100 * amount / abs(c.limit) if c.limit else 0.0
+    share = f" ({percent:{'.0f' if percent >= 10 else '.2g'}} %)" if c.limit else ""
     return f"{WORKSHOP.short(amount, c.unit)}{share}"

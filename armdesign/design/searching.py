@@ -22,6 +22,7 @@ from armdesign.workspace import Workspace
 
 STARTS = 3
 MISSED = 1e-5  # by which a search may miss a requirement
+NEARLY = 1e-3  # by which a search that is not at its end may miss one, and still meet it there
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
@@ -73,7 +74,7 @@ def multistart(
     _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
     near = max(s.merit for s in searches) - NEAR
     _run([s for s in searches if s.merit >= near], workers, curved=True, trust=0.05, tolerance=1e-5)
-    best = max(searches, key=lambda s: (s.violation < 1e-3, s.merit))
+    best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
     return _with_least_moves(best), tuple(hertz(s.squared) for s in searches)
 
 
@@ -105,10 +106,11 @@ def _run(searches: list[Search], workers: int, **settings: Any) -> None:
 
 
 def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
-    """Run a search; first along what bends, if ``curved``."""
+    """Run a search; first along what bends, if ``curved`` and nothing is in its way."""
     if curved:
         search.look()
-        polish(search)
+        if search.violation < NEARLY:
+            polish(search)
     return search.run(**settings)
 
 
