@@ -44,6 +44,17 @@ def compiled(function: F) -> F:
     return cast(F, made)
 
 
+def resolved(function: F, *arguments: object) -> F:
+    """The compiled function for arguments of just these types, dimensions and layouts, which it no longer looks at.
+
+    numba looks at every argument of every call, which for arrays of records takes longer than what is computed here.
+    """
+    made, typeof = cast(Any, function), cast(Any, numba.typeof)
+    if not hasattr(made, "compile"):  # numba is switched off
+        return function
+    return cast(F, made.compile(tuple(typeof(argument) for argument in arguments)))
+
+
 @cache
 def _folder(chosen: str) -> str:
     """Where to keep what was compiled; empty, numba's own choice, where the sources' folder cannot be written."""

@@ -31,7 +31,7 @@ from armdesign.arrays import Array
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.simulation.bodies import Bodies
-from armdesign.simulation.compiled import compiled
+from armdesign.simulation.compiled import compiled, resolved
 from armdesign.simulation.hydraulics import (
     beyond_stop,
     capacity,
@@ -109,6 +109,7 @@ class Plant:
         self.nq, self.nc = len(self.machine.joints), len(self.machine.functions)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = np.zeros((0, self.nq, self.nq)), np.zeros((0, self.nq))
+        self._kernel: Any = None
         edges = np.cumsum([0, self.nq, self.nq, self.nc, self.nc, int(self.has_line), self.nc, self.nc])
         self._parts = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
         self._chambers = slice(int(edges[2]), int(edges[4]))
@@ -194,11 +195,17 @@ class Plant:
             state: (n, size), or more columns, which are left alone: their rates are not set.
             command: of the spools (n, nc).
         """
-        state, command, n, nq = np.ascontiguousarray(state), np.ascontiguousarray(command), len(state), self.nq
+        state, command = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(command, dtype=float)
+        n, nq = len(state), self.nq
+        if state.ndim != 2 or state.shape[1] < self.size or command.shape != (n, self.nc):
+            raise ValueError(f"states {state.shape}, commands {command.shape}: not (n, {self.size}), (n, {self.nc})")
         found = Evaluation(np.empty_like(state), np.empty((n, self.nc), TOLD), np.empty((n, 3)), np.empty(n))
         torque = np.empty((n, nq))
         bars = (np.zeros((n, nq, nq)), np.zeros((n, nq))) if self._weighs else self._no_bars
-        _evaluate(state, command, *self._numbers, self.has_line, *found, torque, *bars)
+        arguments = (state, command, *self._numbers, self.has_line, *found, torque, *bars)
+        if self._kernel is None:
+            self._kernel = resolved(_evaluate, *arguments)
+        self._kernel(*arguments)
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
         heavy = bars if self._weighs else None
         found.rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, heavy)
