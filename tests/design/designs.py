@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, build
+from machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, Joint, build
 
 from armdesign import Machine, Requirements, Workspace, load
 from armdesign.cylinder import Cylinder
@@ -29,6 +29,17 @@ def double(reverse: bool = False) -> Machine:
 
 
 @cache
+def twins() -> Machine:
+    """Two arms that feel neither each other nor gravity: the same cylinder each, the second turns twice the inertia."""
+    joints = [
+        Joint(name, "root", xyz=(0.1, 0, 0.5), com=(0, 0, 0), mass=m) for name, m in (("light", 300), ("heavy", 600))
+    ]
+    return build(
+        joints, [replace(LIFT, name=f"lift_{j.name}", rod_end=(j.name, (1.1, 0, 0.4))) for j in joints], payload_kg=0
+    )
+
+
+@cache
 def odd() -> Machine:
     """Everything at once: a four-bar with its knee right, pairs of cylinders, air, hoses, compliance."""
     tilt = Function(
@@ -38,8 +49,8 @@ def odd() -> Machine:
     return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
 
 
-MACHINES = {"single": single, "double": double, "odd": odd, "excavator": lambda: load("excavator_20t")}
-POINTS = {"single": (9,), "double": (5, 5), "odd": (4, 4, 4), "excavator": (5, 5, 9)}
+MACHINES = {"single": single, "double": double, "twins": twins, "odd": odd, "excavator": lambda: load("excavator_20t")}
+POINTS = {"single": (9,), "double": (5, 5), "twins": (5, 5), "odd": (4, 4, 4), "excavator": (5, 5, 9)}
 
 
 @cache

@@ -104,6 +104,26 @@ def test_one_actuator_whose_rod_limits() -> None:
     assert_allclose(search.x, [1.1, wanted], rtol=1e-6)
 
 
+@pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
+def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(vary: tuple[str, ...]) -> None:
+    """By hand: with dead volumes in proportion an arm's least ω² I is f(A1, A2), superadditive (least of linear forms).
+
+    So ω² (I1 + I2) ≤ f(A of both together) = 2 f(today), reached where each has oil in proportion to its inertia: with
+    I2 = 2 I1 the lowest ω² is 4/3 of today's, and both arms have it. So have they where the pins help.
+    """
+    problem = problem_of("twins", vary, oil_each_share=4.0, thrust_share=4.0, buckling_share=0.0, proportional=True)
+    search = solved(problem)
+    modes = np.linalg.eigvalsh(problem.scaled(search.x, np.arange(len(problem)))) / search.squared
+    assert_allclose(modes.min(axis=0), [1, 1], rtol=1e-6)  # at some pose both are at the lowest of all
+    gain = search.squared / problem.lowest_today
+    if vary == ("areas",):
+        assert gain == pytest.approx(4 / 3, rel=1e-6)
+        assert search.upper_bound() == pytest.approx(hertz(search.squared), rel=1e-6)
+    assert gain > 4 / 3 * (1 - 1e-6)
+    assert search.violation < 1e-9
+    assert hertz(search.squared) == pytest.approx(true_frequencies(problem, search.x).min(), rel=1e-9)
+
+
 @pytest.mark.parametrize("proportional", [False, True])
 @pytest.mark.parametrize(("name", "share"), [("single", 1.05), ("double", 1.0), ("double", 0.95)])
 def test_never_worse_than_brute_force_and_never_above_the_bound(name: str, share: float, proportional: bool) -> None:
