@@ -21,9 +21,9 @@ from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
 from armdesign.design.check import Check, check, slacks, static_loads
-from armdesign.design.conflict import sentence
+from armdesign.design.conflict import concession, sentence
 from armdesign.design.requirements import Requirements
-from armdesign.errors import ArmDesignError, Concession, InfeasibleError
+from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
@@ -278,17 +278,8 @@ def _refusal(judge: Judge, options: list[list[Cylinder]], sums: _Sums) -> Infeas
     for column in columns:
         only = sums.nearest(np.array([column]), np.union1d(others, columns[columns != column]))
         c = checks[column]
-        given.append(
-            Concession(
-                name=c.name,
-                words=c.words,
-                unit=c.unit,
-                limit=c.limit,
-                at_least=c.at_least,
-                together=_missed(c),
-                alone=None if only is None else _missed(_checks(judge, options, only)[column]),
-            )
-        )
+        alone = None if only is None else _missed(_checks(judge, options, only)[column])
+        given.append(concession(c, _missed(c), alone))
     words = sentence(given, settles, "no sizes of the catalogue meet")
     return InfeasibleError(judge.frame.name, words, "loosen them or offer other sizes", tuple(given))
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.candidates import Condition
+from armdesign.design.check import Check
 from armdesign.design.limits import conditions_at, holding_rows
 from armdesign.design.problem import Problem
 from armdesign.design.space import STEP
@@ -110,17 +111,7 @@ class Conflict:
             alone = self._least((name,), [*others, *rest]) if rest else together
             own, limit = self._amounts(alone.x)[name][1], condition.limit
             helps = alone.missed <= MET and not (condition.at_least and own >= abs(limit) > 0)
-            found.append(
-                Concession(
-                    name=name,
-                    words=condition.words,
-                    unit=condition.unit,
-                    limit=limit,
-                    at_least=condition.at_least,
-                    together=amount,
-                    alone=own if helps else None,
-                )
-            )
+            found.append(concession(condition, amount, own if helps else None))
         return tuple(found), bool(others) or len(names) == len(everything)
 
     def _amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
@@ -247,6 +238,19 @@ def _step(at: _Missed, soft: Collection[str], low: Array, high: Array) -> tuple[
         raise InfeasibleError("design", f"the search for a conflict gave up ({answer.message})", "loosen requirements")
     held = near[np.abs(answer.ineqlin.marginals[:m]) > 1e-9]
     return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in held)
+
+
+def concession(of: Check | Condition, together: float, alone: float | None) -> Concession:
+    """What a requirement must give, with the others of a conflict or alone."""
+    return Concession(
+        name=of.name,
+        words=of.words,
+        unit=of.unit,
+        limit=of.limit,
+        at_least=of.at_least,
+        together=together,
+        alone=alone,
+    )
 
 
 def sentence(conflict: Sequence[Concession], settles: bool, none_meets: str = "no design meets") -> str:

@@ -20,7 +20,7 @@ from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
-from armdesign.design.conflict import nearest
+from armdesign.design.conflict import concession, nearest
 from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES, key_of
@@ -185,17 +185,9 @@ def _nearest_misses(search: Search) -> tuple[Concession, ...]:
     judged = [check(machine, problem.machine, problem.workspace, limits, loads) for machine in tried]
     failed = [[c for c in checks if c.slack < -TOLERANCE] for checks in judged]
     least = min(failed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks)))
+    amounts = [abs(c.value - c.limit) for c in least]
     return tuple(
-        Concession(
-            name=c.name,
-            words=c.words,
-            unit=c.unit,
-            limit=c.limit,
-            at_least=c.at_least,
-            together=abs(c.value - c.limit),
-            alone=abs(c.value - c.limit) if len(least) == 1 else None,
-        )
-        for c in least
+        concession(c, amount, amount if len(least) == 1 else None) for c, amount in zip(least, amounts, strict=True)
     )
 
 
