@@ -28,6 +28,7 @@ from armdesign.parts import Payload
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
 from armdesign.schema import MachineSection
+from armdesign.schema import schema as schema_text
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
@@ -206,7 +207,8 @@ class Machine:
     def save(self, path: str | Path) -> Path:
         """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file.
 
-        A URDF from outside the machine file's folder is copied beside the new file.
+        A URDF from outside the machine file's folder is copied beside the new file, and so is the JSON Schema that a
+        ``#:schema`` line names.
         """
         target = _path(path)
         if target.suffix != ".toml":
@@ -219,7 +221,10 @@ class Machine:
             raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
         if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
             raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
-        machine_file.write_files({urdf: self.urdf_text, target: text})
+        text, schema = machine_file.schema_beside(text)
+        place = target.parent / schema
+        beside = {place: schema_text()} if schema and not place.exists() else {}
+        machine_file.write_files({urdf: self.urdf_text, target: text} | beside)
         return target
 
     # --------------------------------------------------------------------------------------------------- poses

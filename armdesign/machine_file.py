@@ -24,6 +24,8 @@ from tomlkit.exceptions import TOMLKitError
 from armdesign.errors import MachineFileError
 from armdesign.schema import ONE_LINE, CylinderSection, MachineSection, Section, allowed, annotation
 
+MADE = "Made by armdesign"  # how the first comment of a file begins that a design has written
+DIRECTIVE = "#:schema"  # names an editor's JSON Schema, in the first line
 MENDING = 8  # passes in which tables that stand in for others are filled
 COLUMNS = ("payload", "tool_x_m", "tool_y_m", "tool_z_m", "cylinder", "mode", "linear_hz", "identified_hz", "deviation")
 
@@ -99,6 +101,18 @@ def write_files(texts: dict[Path, str]) -> None:
         for written in waiting.values():
             with contextlib.suppress(OSError, ValueError):
                 written.unlink(missing_ok=True)
+
+
+def schema_beside(text: str) -> tuple[str, str]:
+    """The text with the JSON Schema that its ``#:schema`` line names beside it, and the schema's file name.
+
+    The name is empty where the line is missing, or names an address or an absolute path, which hold anywhere.
+    """
+    line = re.search(rf"(?m)^{DIRECTIVE}[ \t]+(\S+)", text)
+    if line is None or "://" in line[1] or Path(line[1]).is_absolute():
+        return text, ""
+    name = Path(line[1]).name
+    return f"{text[: line.start(1)]}./{name}{text[line.end(1) :]}", name
 
 
 def parse(text: str, source: str) -> MachineSection:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -43,7 +45,7 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     """Machine file, maps and pictures of a design; returns the pictures with their captions."""
     from armdesign import plots
 
-    design.machine.save(folder / f"{design.today.name}_optimized.toml")
+    design.written_by(command_line()).save(folder / f"{design.today.name}_optimized.toml")
     write_csv(design.before.frame, folder / "map_before.csv")
     write_csv(design.after.frame, folder / "map_after.csv")
     pictures = [
@@ -52,6 +54,11 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
         ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
     ]
     return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
+
+
+def command_line() -> str:
+    """What was typed in the terminal."""
+    return shlex.join(["armdesign", *sys.argv[1:]])
 
 
 def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:

@@ -126,7 +126,7 @@ def test_robust_is_for_the_bands_of_the_file(
         assert worst >= 0.7
     else:
         made = ad.size_cylinders(machine, space, bands=bands, catalogue="5mm" if more else None)
-        assert found.text == made.machine.text
+        assert found.section == made.machine.section
     assert f"{worst:.3f} Hz" in printed
     assert "the new machine was made for the least" in printed
 

@@ -33,7 +33,8 @@ ORDER = [
         "design.own_limits",
         "design.branching",
     ),
-    *("design.duality", "design.bound", "design.searching", "design.assortment", "design.optimum"),
+    *("design.duality", "design.bound", "design.searching", "design.assortment", "design.provenance"),
+    *("design.optimum",),
     *("design.least", "design.pareto"),
     *(
         "simulation.compiled",
@@ -71,7 +72,7 @@ DOORS = {  # library: the only modules that may import it
     "pinocchio": {"arm", "simulation.bodies"},
     "matplotlib": {"plots"},
     "cvxpy": {"design.sizing"},
-    "tomlkit": {"machine_file"},
+    "tomlkit": {"machine_file", "design.provenance"},
     "pydantic": {"schema", "machine_file"},
     "typer": {"cli"},
     "jinja2": {"report.sheet"},
@@ -168,6 +169,7 @@ def test_public_names() -> None:
     for name in ad.__all__:
         assert getattr(ad, name) is not None
         assert name in dir(ad)
+    assert {name for name in dir(ad) if not name.startswith("__")} == set(ad.__all__)
     core = {"load", "Machine", "natural_modes", "Modes", "Poses", "Workspace", "frequency_map", "FrequencyMap"}
     more = {"Requirements", "optimize", "size_cylinders", "Design", "simulate", "validate", "Validation", "linearize"}
     assert core | more | {"ArmDesignError", "formulas"} <= set(ad.__all__)

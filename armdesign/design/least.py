@@ -25,6 +25,7 @@ from armdesign.design.check import cylinder_mass
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
+from armdesign.design.provenance import call
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
 from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
@@ -86,7 +87,17 @@ def least(
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
     problem = posed(machine, workspace, requirements, vary, bands=bands)
-    hunt = _Hunt(problem=problem, of=of, frequency=frequency)
+    command = call(
+        "least",
+        frequency=frequency,
+        of=of,
+        vary=tuple(vary),
+        starts=starts,
+        seed=seed,
+        bands=bands,
+        catalogue=catalogue,
+    )
+    hunt = _Hunt(problem=problem, of=of, frequency=frequency, command=command)
     if catalogue is None:
         return hunt.rounded(hunt.least(hunt.free(starts, seed, workers)))
     refuse_fixed(problem)
@@ -94,7 +105,7 @@ def least(
         free = hunt.least(hunt.free(starts, seed, workers))
         return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
     search, selection = hunt.selected(sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection)
+    return Design.of(search, (selection.frequency,), selection, command=command)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
@@ -110,11 +121,15 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``reached`` by the starts of the first."""
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``reached`` by the starts of the first.
+
+    ``command`` is what asked for it.
+    """
 
     problem: Problem
     of: str
     frequency: float
+    command: str
     reached: tuple[float, ...] = ()
 
     def free(self, starts: int, seed: int, workers: int) -> Search:
@@ -198,7 +213,8 @@ class _Hunt:
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
             try:
-                design = Design.of(self._search(amount * (1 + more), search) if more else search, self.reached)
+                near = self._search(amount * (1 + more), search) if more else search
+                design = Design.of(near, self.reached, command=self.command)
             except InfeasibleError:  # no room to round in
                 continue
             worst = worst_on_poses(design.machine, design.problem)

@@ -21,6 +21,7 @@ from armdesign.design.catalogue import sizes_of
 from armdesign.design.check import Check, slacks, static_loads
 from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
+from armdesign.design.provenance import call, documented
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import rounded
 from armdesign.design.searching import STARTS, met, multistart, posed
@@ -72,8 +73,12 @@ class Design:
     selection: Selection | None = None
 
     @classmethod
-    def of(cls, search: Search, starts: tuple[float, ...], selection: Selection | None = None) -> Design:
+    def of(
+        cls, search: Search, starts: tuple[float, ...], selection: Selection | None = None, *, command: str
+    ) -> Design:
         """The rounded design of a search, with the attributes ``starts`` and ``selection``.
+
+        Its file says that ``command`` made it.
 
         Raises:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
@@ -83,7 +88,7 @@ class Design:
         machine, checks = rounded(search)
         problem = search.problem
         return cls(
-            machine=machine,
+            machine=documented(machine, problem.machine, problem.requirements, command),
             today=problem.machine,
             requirements=problem.requirements,
             checks=checks,
@@ -134,6 +139,10 @@ class Design:
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
         return frequency_band(self.machine, self.workspace, self.bands)
+
+    def written_by(self, command: str) -> Machine:
+        """The new machine with a file that says it was made by ``command``, as typed in a terminal."""
+        return documented(self.machine, self.today, self.requirements, command)
 
     def plot(self, plane: str = "joints") -> Any:
         """Maps before and after on one colour scale over two joints or over reach and height; returns the figure."""
@@ -238,11 +247,13 @@ def optimize(
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError("start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it")
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
+    command = call("optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands, catalogue=catalogue)
     if catalogue is not None and problem.moving:
-        return Design.of(*sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given))
+        found = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
+        return Design.of(*found, command=command)
     if catalogue is not None:
-        return _of_catalogue(problem, catalogue)
-    return Design.of(*multistart(problem, starts, seed, workers, given and given[0]))
+        return _of_catalogue(problem, catalogue, command)
+    return Design.of(*multistart(problem, starts, seed, workers, given and given[0]), command=command)
 
 
 def size_cylinders(
@@ -274,10 +285,11 @@ def size_cylinders(
     if dead_volume not in ("fixed", "proportional"):
         raise ArmDesignError("dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"')
     problem = posed(machine, workspace, requirements, ("areas",), dead_volume == "proportional", bands)
+    command = call("size_cylinders", dead_volume=dead_volume, bands=bands, catalogue=catalogue)
     if catalogue is not None:
-        return _of_catalogue(problem, catalogue)
+        return _of_catalogue(problem, catalogue, command)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
-    return Design.of(search, (hertz(search.squared),))
+    return Design.of(search, (hertz(search.squared),), command=command)
 
 
 def _names(machine: Machine) -> tuple[str, ...]:
@@ -285,6 +297,6 @@ def _names(machine: Machine) -> tuple[str, ...]:
     return (*machine.joints, *(function.name for function in machine.functions))
 
 
-def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]]) -> Design:
+def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]], command: str) -> Design:
     search, selection = sizes_for_pins(problem, sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection)
+    return Design.of(search, (selection.frequency,), selection, command=command)

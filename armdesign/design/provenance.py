@@ -1,0 +1,144 @@
+"""The story that a new machine's file tells: from what, when, by which command and within which limits it was made.
+
+The comments at the head of today's file tell of today's machine, so the new file has a head of its own. Every line
+whose value differs says what it was, followed by what its comment said of that. All other lines stay as they are,
+with the comments that tell where their numbers are from.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import fields
+from datetime import date
+from importlib.metadata import version
+from typing import Any
+
+import tomlkit
+from tomlkit.items import InlineTable
+
+from armdesign import machine_file
+from armdesign.design.requirements import Requirements
+from armdesign.machine import Machine
+from armdesign.schema import NAME_LENGTH
+
+NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
+WAS = "# was "
+WIDTH = 98  # columns of the head's lines
+_TABLE = "requirements."
+
+
+def documented(machine: Machine, today: Machine, requirements: Requirements, command: str) -> Machine:
+    """The new machine under its own name and title, with the story of how it was made in its file.
+
+    Args:
+        machine: the new machine; its story is told anew if it has one already.
+        today: the machine that it was made from.
+        requirements: the limits within which it was made.
+        command: what made it, as typed in a terminal or in Python.
+    """
+    changes = _changes(machine, today)
+    changes["name"] = today.name[: NAME_LENGTH - len(NEW_NAME)] + NEW_NAME
+    changes["title"] = (today.section.title or today.name) + NEW_TITLE
+    text = machine_file.write(today.text, changes, today.source.name)
+    text = _with_head(_with_old_values(text, today.text, changes), _head(today, requirements, command))
+    source = today.source.with_name(f"{changes['name']}.toml")
+    return Machine.from_text(text, today.urdf_text, source, machine.arm).loaded_like(machine)
+
+
+def call(function: str, **arguments: Any) -> str:
+    """A call of this package as it is written in Python, arguments that are None left out."""
+    words = ", ".join(f"{name}={value!r}" for name, value in arguments.items() if value is not None)
+    return f"armdesign.{function}({words})"
+
+
+def _changes(machine: Machine, today: Machine) -> dict[str, Any]:
+    """Values of the new file that differ from today's, by key path."""
+    before = machine_file.flat(today.section)
+    return {path: value for path, value in machine_file.flat(machine.section).items() if value != before.get(path)}
+
+
+# ------------------------------------------------------------------------------------------------ what a line was
+
+
+def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
+    """The text in which every line with one of the key paths says what it was in the text before."""
+    document, old = tomlkit.parse(text), tomlkit.parse(before)
+    lines: dict[str, list[str]] = {}
+    for path in paths:
+        line, within = _line_of(document, path)
+        value = _found(old, path)
+        words = "not given" if value is None else tomlkit.item(value).as_string()
+        lines.setdefault(line, []).append(f"{within} = {words}" if within else words)
+    for line, words in lines.items():
+        item, former = (_found(whole, line, item=True) for whole in (document, old))
+        trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
+        told = f": {origin}" if origin and not trivia.comment.startswith(WAS) else ""
+        trivia.comment = f"{WAS}{', '.join(words)}{told}"
+        longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
+        trivia.comment_ws = " " * max(len(trivia.comment_ws) - longer, 2)  # comments stay in their column
+    return tomlkit.dumps(document)
+
+
+def _line_of(document: Any, path: str) -> tuple[str, str]:
+    """The key path that has a line of its own, and what of the path lies within that line."""
+    keys, node = path.split("."), document
+    for depth, key in enumerate(keys, start=1):
+        node = node[key]
+        if isinstance(node, InlineTable):
+            return ".".join(keys[:depth]), ".".join(keys[depth:])
+    return path, ""
+
+
+def _found(document: Any, path: str, item: bool = False) -> Any:
+    """The value at a key path, or the ``item`` that holds it; None where there is none."""
+    node = document
+    for key in path.split("."):
+        if key not in node:
+            return None
+        node = node.item(key) if item and hasattr(node, "item") else node[key]
+    return node if item else tomlkit.item(node).unwrap()
+
+
+# ------------------------------------------------------------------------------------------------------- the head
+
+
+def _with_head(text: str, head: list[str]) -> str:
+    """The text with the comments in front of its first key replaced; a ``#:schema`` line stays the first."""
+    lines = text.splitlines(keepends=True)
+    end = "\r\n" if lines and lines[0].endswith("\r\n") else "\n"
+    first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
+    schema = [line for line in lines[:first] if line.startswith(machine_file.DIRECTIVE)]
+    return "".join([*schema, *(f"# {line}".rstrip() + end for line in head), end, *lines[first:]])
+
+
+def _head(today: Machine, requirements: Requirements, command: str) -> list[str]:
+    """Lines of the new head."""
+    source = today.source.name
+    paragraphs = [
+        f"{machine_file.MADE} {version('armdesign')} on {date.today().isoformat()} from {source}: "
+        f"{today.section.title or today.name}.",
+        f"Command: {command}",
+        f"Requirements: {_stated(today, requirements)}.",
+        f"Changed lines say what they were. Where all other numbers are from: {source}.",
+    ]
+    return [line for words in paragraphs for line in _wrapped(words)]
+
+
+def _stated(today: Machine, requirements: Requirements) -> str:
+    """Every requirement of today's file, defaults included, and what was asked for instead."""
+    words = ", ".join(
+        f"{path.removeprefix(_TABLE)} {tomlkit.item(value).as_string()}"
+        for path, value in machine_file.flat(today.section).items()
+        if path.startswith(_TABLE)
+    )
+    of_file = Requirements.of(today)
+    pairs = ((f.name, getattr(requirements, f.name), getattr(of_file, f.name)) for f in fields(Requirements))
+    instead = ", ".join(f"{name} = {value!r}" for name, value, before in pairs if value != before)
+    return f"{words}; instead of these, in SI units: {instead}" if instead else words
+
+
+def _wrapped(words: str) -> list[str]:
+    """Lines that a comment can hold: nothing in them ends the line but their end."""
+    clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in words)
+    return textwrap.wrap(clean, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
