@@ -53,7 +53,7 @@ class Workspace:
         Args:
             machine: today's machine.
             points: number of values per joint, one for all or one each (≥ 2); default about 20 000 poses, the last
-                joint finest; of a joint that slews the whole arm only middle and end, for nothing depends on it.
+                joint finest; of an idle joint (slewing that no cylinder spans) only middle and end.
             end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
 
         Raises:
@@ -62,7 +62,7 @@ class Workspace:
         counts, margin = _counts(machine, points), _margin(machine, end_margin)
         ranges = machine.range_within(margin)
         if points is None:
-            for j in machine.arm.slewing:
+            for j in machine.idle_joints:
                 ranges[j, 0] = ranges[j].mean()
         axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = _mesh(axes)
@@ -214,10 +214,10 @@ def _margin(machine: Machine, end_margin: float | None) -> float:
 
 
 def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
-    nq, slewing = len(machine.joints), machine.arm.slewing
+    nq, idle = len(machine.joints), machine.idle_joints
     if points is None:
-        base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(slewing), 1))), 240), 5)
-        return [2 if j in slewing else base for j in range(nq - 1)] + [3 * base // 2]
+        base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(idle), 1))), 240), 5)
+        return [2 if j in idle else base for j in range(nq - 1)] + [3 * base // 2]
     each = list(points) if isinstance(points, Sequence | np.ndarray) and not isinstance(points, str) else [points] * nq
     whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in each)
     counts = [int(n) for n in each] if whole else []
