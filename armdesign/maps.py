@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, chunks, percentiles
 from armdesign.cylinder import Actuator, Motor, static_pressures
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
-from armdesign.workspace import Workspace, nearest, onto_pitch_limit, tipping_joints
+from armdesign.workspace import Workspace, nearest, onto_pitch_limit, spread, tipping_joints
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
+SPREAD = 300_000  # poses of a reach map inside the joint box
+EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
@@ -73,6 +75,7 @@ class FrequencyMap:
         limiting: for each row, the cylinder with the largest share in the lowest mode.
         stiffness_parts: for each row (n, 3) [rad²/s²], what oil, gravity and the moment arms' change under load
             (``STIFFNESS``) give to ω² of the lowest mode.
+        weights: what each row counts in percentiles and shares (n,): the joint boxes that its pose stands for.
         machine: the machine.
         workspace: the poses.
     """
@@ -82,30 +85,36 @@ class FrequencyMap:
     worst_of: dict[str, WorstPose]
     limiting: Array
     stiffness_parts: Array
+    weights: Array
     machine: Machine
     workspace: Workspace
 
     def __post_init__(self) -> None:
-        for value in (self.limiting, self.stiffness_parts):
+        for value in (self.limiting, self.stiffness_parts, self.weights):
             value.setflags(write=False)
 
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
-        """Percentiles [Hz] of the lowest coupled frequency: a row for each load case and one for ``all``."""
+        """Percentiles [Hz] of the lowest coupled frequency: a row for each load case and one for ``all``.
+
+        Of joint space, not of rows: each pose counts as the joint box that it stands for.
+        """
         import pandas as pd
 
         lowest = self.frame["f1_hz"].to_numpy()
         cases = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
-        rows = {name: np.percentile(lowest[rows], percents) for name, rows in cases.items()}
-        rows["all"] = np.percentile(lowest, percents)
+        cases["all"] = np.ones(len(lowest), dtype=bool)
+        rows = {name: percentiles(lowest[rows], self.weights[rows], percents) for name, rows in cases.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=[f"{percent:g} %" for percent in percents])
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
-        """Share of the poses that each function limits, all load cases together; they sum to one."""
+        """Share of joint space that each function limits, all load cases together; they sum to one."""
         import pandas as pd
 
         names = [function.name for function in self.machine.functions]
-        return pd.Series({name: float(np.mean(self.limiting == name)) for name in names}, name="share")
+        weights = self.weights if self.weights.any() else None
+        shares = {name: float(np.average(self.limiting == name, weights=weights)) for name in names}
+        return pd.Series(shares, name="share")
 
     @property
     def formula_ratios(self) -> pd.DataFrame:
@@ -123,8 +132,8 @@ class FrequencyMap:
         for cylinder in self.machine.functions:
             for formula in ("locked", "rigid"):
                 ratio = self.frame[f"{formula}_{cylinder.name}_hz"].to_numpy()[stable] / lowest[stable]
-                some = stable.any()
-                rows[cylinder.name, formula] = (ratio.min(), np.median(ratio), ratio.max()) if some else 3 * (np.inf,)
+                spread = percentiles(ratio, self.weights[stable], [0, 50, 100]) if stable.any() else 3 * (np.inf,)
+                rows[cylinder.name, formula] = tuple(spread)
         index = pd.MultiIndex.from_tuples(rows, names=["cylinder", "formula"])
         return pd.DataFrame(list(rows.values()), index=index, columns=["least", "median", "greatest"])
 
@@ -160,7 +169,8 @@ class FrequencyMap:
     def reach_map(self, cells: int | None = None) -> ReachMap:
         """Least frequency over all poses that bring the tool to a cell of the reach/height plane.
 
-        Between the poses of a joint grid tool place and frequency are interpolated, so that no cell inside is blank.
+        Between the poses of a joint grid tool place and frequency are interpolated, so that no cell inside is blank;
+        up to the ends of the joint ranges and to the pitch limits of the load cases, where the lowest often are.
         A reach-plane workspace brings its own cells.
 
         Args:
@@ -189,14 +199,15 @@ class FrequencyMap:
         return plots.frequency_map(self, ax, plane, **limits)
 
 
-def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
+def frequency_map(machine: Machine, workspace: Workspace | None = None) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
-    Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
+    Without a workspace the machine's default grid is taken, see ``Workspace.grid``. Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
 
     Raises:
         PoseError: a pose that this machine cannot take, or a load case that exists at none of them.
     """
+    workspace = workspace or Workspace.grid(machine)
     cases = [machine.with_payload(payload.name) for payload in machine.payloads]
     held = [workspace.holds(case.payload) for case in cases]
     for case, flags in zip(cases, held, strict=True):
@@ -233,31 +244,69 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
         limiting=functions[limiting],
         stiffness_parts=parts.T,
+        weights=np.concatenate([workspace.weights[flags] for flags in held]),
         machine=machine,
         workspace=workspace,
     )
 
 
 def _between(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
-    """Points (reach, height, frequency) of one load case on a finer joint grid, where all corners exist."""
+    """Points (reach, height, frequency) of one load case between the poses of a joint grid, up to all its edges.
+
+    Interpolated linearly, exact where a box of the grid has corners out of stroke; never below the least of ``points``.
+    """
     from scipy.ndimage import map_coordinates
 
     workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
-    shape = tuple(len(axis) for axis in workspace.axes)
-    q = frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy()
-    index = [nearest(axis, q[:, j]) for j, axis in enumerate(workspace.axes)]
-    off = [np.abs(axis[i] - q[:, j]) for j, (axis, i) in enumerate(zip(workspace.axes, index, strict=True))]
-    on_grid = np.max(off, axis=0) < 1e-9
-    if on_grid.sum() < 2 ** len(shape):  # not a grid
+    case = frequencies.machine.with_payload(payload)
+    q = frequencies.frame.loc[rows, list(case.joints)].to_numpy()
+    index = workspace.index(q)
+    on_grid = np.abs(index - np.rint(index)).max(axis=0) < 1e-6
+    nodes = np.full((3, *(len(axis) for axis in workspace.axes)), np.nan)
+    if on_grid.sum() < 2 ** len(workspace.axes):  # not a grid
         return np.empty((0, 3))
-    grid = np.full((3, *shape), np.nan)
-    cells = np.ravel_multi_index([i[on_grid] for i in index], shape)
-    grid.reshape(3, -1)[:, cells] = points[rows][on_grid].T
-    budget = 600_000 ** (1 / len(shape))
-    fine = [np.linspace(0, count - 1, max(count, int(budget))) for count in shape]
-    coordinates = np.stack(np.meshgrid(*fine, indexing="ij")).reshape(len(shape), -1)
-    values = np.stack([map_coordinates(layer, coordinates, order=1, mode="nearest") for layer in grid], axis=1)
+    nodes[:, *np.rint(index[:, on_grid]).astype(int)] = points[rows][on_grid].T
+    held = np.isfinite(nodes[2])
+    _complete(case, workspace, nodes)
+    q = spread(case, workspace, SPREAD)
+    inside = map_coordinates(held.astype(float), workspace.index(q), order=1, mode="nearest")
+    cut = np.flatnonzero((inside > 0) & (inside < 1 - 1e-9))
+    inside[cut] = workspace.allows(case, q[cut])
+    q = q[inside > 0]
+    values = np.stack([map_coordinates(layer, workspace.index(q), order=1, mode="nearest") for layer in nodes], axis=1)
+    open_ = np.flatnonzero(np.isnan(values[:, 2]))
+    open_ = open_[:: max(1, len(open_) // EXACT)]
+    values[open_] = _points(case, q[open_])
+    values[:, 2] = np.maximum(values[:, 2], points[:, 2].min())
     return np.asarray(values[np.isfinite(values).all(axis=1)])
+
+
+def _complete(case: Machine, workspace: Workspace, nodes: Array) -> None:
+    """Fill in what a load case would have (reach, height, frequency) at nodes of the grid beyond its pitch limits.
+
+    Only those next to nodes where it exists, so that boxes which a limit cuts have all their corners.
+    """
+    from scipy.ndimage import binary_dilation
+
+    known = np.isfinite(nodes[2])
+    beside = binary_dilation(known, np.ones((3,) * known.ndim)) & ~known
+    if not beside.any():
+        return
+    q = np.stack([axis[i] for axis, i in zip(workspace.axes, np.nonzero(beside), strict=True)], axis=1)
+    found = np.full((len(q), 3), np.nan)
+    free = workspace.in_stroke(q)
+    found[free] = _points(case, q[free])
+    nodes[:, beside] = found.T
+
+
+def _points(case: Machine, q: Array) -> Array:
+    """Reach, height and lowest frequency (n, 3) at poses in stroke, whether they hold the load case or not."""
+    found = [np.empty((0, 3))]
+    for rows in chunks(len(q)):
+        poses = case.evaluate(case.rigid_poses(q[rows]))
+        reach = case.arm.reach(poses.q, poses.tool)
+        found.append(np.stack([reach, poses.tool[:, 2], lowest_frequency(poses)], axis=1))
+    return np.concatenate(found)
 
 
 def _modes(case: Machine, poses: Poses) -> Modes:

@@ -7,9 +7,10 @@ margin, and poses exactly on the pitch limits of the load cases are added to the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -36,6 +37,8 @@ class Workspace:
         end_margin: share of its stroke that every cylinder keeps free at both ends.
         machine: the machine that the workspace was made for: today's.
         cells: of a reach plane: middles of its cells, reach and height [m].
+        boxes: how much of joint space each pose stands for (n,), in boxes of its grid; zero for poses that were added
+            because the worst lie there. One each if None.
     """
 
     q: Array
@@ -43,6 +46,7 @@ class Workspace:
     end_margin: float
     machine: Machine
     cells: tuple[Array, Array] | None = None
+    boxes: Array | None = None
 
     @classmethod
     def grid(
@@ -66,11 +70,12 @@ class Workspace:
                 ranges[j, 0] = ranges[j].mean()
         axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = _mesh(axes)
+        boxes = np.prod(_mesh(tuple(_widths(axis) for axis in axes)), axis=1)
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
                 others = _mesh(tuple(axis if j != joint else axis[[len(axis) // 2]] for j, axis in enumerate(axes)))
                 q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
-        return _of(machine, q, axes, margin)
+        return _of(machine, q, axes, margin, boxes)
 
     @classmethod
     def sobol(cls, machine: Machine, count: int, seed: int = 0, end_margin: float | None = None) -> Workspace:
@@ -111,7 +116,7 @@ class Workspace:
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
                 q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
-        return _of(machine, q, axes, margin)
+        return _of(machine, q, axes, margin, np.ones(count))
 
     @classmethod
     def reach_plane(
@@ -157,10 +162,32 @@ class Workspace:
         steps = span / [len(axis) - 1 for axis in grid.axes]
         _, first = np.unique(np.concatenate([cell, np.rint(2 * (q - low) / steps)], axis=1), axis=0, return_index=True)
         reach, height = (origin[i] + (np.arange(cell[:, i].max() + 1) + 0.5) * size for i in (0, 1))
-        return _of(machine, q[first], grid.axes, grid.end_margin, (reach, height))
+        return _of(machine, q[first], grid.axes, grid.end_margin, np.ones(len(first)), (reach, height))
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def weights(self) -> Array:
+        """What each pose counts in percentiles and shares (n,): the joint boxes that it stands for."""
+        return np.ones(len(self)) if self.boxes is None else self.boxes
+
+    def index(self, q: Array) -> Array:
+        """Where poses (n, nq) lie on the axes, in steps from their first values (nq, n)."""
+        steps = [(axis[-1] - axis[0]) / (len(axis) - 1) or 1.0 for axis in self.axes]
+        return np.stack([(q[:, j] - axis[0]) / steps[j] for j, axis in enumerate(self.axes)])
+
+    def in_stroke(self, q: Array) -> Flags:
+        """Whether every cylinder keeps the end margin at poses (n, nq) within the joint ranges (n,)."""
+        if all(len(drive.joints) == 1 for drive in self.machine.drives):
+            return np.ones(len(q), dtype=bool)
+        least = [self.machine.margins(q[rows]).min(axis=1) for rows in chunks(len(q))]
+        return np.concatenate(least) >= self.end_margin - MARGIN_TOLERANCE
+
+    def allows(self, case: Machine, q: Array) -> Flags:
+        """Whether poses (n, nq) within the joint ranges are in stroke and hold the load case at work (n,)."""
+        held = [case.holds(case.arm.kinematics(q[rows])) for rows in chunks(len(q))]
+        return np.concatenate(held) & self.in_stroke(q)
 
     @property
     def ranges(self) -> Array:
@@ -190,15 +217,24 @@ def _of(
     q: Array,
     axes: tuple[Array, ...],
     end_margin: float,
+    boxes: Array,
     cells: tuple[Array, Array] | None = None,
 ) -> Workspace:
-    """Those of the poses at which every cylinder keeps its end margin."""
+    """Those of the poses at which every cylinder keeps its end margin; poses after the ``boxes`` stand for none."""
     least = [machine.margins(q[rows]).min(axis=1) for rows in chunks(len(q))]
-    q = q[np.concatenate(least) >= end_margin - MARGIN_TOLERANCE]
+    inside = np.concatenate(least) >= end_margin - MARGIN_TOLERANCE
+    boxes = np.concatenate([boxes, np.zeros(len(q) - len(boxes))])[inside]
+    q = q[inside]
     if len(q) == 0:
         raise ArmDesignError(f"{machine.name}: workspace", "no pose of it is in stroke", "give more points")
-    q.setflags(write=False)
-    return Workspace(q, axes, end_margin, machine, cells)
+    for values in (q, boxes):
+        values.setflags(write=False)
+    return Workspace(q, axes, end_margin, machine, cells, boxes)
+
+
+def _widths(axis: Array) -> Array:
+    """How much of its range each of even values stands for, in steps: one, half a step at the ends."""
+    return np.where((np.arange(len(axis)) % (len(axis) - 1)) == 0, 0.5, 1.0)
 
 
 def _mesh(axes: tuple[Array, ...]) -> Array:
@@ -243,6 +279,39 @@ def _on_pitch_limits(machine: Machine, payload: Payload, others: Array, joint: i
     return np.concatenate(found)
 
 
+def spread(case: Machine, workspace: Workspace, count: int) -> Array:
+    """Poses (n, nq) spread over the joint box, denser on its faces and edges, and over the pitch limits within it.
+
+    ``count`` of them inside. Of joints that change neither frequency nor reach one value is taken.
+    """
+    arm, ranges = case.arm, workspace.ranges
+    feet = np.hypot(*arm.kinematics(np.zeros((1, len(ranges)))).translation[0, :, :2].T)
+    still = {j for j in case.idle_joints if feet[j] < 1e-9}
+    parts = [_spread(ranges, still, count)]
+    for joint in tipping_joints(case, case.payload) if case.payload.pitch else ():
+        others = _spread(ranges, still | {joint}, count // 15)
+        parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
+    return np.concatenate(parts)
+
+
+def _spread(ranges: Array, still: Collection[int], count: int) -> Array:
+    """``count`` poses inside the joint box and a quarter of that on its faces of each dimension; ``still`` at one end.
+
+    An edge has up to 1000.
+    """
+    parts, moving = [], len(ranges) - len(still)
+    for ends in product(*((0,) if j in still else (0, 1, None) for j in range(len(ranges)))):
+        inner = ends.count(None)
+        alike = math.comb(moving, inner) * 2 ** (moving - inner)
+        each = count if inner == moving else min(count / 4 / alike, 1000**inner)
+        values = max(int(each ** (1 / max(inner, 1))), 2)
+        lines = (
+            over(ends_of, values) if end is None else ends_of[[end]] for ends_of, end in zip(ranges, ends, strict=True)
+        )
+        parts.append(_mesh(tuple(lines)))
+    return np.concatenate(parts)
+
+
 def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
     """Reach and height of the tool (n, 2) [m] and their derivatives by the joints (n, 2, nq)."""
     arm, joints = machine.arm, tuple(range(q.shape[1]))
@@ -269,7 +338,10 @@ def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, l
         pitch = machine.arm.pitch(machine.arm.kinematics(q), payload.link)
         slope = _wrapped(machine.arm.pitch(machine.arm.kinematics(q + step), payload.link) - pitch) / 0.1
         error = _wrapped(limit - pitch)
-        q[:, joint] += error / np.where(np.abs(slope) > 0.1, slope, np.inf)
+        turns = np.abs(slope) > 0.1
+        q[:, joint] += error / np.where(turns, slope, np.inf)
+        if np.abs(error[turns]).max(initial=0.0) < 1e-13:
+            break
     return q[np.abs(error) < 1e-10]
 
 
