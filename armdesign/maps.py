@@ -8,20 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, chunks, percentiles
+from armdesign.arrays import Array, Flags, chunks, percentiles
 from armdesign.cylinder import Actuator, Motor, static_pressures
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
-from armdesign.workspace import Workspace, nearest, onto_pitch_limit, spread, tipping_joints
+from armdesign.workspace import Workspace, nearest, onto_pitch_limit, spread, tipped, tipping_joints
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
-SPREAD = 300_000  # poses of a reach map inside the joint box
+SPREAD = 150_000  # poses of a reach map inside the joint box
+NEAR = 24  # more of them about the lowest of each cell, twice
 EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
 
@@ -178,15 +179,16 @@ class FrequencyMap:
         """
         q = self.frame[list(self.machine.joints)].to_numpy()
         tool = self.frame[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy()
-        reach = self.machine.arm.reach(q, tool)
-        points = [np.stack([reach, tool[:, 2], self.frame["f1_hz"].to_numpy()], axis=1)]
+        places = np.stack([self.machine.arm.reach(q, tool), tool[:, 2], self.frame["f1_hz"].to_numpy()], axis=1)
+        points = [places]
         if self.workspace.cells is not None:
             x, z = self.workspace.cells
         else:
-            points += [_between(self, payload, points[0]) for payload in self.worst_of]
-            cells = cells or min(90, max(5, int((sum(len(found) for found in points) / 10) ** 0.5)))
-            size = max(0.01, *np.ptp(points[0][:, :2], axis=0)) / cells  # where the tool does not move, too
-            x, z = (np.arange(axis.min(), axis.max() + size, size) for axis in points[0].T[:2])
+            nodes = {name: found for name in self.worst_of if (found := _nodes(self, name, places)) is not None}
+            cells = cells or min(90, max(5, int((len(places) / 10) ** 0.5)) if len(nodes) == 0 else 90)
+            size = max(0.01, *np.ptp(places[:, :2], axis=0)) / cells  # where the tool does not move, too
+            x, z = (np.arange(axis.min(), axis.max() + size, size) for axis in places.T[:2])
+            points += [_between(self, name, known, (x, z), places) for name, known in nodes.items()]
         reach, height, lowest = np.concatenate(points).T
         values = np.full((len(x), len(z)), np.inf)
         np.minimum.at(values, (nearest(x, reach), nearest(z, height)), lowest)
@@ -250,35 +252,61 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     )
 
 
-def _between(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
-    """Points (reach, height, frequency) of one load case between the poses of a joint grid, up to all its edges.
+def _nodes(frequencies: FrequencyMap, payload: str, points: Array) -> Array | None:
+    """Rows ``points`` (reach, height, frequency) of one load case on the grid (3, …), NaN elsewhere; None if no grid."""
+    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
+    index = workspace.index(frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy())
+    on_grid = np.abs(index - np.rint(index)).max(axis=0) < 1e-6
+    if on_grid.sum() < 2 ** len(workspace.axes):
+        return None
+    nodes = np.full((3, *(len(axis) for axis in workspace.axes)), np.nan)
+    nodes[:, *np.rint(index[:, on_grid]).astype(int)] = points[rows][on_grid].T
+    return nodes
 
-    Interpolated linearly, exact where a box of the grid has corners out of stroke; never below the least of ``points``.
+
+def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple[Array, Array], rows: Array) -> Array:
+    """Points (reach, height, frequency) of one load case between the ``nodes`` of a joint grid, up to all its edges.
+
+    Densest about the lowest of each cell; none is below the least of the map's ``rows``.
+    """
+    workspace, case = frequencies.workspace, frequencies.machine.with_payload(payload)
+    held = np.isfinite(nodes[2])
+    _complete(case, workspace, nodes)
+    q, points, _ = _interpolated(case, workspace, nodes, held, spread(case, workspace, SPREAD))
+    low, high = workspace.ranges.T
+    chance = np.random.default_rng(0)
+    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.5]):
+        cell = nearest(cells[0], points[:, 0]) * len(cells[1]) + nearest(cells[1], points[:, 1])
+        order = np.lexsort((points[:, 2], cell))
+        lowest = q[order[np.unique(cell[order], return_index=True)[1]]]
+        around = lowest + width * (high - low) * chance.uniform(-1, 1, (NEAR, *lowest.shape))
+        around = np.clip(around.reshape(-1, len(low)), low, high)
+        near, found, beyond = _interpolated(case, workspace, nodes, held, around)
+        turned, more, _ = _interpolated(case, workspace, nodes, held, tipped(case, workspace, beyond))
+        q, points = np.concatenate([q, near, turned]), np.concatenate([points, found, more])
+    points[:, 2] = np.maximum(points[:, 2], rows[:, 2].min())
+    return points
+
+
+def _interpolated(
+    case: Machine, workspace: Workspace, nodes: Array, held: Flags, q: Array
+) -> tuple[Array, Array, Array]:
+    """Those of the poses q (n, nq) at which a load case exists, their reach, height and frequency (n, 3), poses beyond.
+
+    Linear between ``nodes``; exact where a box of the grid has corners out of stroke. ``held``: nodes with the load.
     """
     from scipy.ndimage import map_coordinates
 
-    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
-    case = frequencies.machine.with_payload(payload)
-    q = frequencies.frame.loc[rows, list(case.joints)].to_numpy()
-    index = workspace.index(q)
-    on_grid = np.abs(index - np.rint(index)).max(axis=0) < 1e-6
-    nodes = np.full((3, *(len(axis) for axis in workspace.axes)), np.nan)
-    if on_grid.sum() < 2 ** len(workspace.axes):  # not a grid
-        return np.empty((0, 3))
-    nodes[:, *np.rint(index[:, on_grid]).astype(int)] = points[rows][on_grid].T
-    held = np.isfinite(nodes[2])
-    _complete(case, workspace, nodes)
-    q = spread(case, workspace, SPREAD)
     inside = map_coordinates(held.astype(float), workspace.index(q), order=1, mode="nearest")
     cut = np.flatnonzero((inside > 0) & (inside < 1 - 1e-9))
     inside[cut] = workspace.allows(case, q[cut])
-    q = q[inside > 0]
-    values = np.stack([map_coordinates(layer, workspace.index(q), order=1, mode="nearest") for layer in nodes], axis=1)
-    open_ = np.flatnonzero(np.isnan(values[:, 2]))
-    open_ = open_[:: max(1, len(open_) // EXACT)]
-    values[open_] = _points(case, q[open_])
-    values[:, 2] = np.maximum(values[:, 2], points[:, 2].min())
-    return np.asarray(values[np.isfinite(values).all(axis=1)])
+    beyond, q = q[cut[inside[cut] == 0]], q[inside > 0]
+    points = np.stack([map_coordinates(layer, workspace.index(q), order=1, mode="nearest") for layer in nodes], axis=1)
+    unknown = np.flatnonzero(np.isnan(points[:, 2]))
+    unknown = unknown[:: 1 + len(unknown) // EXACT]
+    points[unknown] = _points(case, q[unknown])
+    known = np.isfinite(points).all(axis=1)
+    return q[known], points[known], beyond
 
 
 def _complete(case: Machine, workspace: Workspace, nodes: Array) -> None:

@@ -287,28 +287,34 @@ def spread(case: Machine, workspace: Workspace, count: int) -> Array:
     arm, ranges = case.arm, workspace.ranges
     feet = np.hypot(*arm.kinematics(np.zeros((1, len(ranges)))).translation[0, :, :2].T)
     still = {j for j in case.idle_joints if feet[j] < 1e-9}
-    parts = [_spread(ranges, still, count)]
-    for joint in tipping_joints(case, case.payload) if case.payload.pitch else ():
-        others = _spread(ranges, still | {joint}, count // 15)
+    parts = [_spread(ranges, still, count, count // 4)]
+    joints = tipping_joints(case, case.payload) if case.payload.pitch else []
+    for joint in joints:
+        others = _spread(ranges, still | {joint}, count // 15 if joint == joints[-1] else 0, count // 40)
         parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
     return np.concatenate(parts)
 
 
-def _spread(ranges: Array, still: Collection[int], count: int) -> Array:
-    """``count`` poses inside the joint box and a quarter of that on its faces of each dimension; ``still`` at one end.
+def tipped(case: Machine, workspace: Workspace, q: Array) -> Array:
+    """Poses (n, nq) turned onto the pitch limits of the load case at work by the joint next to its link."""
+    joints = tipping_joints(case, case.payload) if case.payload.pitch else []
+    return _on_pitch_limits(case, case.payload, q, joints[-1], workspace.axes) if joints else q[:0]
+
+
+def _spread(ranges: Array, still: Collection[int], inside: int, faces: int) -> Array:
+    """Poses inside the joint box, and ``faces`` on its faces, as many on its edges, and so on; ``still`` at one end.
 
     An edge has up to 1000.
     """
-    parts, moving = [], len(ranges) - len(still)
+    parts, moving = [np.empty((0, len(ranges)))], len(ranges) - len(still)
     for ends in product(*((0,) if j in still else (0, 1, None) for j in range(len(ranges)))):
         inner = ends.count(None)
         alike = math.comb(moving, inner) * 2 ** (moving - inner)
-        each = count if inner == moving else min(count / 4 / alike, 1000**inner)
+        each = inside if inner == moving else min(faces / alike, 1000**inner)
         values = max(int(each ** (1 / max(inner, 1))), 2)
-        lines = (
-            over(ends_of, values) if end is None else ends_of[[end]] for ends_of, end in zip(ranges, ends, strict=True)
-        )
-        parts.append(_mesh(tuple(lines)))
+        if each > 0:
+            lines = (over(r, values) if end is None else r[[end]] for r, end in zip(ranges, ends, strict=True))
+            parts.append(_mesh(tuple(lines)))
     return np.concatenate(parts)
 
 
@@ -334,14 +340,15 @@ def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, l
     q = q.copy()
     step = np.zeros(q.shape[1])
     step[joint] = 0.1
+    turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
         pitch = machine.arm.pitch(machine.arm.kinematics(q), payload.link)
-        slope = _wrapped(machine.arm.pitch(machine.arm.kinematics(q + step), payload.link) - pitch) / 0.1
         error = _wrapped(limit - pitch)
-        turns = np.abs(slope) > 0.1
-        q[:, joint] += error / np.where(turns, slope, np.inf)
         if np.abs(error[turns]).max(initial=0.0) < 1e-13:
             break
+        slope = _wrapped(machine.arm.pitch(machine.arm.kinematics(q + step), payload.link) - pitch) / 0.1
+        turns = np.abs(slope) > 0.1
+        q[:, joint] += error / np.where(turns, slope, np.inf)
     return q[np.abs(error) < 1e-10]
 
 

@@ -89,7 +89,10 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     shares, weights = 100 * frequencies.stiffness_shares[stable], frequencies.weights[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
     rows = [
-        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in percentiles(share, weights, (0, 50, 100))))
+        (
+            origins[str(part)],
+            *(f"{round(value, 1) + 0.0:+.1f} %" for value in percentiles(share, weights, (0, 50, 100))),
+        )
         for part, share in zip(shares.columns, shares.to_numpy().T, strict=True)
         if len(share)
     ]
