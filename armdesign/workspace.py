@@ -25,6 +25,7 @@ POSES = 20_000  # of the default grid
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MOST = 5_000_000
 MARGIN_TOLERANCE = 1e-9
+WAYS = 6  # starts per cell on each edge of the joint ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,8 @@ class Workspace:
 
         Every pose of a joint grid is moved by the smallest joint motion (relative to the ranges) that puts the tool on
         the middle of its cell (Gauss–Newton); what is left are, for each cell, the ways to reach it that differ by
-        more than half a step of the grid. Edges of the joint ranges are not sought: worst poses are refined anyway.
+        more than half a step of the grid. Where more than two joints move the tool, those with joints at the ends of
+        their ranges and with a load case on its pitch limits are added, for there the worst poses lie.
 
         Args:
             machine: today's machine, with two joints or more that move the tool in that plane.
@@ -144,25 +146,22 @@ class Workspace:
         if isinstance(cells, bool) or not isinstance(cells, int | np.integer) or cells < 2:
             raise ArmDesignError("cells", f"{cells!r} is not allowed", "give a whole number ≥ 2")
         grid = cls.grid(machine, points, end_margin)
-        low, span = grid.ranges[:, 0], np.ptp(grid.ranges, axis=1)
         place, _ = _reach(machine, grid.q)
-        size = np.ptp(place, axis=0).max() / cells
-        origin = place.min(axis=0)
-        cell = np.floor((place - origin) / size)
-        target, q = origin + (cell + 0.5) * size, grid.q.copy()
-        for _ in range(12):
-            place, slope = _reach(machine, q)
-            q += span * (np.linalg.pinv(slope * span, rcond=1e-6) @ (target - place)[..., None])[..., 0]
-        met = np.abs(_reach(machine, q)[0] - target).max(axis=1) < 1e-9
-        met &= np.all((q >= low) & (q <= low + span), axis=1)
-        if not met.any():
+        origin, size = place.min(axis=0), np.ptp(place, axis=0).max() / cells
+        q, cell, which = _onto_middles(grid, grid.q, origin, size)
+        if len(q) == 0:
             remedy = "give more points or fewer cells" if len(machine.joints) > 1 else "take a grid for one joint"
             raise ArmDesignError(f"{machine.name}: workspace", "no pose brings the tool to a cell's middle", remedy)
-        q, cell = q[met], cell[met]
-        steps = span / [len(axis) - 1 for axis in grid.axes]
-        _, first = np.unique(np.concatenate([cell, np.rint(2 * (q - low) / steps)], axis=1), axis=0, return_index=True)
+        first, way = _ways(grid, q, cell)
+        boxes = np.bincount(way, weights=grid.weights[which])
+        found = [(q[first], cell[first])]
+        for starts, payload in _edges(grid, WAYS * len(np.unique(cell, axis=0))):
+            q, cell, _ = _onto_middles(grid, starts, origin, size, payload)
+            first, _ = _ways(grid, q, cell)
+            found.append((q[first], cell[first]))
+        q, cell = (np.concatenate(parts) for parts in zip(*found, strict=True))
         reach, height = (origin[i] + (np.arange(cell[:, i].max() + 1) + 0.5) * size for i in (0, 1))
-        return _of(machine, q[first], grid.axes, grid.end_margin, np.ones(len(first)), (reach, height))
+        return _of(machine, q, grid.axes, grid.end_margin, boxes, (reach, height))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -284,15 +283,19 @@ def spread(case: Machine, workspace: Workspace, count: int) -> Array:
 
     ``count`` of them inside. Of joints that change neither frequency nor reach one value is taken.
     """
-    arm, ranges = case.arm, workspace.ranges
-    feet = np.hypot(*arm.kinematics(np.zeros((1, len(ranges)))).translation[0, :, :2].T)
-    still = {j for j in case.idle_joints if feet[j] < 1e-9}
+    ranges, still = workspace.ranges, _still(case)
     parts = [_spread(ranges, still, count, count // 4)]
     joints = tipping_joints(case, case.payload) if case.payload.pitch else []
     for joint in joints:
         others = _spread(ranges, still | {joint}, count // 15 if joint == joints[-1] else 0, count // 40)
         parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
     return np.concatenate(parts)
+
+
+def _still(machine: Machine) -> set[int]:
+    """Joints that change neither a frequency nor the tool's reach: idle ones about the root's z axis."""
+    feet = machine.arm.kinematics(np.zeros((1, len(machine.joints)))).translation[0, :, :2]
+    return {j for j in machine.idle_joints if np.hypot(*feet[j]) < 1e-9}
 
 
 def tipped(case: Machine, workspace: Workspace, q: Array) -> Array:
@@ -316,6 +319,72 @@ def _spread(ranges: Array, still: Collection[int], inside: int, faces: int) -> A
             lines = (over(r, values) if end is None else r[[end]] for r, end in zip(ranges, ends, strict=True))
             parts.append(_mesh(tuple(lines)))
     return np.concatenate(parts)
+
+
+def _edges(grid: Workspace, count: int) -> Iterator[tuple[Array, Payload | None]]:
+    """Poses on the ends of joint ranges, and those turned onto pitch limits with the load case whose limits they are.
+
+    ``count`` for each combination of ends; none where two joints or fewer move the tool.
+    """
+    machine, ranges = grid.machine, grid.ranges
+    still = _still(machine)
+    moving = len(ranges) - len(still)
+    if moving < 3:
+        return
+    alike = max(math.comb(moving, inner) * 2 ** (moving - inner) for inner in range(2, moving))
+    yield _spread(ranges, still, 0, count * alike), None
+    for payload in machine.payloads:
+        joints = tipping_joints(machine, payload) if payload.pitch else []
+        for joint in joints if moving > 3 else joints[-1:]:
+            others = _spread(ranges, still | {joint}, count if joint == joints[-1] else 0, count * (moving > 3))
+            yield _on_pitch_limits(machine, payload, others, joint, grid.axes), payload
+
+
+def _ways(grid: Workspace, q: Array, cell: Array) -> tuple[Array, Array]:
+    """First pose of each way to reach a cell, ways half a step of the grid apart; and the way of each pose."""
+    where = np.rint(2 * grid.index(q).T)
+    _, first, way = np.unique(np.concatenate([cell, where], axis=1), axis=0, return_index=True, return_inverse=True)
+    return first, way.reshape(-1)
+
+
+def _onto_middles(
+    grid: Workspace, starts: Array, origin: Array, size: float, payload: Payload | None = None
+) -> tuple[Array, Array, Array]:
+    """Poses moved so that the tool is on the middle of its cell: q (n, nq), cell (n, 2), and which of ``starts``.
+
+    By the smallest joint motion, relative to the ranges (Gauss–Newton). Joints at an end of their range stay there, and
+    with a ``payload`` the pitch of its link stays what it is. Starts but for the grid's own, one for each way.
+    """
+    machine, (low, high) = grid.machine, grid.ranges.T
+    cell = np.floor((_reach(machine, starts)[0] - origin) / size)
+    own = starts is grid.q
+    which = np.arange(len(starts)) if own else np.sort(_ways(grid, starts, cell)[0])
+    q, cell = starts[which].copy(), cell[which]
+    free = np.ones_like(q) if own else ((q > low) & (q < high)).astype(float)
+    goal = _place(machine, q, payload)[0]
+    goal[:, :2] = origin + (cell + 0.5) * size
+    left = np.arange(len(q))
+    for _ in range(12):
+        place, slope = _place(machine, q[left], payload)
+        error = goal[left] - place
+        room = ((high - low) * free[left])[:, None, :]
+        q[left] += room[:, 0] * (np.linalg.pinv(slope * room, rcond=1e-6) @ error[..., None])[..., 0]
+        left = left[np.abs(error).max(axis=1) > 1e-12]
+    met = np.abs(_place(machine, q, payload)[0] - goal).max(axis=1) < 1e-9
+    met &= np.all((q >= low) & (q <= high), axis=1) & np.all(cell >= 0, axis=1)
+    return q[met], cell[met], which[met]
+
+
+def _place(machine: Machine, q: Array, payload: Payload | None) -> tuple[Array, Array]:
+    """Reach, height [m] and with a payload pitch [rad] of its link (n, 2 or 3), and the derivatives (n, 2 or 3, nq)."""
+    place, slope = _reach(machine, q)
+    if payload is None or payload.link is None:
+        return place, slope
+    arm, link, step = machine.arm, payload.link, 1e-6
+    pitch = arm.pitch(arm.kinematics(q), link)
+    ahead = [arm.pitch(arm.kinematics(q + step * one), link) for one in np.eye(q.shape[1])]
+    slopes = np.stack([_wrapped(turned - pitch) / step for turned in ahead], axis=1)
+    return np.concatenate([place, pitch[:, None]], axis=1), np.concatenate([slope, slopes[:, None]], axis=1)
 
 
 def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
