@@ -14,7 +14,7 @@ from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
-from armdesign.workspace import Workspace, nearest, onto_pitch_limit, spread, tipped, tipping_joints
+from armdesign.workspace import Workspace, nearest, onto_pitch_limit, place, spread, tipped, tipping_joints
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -204,7 +204,11 @@ class FrequencyMap:
 def frequency_map(machine: Machine, workspace: Workspace | None = None) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
-    Without a workspace the machine's default grid is taken, see ``Workspace.grid``. Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
+    Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
+
+    Args:
+        machine: the machine.
+        workspace: the poses; default: ``Workspace.grid(machine)``.
 
     Raises:
         PoseError: a pose that this machine cannot take, or a load case that exists at none of them.
@@ -253,7 +257,7 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
 
 
 def _nodes(frequencies: FrequencyMap, payload: str, points: Array) -> Array | None:
-    """Rows ``points`` (reach, height, frequency) of one load case on the grid (3, …), NaN elsewhere; None if no grid."""
+    """Rows ``points`` (reach, height, frequency) of a load case on the grid (3, …), NaN elsewhere; None if no grid."""
     workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
     index = workspace.index(frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy())
     on_grid = np.abs(index - np.rint(index)).max(axis=0) < 1e-6
@@ -265,9 +269,10 @@ def _nodes(frequencies: FrequencyMap, payload: str, points: Array) -> Array | No
 
 
 def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple[Array, Array], rows: Array) -> Array:
-    """Points (reach, height, frequency) of one load case between the ``nodes`` of a joint grid, up to all its edges.
+    """Lowest point (reach, height, frequency) of one load case in each cell, between the ``nodes`` of a joint grid.
 
-    Densest about the lowest of each cell; none is below the least of the map's ``rows``.
+    Sought on interpolated values up to all edges, most densely about the lowest, and then computed; none is below the
+    least of the map's ``rows``.
     """
     workspace, case = frequencies.workspace, frequencies.machine.with_payload(payload)
     held = np.isfinite(nodes[2])
@@ -276,16 +281,22 @@ def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple
     low, high = workspace.ranges.T
     chance = np.random.default_rng(0)
     for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.5]):
-        cell = nearest(cells[0], points[:, 0]) * len(cells[1]) + nearest(cells[1], points[:, 1])
-        order = np.lexsort((points[:, 2], cell))
-        lowest = q[order[np.unique(cell[order], return_index=True)[1]]]
+        lowest = q[_lowest(points, cells)]
         around = lowest + width * (high - low) * chance.uniform(-1, 1, (NEAR, *lowest.shape))
         around = np.clip(around.reshape(-1, len(low)), low, high)
         near, found, beyond = _interpolated(case, workspace, nodes, held, around)
         turned, more, _ = _interpolated(case, workspace, nodes, held, tipped(case, workspace, beyond))
         q, points = np.concatenate([q, near, turned]), np.concatenate([points, found, more])
-    points[:, 2] = np.maximum(points[:, 2], rows[:, 2].min())
-    return points
+    best = _lowest(points, cells)
+    exact = _points(case, q[best])[:, 2]
+    return np.column_stack([points[best, :2], np.maximum(exact, rows[:, 2].min())])
+
+
+def _lowest(points: Array, cells: tuple[Array, Array]) -> Array:
+    """Which of the points (reach, height, frequency) is the lowest of each cell that has any."""
+    cell = nearest(cells[0], points[:, 0]) * len(cells[1]) + nearest(cells[1], points[:, 1])
+    order = np.lexsort((points[:, 2], cell))
+    return np.asarray(order[np.unique(cell[order], return_index=True)[1]])
 
 
 def _interpolated(
@@ -302,6 +313,8 @@ def _interpolated(
     inside[cut] = workspace.allows(case, q[cut])
     beyond, q = q[cut[inside[cut] == 0]], q[inside > 0]
     points = np.stack([map_coordinates(layer, workspace.index(q), order=1, mode="nearest") for layer in nodes], axis=1)
+    edge = workspace.on_ends(q)  # whose arcs, not their chords, are the rim of the reach
+    points[edge, :2] = place(case, q[edge])
     unknown = np.flatnonzero(np.isnan(points[:, 2]))
     unknown = unknown[:: 1 + len(unknown) // EXACT]
     points[unknown] = _points(case, q[unknown])

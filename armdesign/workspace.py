@@ -176,6 +176,12 @@ class Workspace:
         steps = [(axis[-1] - axis[0]) / (len(axis) - 1) or 1.0 for axis in self.axes]
         return np.stack([(q[:, j] - axis[0]) / steps[j] for j, axis in enumerate(self.axes)])
 
+    def on_ends(self, q: Array) -> Flags:
+        """Whether a joint that moves the tool in its plane is at an end of its range, at poses (n, nq): (n,)."""
+        moving = [j for j in range(q.shape[1]) if j not in _still(self.machine)]
+        low, high = self.ranges[moving].T
+        return np.any((q[:, moving] == low) | (q[:, moving] == high), axis=1)
+
     def in_stroke(self, q: Array) -> Flags:
         """Whether every cylinder keeps the end margin at poses (n, nq) within the joint ranges (n,)."""
         if all(len(drive.joints) == 1 for drive in self.machine.drives):
@@ -373,6 +379,15 @@ def _onto_middles(
     met = np.abs(_place(machine, q, payload)[0] - goal).max(axis=1) < 1e-9
     met &= np.all((q >= low) & (q <= high), axis=1) & np.all(cell >= 0, axis=1)
     return q[met], cell[met], which[met]
+
+
+def place(machine: Machine, q: Array) -> Array:
+    """Reach and height of the tool (n, 2) [m]."""
+    arm, found = machine.arm, [np.empty((0, 2))]
+    for rows in chunks(len(q)):
+        tool = arm.point(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at))
+        found.append(np.stack([arm.reach(q[rows], tool), tool[:, 2]], axis=1))
+    return np.concatenate(found)
 
 
 def _place(machine: Machine, q: Array, payload: Payload | None) -> tuple[Array, Array]:
