@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
 from functools import cache, wraps
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -63,6 +63,27 @@ def stacked(parts: Iterable[T], count: int) -> T:
             target[row:end] = array
         row = end
     return type(part)(**values | whole)
+
+
+def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:
+    """Percentiles (k,) of values (n,) of which each counts as much as its weight (n,) ≥ 0, linear between neighbours.
+
+    0 % and 100 % are least and greatest of all values, those of weight zero too; equal weights give ``np.percentile``.
+    Of weights that are all zero each value counts as one. Infinite values are allowed.
+    """
+    if not weights.any():
+        weights = np.ones(len(values))
+    order = np.argsort(values, kind="stable")
+    values, weights = values[order], weights[order]
+    below = np.cumsum(weights) - weights / 2
+    place = below - below[0]
+    at = np.asarray(percents, dtype=float) / 100 * place[-1]
+    after = np.clip(np.searchsorted(place, at, side="left"), min(1, len(values) - 1), len(values) - 1)
+    before = np.maximum(after - 1, 0)
+    step = place[after] - place[before]
+    part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
+    mixed = [np.where(share > 0, values[rows], 0.0) * share for rows, share in ((before, 1 - part), (after, part))]
+    return np.asarray(mixed[0] + mixed[1])
 
 
 @cache

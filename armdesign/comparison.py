@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from armdesign import machine_file
 from armdesign.design.requirements import Requirements
 from armdesign.machine import Machine
@@ -156,14 +154,14 @@ def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
 
     machine = frequencies.machine
     found: dict[str, tuple[Any, str]] = {}
+    spread = frequencies.percentiles((5, 50, 95))
     for payload, worst in frequencies.worst_of.items():
-        lowest = frequencies.frame["f1_hz"].to_numpy()[frequencies.frame["payload"] == payload]
         found[f"{payload}.worst"] = (worst.frequency, "Hz")
         found[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
         for joint, value in zip(machine.arm.joints, worst.q, strict=True):
             found[f"{payload}.worst.{joint.name}"] = (float(value), "rad" if joint.revolute else "m")
-        for percent in (5, 50, 95):
-            found[f"{payload}.percentile_{percent}"] = (float(np.percentile(lowest, percent)), "Hz")
+        for percent, value in zip((5, 50, 95), spread.loc[payload], strict=True):
+            found[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():
         found[f"limiting.{name}"] = (float(share), "")
     forces = digging_forces(machine)

@@ -139,8 +139,9 @@ class Inspection:
         return float(np.ptp(length) / self.machine.cylinders[cylinder].stroke)
 
     def share_held(self, payload: str) -> float:
-        """Share of the workspace's poses at which a load case exists."""
-        return float(self.machine.with_payload(payload).holds(self.workspace.rigid).mean())
+        """Share of joint space within the workspace in which a load case exists."""
+        held = self.machine.with_payload(payload).holds(self.workspace.rigid)
+        return float(np.average(held, weights=self.workspace.weights))
 
     @cached_property
     def loads(self) -> list[Load]:

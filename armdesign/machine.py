@@ -253,6 +253,20 @@ class Machine:
         """Joint ranges (nq, 2) in which every cylinder keeps a share of its stroke free at both ends."""
         return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, self.source.name)
 
+    @cached_property
+    def idle_joints(self) -> frozenset[int]:
+        """Joints whose position changes no frequency: they slew all there is, and no cylinder spans them.
+
+        A cylinder across a joint changes length and moment arm with it. Slewing that carries an axis beside its own
+        changes the inertia that the lower axis feels.
+        """
+        slewing = list(self.arm.slewing)
+        spanned = {j for linkage in self.linkages for j in linkage.joints}
+        feet = self.arm.kinematics(np.zeros((1, len(self.joints)))).translation[0, slewing, :2]
+        return frozenset(
+            j for k, j in enumerate(slewing) if j not in spanned and np.all(np.hypot(*(feet[:k] - feet[k]).T) < 1e-9)
+        )
+
     def rigid_poses(self, q: ArrayLike) -> RigidPoses:
         """What the bare links contribute at q (n, nq); reuse it for other pins, cylinders and payloads."""
         return self.arm.rigid_poses(self._checked(q))
@@ -328,7 +342,6 @@ class Machine:
             cylinder_forces=forces,
             oil_stiffness=np.stack(stiffness, axis=1),
             tool=np.array(self.arm.point(rigid, self.tool.link, np.array(self.tool.at))),
-            shared=self.shared,
         )
 
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
@@ -365,12 +378,6 @@ class Machine:
             for name, mass in masses.items():
                 points += points_of_bar(mass, bars[name])
         return points
-
-    @cached_property
-    def shared(self) -> tuple[tuple[int, ...], ...]:
-        """For each function, those that share a joint with it, itself included."""
-        own = [set(drive.joints) for drive in self.drives]
-        return tuple(tuple(j for j, other in enumerate(own) if mine & other) for mine in own)
 
     @cached_property
     def _closed(self) -> Array:

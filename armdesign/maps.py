@@ -8,19 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags, chunks, percentiles
 from armdesign.cylinder import Actuator, Motor, static_pressures
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
 from armdesign.poses import Poses
-from armdesign.workspace import Workspace, nearest, onto_pitch_limit, tipping_joints
+from armdesign.workspace import Workspace, nearest, onto_pitch_limit, place, spread, tipped, tipping_joints
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
+SPREAD = 150_000  # poses of a reach map inside the joint box
+NEAR = 24  # more of them about the lowest of each cell, twice
+EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
@@ -73,6 +76,7 @@ class FrequencyMap:
         limiting: for each row, the cylinder with the largest share in the lowest mode.
         stiffness_parts: for each row (n, 3) [rad²/s²], what oil, gravity and the moment arms' change under load
             (``STIFFNESS``) give to ω² of the lowest mode.
+        weights: what each row counts in percentiles and shares (n,): the joint boxes that its pose stands for.
         machine: the machine.
         workspace: the poses.
     """
@@ -82,30 +86,36 @@ class FrequencyMap:
     worst_of: dict[str, WorstPose]
     limiting: Array
     stiffness_parts: Array
+    weights: Array
     machine: Machine
     workspace: Workspace
 
     def __post_init__(self) -> None:
-        for value in (self.limiting, self.stiffness_parts):
+        for value in (self.limiting, self.stiffness_parts, self.weights):
             value.setflags(write=False)
 
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
-        """Percentiles [Hz] of the lowest coupled frequency: a row for each load case and one for ``all``."""
+        """Percentiles [Hz] of the lowest coupled frequency: a row for each load case and one for ``all``.
+
+        Of joint space, not of rows: each pose counts as the joint box that it stands for.
+        """
         import pandas as pd
 
         lowest = self.frame["f1_hz"].to_numpy()
         cases = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
-        rows = {name: np.percentile(lowest[rows], percents) for name, rows in cases.items()}
-        rows["all"] = np.percentile(lowest, percents)
+        cases["all"] = np.ones(len(lowest), dtype=bool)
+        rows = {name: percentiles(lowest[rows], self.weights[rows], percents) for name, rows in cases.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=[f"{percent:g} %" for percent in percents])
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
-        """Share of the poses that each function limits, all load cases together; they sum to one."""
+        """Share of joint space that each function limits, all load cases together; they sum to one."""
         import pandas as pd
 
         names = [function.name for function in self.machine.functions]
-        return pd.Series({name: float(np.mean(self.limiting == name)) for name in names}, name="share")
+        weights = self.weights if self.weights.any() else None
+        shares = {name: float(np.average(self.limiting == name, weights=weights)) for name in names}
+        return pd.Series(shares, name="share")
 
     @property
     def formula_ratios(self) -> pd.DataFrame:
@@ -123,8 +133,8 @@ class FrequencyMap:
         for cylinder in self.machine.functions:
             for formula in ("locked", "rigid"):
                 ratio = self.frame[f"{formula}_{cylinder.name}_hz"].to_numpy()[stable] / lowest[stable]
-                some = stable.any()
-                rows[cylinder.name, formula] = (ratio.min(), np.median(ratio), ratio.max()) if some else 3 * (np.inf,)
+                spread = percentiles(ratio, self.weights[stable], [0, 50, 100]) if stable.any() else 3 * (np.inf,)
+                rows[cylinder.name, formula] = tuple(spread)
         index = pd.MultiIndex.from_tuples(rows, names=["cylinder", "formula"])
         return pd.DataFrame(list(rows.values()), index=index, columns=["least", "median", "greatest"])
 
@@ -160,7 +170,8 @@ class FrequencyMap:
     def reach_map(self, cells: int | None = None) -> ReachMap:
         """Least frequency over all poses that bring the tool to a cell of the reach/height plane.
 
-        Between the poses of a joint grid tool place and frequency are interpolated, so that no cell inside is blank.
+        Between the poses of a joint grid tool place and frequency are interpolated, so that no cell inside is blank;
+        up to the ends of the joint ranges and to the pitch limits of the load cases, where the lowest often are.
         A reach-plane workspace brings its own cells.
 
         Args:
@@ -168,15 +179,16 @@ class FrequencyMap:
         """
         q = self.frame[list(self.machine.joints)].to_numpy()
         tool = self.frame[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy()
-        reach = self.machine.arm.reach(q, tool)
-        points = [np.stack([reach, tool[:, 2], self.frame["f1_hz"].to_numpy()], axis=1)]
+        places = np.stack([self.machine.arm.reach(q, tool), tool[:, 2], self.frame["f1_hz"].to_numpy()], axis=1)
+        points = [places]
         if self.workspace.cells is not None:
             x, z = self.workspace.cells
         else:
-            points += [_between(self, payload, points[0]) for payload in self.worst_of]
-            cells = cells or min(90, max(5, int((sum(len(found) for found in points) / 10) ** 0.5)))
-            size = max(0.01, *np.ptp(points[0][:, :2], axis=0)) / cells  # where the tool does not move, too
-            x, z = (np.arange(axis.min(), axis.max() + size, size) for axis in points[0].T[:2])
+            nodes = {name: found for name in self.worst_of if (found := _nodes(self, name, places)) is not None}
+            cells = cells or min(90, max(5, int((len(places) / 10) ** 0.5)) if len(nodes) == 0 else 90)
+            size = max(0.01, *np.ptp(places[:, :2], axis=0)) / cells  # where the tool does not move, too
+            x, z = (np.arange(axis.min(), axis.max() + size, size) for axis in places.T[:2])
+            points += [_between(self, name, known, (x, z), places) for name, known in nodes.items()]
         reach, height, lowest = np.concatenate(points).T
         values = np.full((len(x), len(z)), np.inf)
         np.minimum.at(values, (nearest(x, reach), nearest(z, height)), lowest)
@@ -189,14 +201,19 @@ class FrequencyMap:
         return plots.frequency_map(self, ax, plane, **limits)
 
 
-def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
+def frequency_map(machine: Machine, workspace: Workspace | None = None) -> FrequencyMap:
     """Coupled, locked and rigid-load frequencies at every pose of the workspace under every load case.
 
     Poses are taken in chunks, so that beside the map itself even a million of them need little memory.
 
+    Args:
+        machine: the machine.
+        workspace: the poses; default: ``Workspace.grid(machine)``.
+
     Raises:
         PoseError: a pose that this machine cannot take, or a load case that exists at none of them.
     """
+    workspace = workspace or Workspace.grid(machine)
     cases = [machine.with_payload(payload.name) for payload in machine.payloads]
     held = [workspace.holds(case.payload) for case in cases]
     for case, flags in zip(cases, held, strict=True):
@@ -233,31 +250,104 @@ def frequency_map(machine: Machine, workspace: Workspace) -> FrequencyMap:
         worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
         limiting=functions[limiting],
         stiffness_parts=parts.T,
+        weights=np.concatenate([workspace.weights[flags] for flags in held]),
         machine=machine,
         workspace=workspace,
     )
 
 
-def _between(frequencies: FrequencyMap, payload: str, points: Array) -> Array:
-    """Points (reach, height, frequency) of one load case on a finer joint grid, where all corners exist."""
+def _nodes(frequencies: FrequencyMap, payload: str, points: Array) -> Array | None:
+    """Rows ``points`` (reach, height, frequency) of a load case on the grid (3, …), NaN elsewhere; None if no grid."""
+    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
+    index = workspace.index(frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy())
+    on_grid = np.abs(index - np.rint(index)).max(axis=0) < 1e-6
+    if on_grid.sum() < 2 ** len(workspace.axes):
+        return None
+    nodes = np.full((3, *(len(axis) for axis in workspace.axes)), np.nan)
+    nodes[:, *np.rint(index[:, on_grid]).astype(int)] = points[rows][on_grid].T
+    return nodes
+
+
+def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple[Array, Array], rows: Array) -> Array:
+    """Lowest point (reach, height, frequency) of one load case in each cell, between the ``nodes`` of a joint grid.
+
+    Sought on interpolated values up to all edges, most densely about the lowest, and then computed; none is below the
+    least of the map's ``rows``.
+    """
+    workspace, case = frequencies.workspace, frequencies.machine.with_payload(payload)
+    held = np.isfinite(nodes[2])
+    _complete(case, workspace, nodes)
+    q, points, _ = _interpolated(case, workspace, nodes, held, spread(case, workspace, SPREAD))
+    low, high = workspace.ranges.T
+    chance = np.random.default_rng(0)
+    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.5]):
+        lowest = q[_lowest(points, cells)]
+        around = lowest + width * (high - low) * chance.uniform(-1, 1, (NEAR, *lowest.shape))
+        around = np.clip(around.reshape(-1, len(low)), low, high)
+        near, found, beyond = _interpolated(case, workspace, nodes, held, around)
+        turned, more, _ = _interpolated(case, workspace, nodes, held, tipped(case, workspace, beyond))
+        q, points = np.concatenate([q, near, turned]), np.concatenate([points, found, more])
+    best = _lowest(points, cells)
+    exact = _points(case, q[best])[:, 2]
+    return np.column_stack([points[best, :2], np.maximum(exact, rows[:, 2].min())])
+
+
+def _lowest(points: Array, cells: tuple[Array, Array]) -> Array:
+    """Which of the points (reach, height, frequency) is the lowest of each cell that has any."""
+    cell = nearest(cells[0], points[:, 0]) * len(cells[1]) + nearest(cells[1], points[:, 1])
+    order = np.lexsort((points[:, 2], cell))
+    return np.asarray(order[np.unique(cell[order], return_index=True)[1]])
+
+
+def _interpolated(
+    case: Machine, workspace: Workspace, nodes: Array, held: Flags, q: Array
+) -> tuple[Array, Array, Array]:
+    """Those of the poses q (n, nq) at which a load case exists, their reach, height and frequency (n, 3), poses beyond.
+
+    Linear between ``nodes``; exact where a box of the grid has corners out of stroke. ``held``: nodes with the load.
+    """
     from scipy.ndimage import map_coordinates
 
-    workspace, rows = frequencies.workspace, (frequencies.frame["payload"] == payload).to_numpy()
-    shape = tuple(len(axis) for axis in workspace.axes)
-    q = frequencies.frame.loc[rows, list(frequencies.machine.joints)].to_numpy()
-    index = [nearest(axis, q[:, j]) for j, axis in enumerate(workspace.axes)]
-    off = [np.abs(axis[i] - q[:, j]) for j, (axis, i) in enumerate(zip(workspace.axes, index, strict=True))]
-    on_grid = np.max(off, axis=0) < 1e-9
-    if on_grid.sum() < 2 ** len(shape):  # not a grid
-        return np.empty((0, 3))
-    grid = np.full((3, *shape), np.nan)
-    cells = np.ravel_multi_index([i[on_grid] for i in index], shape)
-    grid.reshape(3, -1)[:, cells] = points[rows][on_grid].T
-    budget = 600_000 ** (1 / len(shape))
-    fine = [np.linspace(0, count - 1, max(count, int(budget))) for count in shape]
-    coordinates = np.stack(np.meshgrid(*fine, indexing="ij")).reshape(len(shape), -1)
-    values = np.stack([map_coordinates(layer, coordinates, order=1, mode="nearest") for layer in grid], axis=1)
-    return np.asarray(values[np.isfinite(values).all(axis=1)])
+    inside = map_coordinates(held.astype(float), workspace.index(q), order=1, mode="nearest")
+    cut = np.flatnonzero((inside > 0) & (inside < 1 - 1e-9))
+    inside[cut] = workspace.allows(case, q[cut])
+    beyond, q = q[cut[inside[cut] == 0]], q[inside > 0]
+    points = np.stack([map_coordinates(layer, workspace.index(q), order=1, mode="nearest") for layer in nodes], axis=1)
+    edge = workspace.on_ends(q)  # whose arcs, not their chords, are the rim of the reach
+    points[edge, :2] = place(case, q[edge])
+    unknown = np.flatnonzero(np.isnan(points[:, 2]))
+    unknown = unknown[:: 1 + len(unknown) // EXACT]
+    points[unknown] = _points(case, q[unknown])
+    known = np.isfinite(points).all(axis=1)
+    return q[known], points[known], beyond
+
+
+def _complete(case: Machine, workspace: Workspace, nodes: Array) -> None:
+    """Fill in what a load case would have (reach, height, frequency) at nodes of the grid beyond its pitch limits.
+
+    Only those next to nodes where it exists, so that boxes which a limit cuts have all their corners.
+    """
+    from scipy.ndimage import binary_dilation
+
+    known = np.isfinite(nodes[2])
+    beside = binary_dilation(known, np.ones((3,) * known.ndim)) & ~known
+    if not beside.any():
+        return
+    q = np.stack([axis[i] for axis, i in zip(workspace.axes, np.nonzero(beside), strict=True)], axis=1)
+    found = np.full((len(q), 3), np.nan)
+    free = workspace.in_stroke(q)
+    found[free] = _points(case, q[free])
+    nodes[:, beside] = found.T
+
+
+def _points(case: Machine, q: Array) -> Array:
+    """Reach, height and lowest frequency (n, 3) at poses in stroke, whether they hold the load case or not."""
+    found = [np.empty((0, 3))]
+    for rows in chunks(len(q)):
+        poses = case.evaluate(case.rigid_poses(q[rows]))
+        reach = case.arm.reach(poses.q, poses.tool)
+        found.append(np.stack([reach, poses.tool[:, 2], lowest_frequency(poses)], axis=1))
+    return np.concatenate(found)
 
 
 def _modes(case: Machine, poses: Poses) -> Modes:

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array, chunks, stacked
+from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError
-from armdesign.poses import Poses
+from armdesign.poses import Poses, own_joints
 from armdesign.units import GRAVITY
+
+PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +26,8 @@ class Modes:
     Attributes:
         frequencies: coupled modes (n, nq) ascending [Hz]; 0 where the pose is unstable on its trapped oil (ω² ≤ 0).
         shapes: joint motions (n, nq, nq), column k belongs to frequency k, scaled to vᵀ M v = 1.
-        locked_frequencies: each cylinder with all others locked (n, nc) [Hz].
+        locked_frequencies: each cylinder with all others locked (n, nc) [Hz], inf where these leave no motion.
+            Cylinders with parallel rows of R, such as two on one joint, are released together.
         rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where that load vanishes.
     """
 
@@ -94,22 +97,19 @@ def _hertz(squared: Array) -> Array:
 
 
 def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
-    """Lowest frequency of each cylinder with all those locked that share no joint with it (n, nc) [Hz].
+    """Lowest frequency of each cylinder with all others locked (n, nc) [Hz]; inf where they leave no motion.
 
     Locked cylinders hold the rows of R that are theirs, so only motions in the null space of these rows remain:
-    K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its joint.
+    K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its joint. Cylinders whose row is in
+    the span of row i, such as two on one joint, cannot move alone and are released together.
     """
-    n, nc, nq = poses.moment_arms.shape
-    locked = np.empty((n, nc))
-    used = poses.moment_arms != 0
-    separate = nc == nq and all(len(shared) == 1 for shared in poses.shared)
-    for i in range(nc):
-        if separate:
-            j = int(np.argmax(used.any(axis=0)[i]))
-            locked[:, i] = _hertz(stiffness[:, j, j] / mass[:, j, j])
-            continue
-        held = [k for k in range(nc) if k not in poses.shared[i]]
-        for rows, basis in _null_spaces(poses.moment_arms[:, held]):
+    arms, own = poses.moment_arms, own_joints(poses.moment_arms)
+    if own is not None:
+        return _hertz(stiffness[:, own, own] / mass[:, own, own])
+    locked = np.full(arms.shape[:2], np.inf)
+    for i in range(arms.shape[1]):
+        held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
+        for rows, basis in _null_spaces(held):
             transposed = np.swapaxes(basis, 1, 2)
             inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass[rows] @ basis))
             small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
@@ -117,12 +117,20 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     return locked
 
 
+def _in_span(rows: Array, row: Array) -> Flags:
+    """Whether each of the rows (n, k, nq) is a multiple of ``row`` (n, nq): (n, k)."""
+    squared = (row**2).sum(axis=1)[:, None, None]
+    along = (rows @ row[:, :, None]) / np.where(squared > 0, squared, 1.0)
+    rest = rows - along * row[:, None, :]
+    return np.asarray(np.linalg.norm(rest, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
+
+
 def _null_spaces(held: Array) -> list[tuple[Array, Array]]:
-    """Motions that leave the rows ``held`` (n, k, nq) unmoved: poses of one rank, and their orthonormal basis."""
-    n, _, nq = held.shape
-    sizes, right = np.zeros((n, 0)), np.broadcast_to(np.eye(nq), (n, nq, nq))
-    if held.shape[1] > 0:
-        _, sizes, right = np.linalg.svd(held)
+    """Motions that leave the rows ``held`` (n, k, nq) unmoved: poses of one rank, and their orthonormal basis.
+
+    Poses at which they leave none are left out.
+    """
+    _, sizes, right = np.linalg.svd(held)
     rank = (sizes > 1e-9).sum(axis=1)
-    poses = [np.flatnonzero(rank == r) for r in np.unique(rank)]
+    poses = [np.flatnonzero(rank == r) for r in np.unique(rank) if r < held.shape[2]]
     return [(rows, np.swapaxes(right[rows, rank[rows[0]] :], 1, 2)) for rows in poses]

@@ -288,7 +288,7 @@ def joint_plane(frequencies: FrequencyMap, values: Array | None = None) -> tuple
 
 def drawn_joints(machine: Machine) -> list[int]:
     """The coordinates of pictures: the first two that do not merely slew the whole arm; one if there is but one."""
-    return [j for j in range(len(machine.joints)) if j not in machine.arm.slewing][:2] or [0]
+    return [j for j in range(len(machine.joints)) if j not in machine.idle_joints][:2] or [0]
 
 
 def reach_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:

@@ -36,7 +36,6 @@ class Poses:
         cylinder_forces: static force of each function (n, nc) [N, + pushes].
         oil_stiffness: k_h of each function with its valve closed (n, nc) [N/m].
         tool: position of the tool in the root link (n, 3) [m].
-        shared: for each function, those that are released with it because they share a joint.
     """
 
     q: Array
@@ -50,20 +49,17 @@ class Poses:
     cylinder_forces: Array
     oil_stiffness: Array
     tool: Array
-    shared: tuple[tuple[int, ...], ...]
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+            value.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.q)
 
     def __getitem__(self, rows: slice | Array) -> Poses:
         """The poses that ``rows`` selects (slice, mask or indices)."""
-        arrays = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "shared"}
-        return Poses(**arrays, shared=self.shared)
+        return Poses(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
 
     @cached_property
     def hydraulic_stiffness(self) -> Array:
@@ -88,7 +84,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
     With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W
     R)⁻¹ g with W = diag(A²), bore areas ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
-    singular, own = is_singular(np.real(moment_arms)), _own_joints(moment_arms)
+    singular, own = is_singular(np.real(moment_arms)), own_joints(moment_arms)
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
     if own is not None:
         arm = moment_arms[..., np.arange(len(own)), own]
@@ -112,7 +108,7 @@ def is_singular(moment_arms: Array) -> Flags:
     nc, nq = moment_arms.shape[-2:]
     if nc < nq:
         return np.ones(moment_arms.shape[:-2], dtype=bool)
-    finite, own = np.all(np.isfinite(moment_arms), axis=(-2, -1)), _own_joints(moment_arms)
+    finite, own = np.all(np.isfinite(moment_arms), axis=(-2, -1)), own_joints(moment_arms)
     if own is not None:  # the arms are the singular values
         smallest = np.abs(moment_arms[..., np.arange(len(own)), own]).min(axis=-1)
     else:
@@ -121,7 +117,7 @@ def is_singular(moment_arms: Array) -> Flags:
     return np.asarray(~finite | ~(smallest >= 1e-6))
 
 
-def _own_joints(moment_arms: Array) -> Array | None:
+def own_joints(moment_arms: Array) -> Array | None:
     """The joint that each cylinder moves (nc,), where each moves one and none moves the same; else None."""
     used = np.any(moment_arms != 0, axis=tuple(range(moment_arms.ndim - 2)))
     alone = used.shape[0] == used.shape[1] and np.all(used.sum(axis=0) == 1) and np.all(used.sum(axis=1) == 1)

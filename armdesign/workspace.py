@@ -7,9 +7,10 @@ margin, and poses exactly on the pitch limits of the load cases are added to the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -24,6 +25,7 @@ POSES = 20_000  # of the default grid
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MOST = 5_000_000
 MARGIN_TOLERANCE = 1e-9
+WAYS = 6  # starts per cell on each edge of the joint ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,8 @@ class Workspace:
         end_margin: share of its stroke that every cylinder keeps free at both ends.
         machine: the machine that the workspace was made for: today's.
         cells: of a reach plane: middles of its cells, reach and height [m].
+        boxes: how much of joint space each pose stands for (n,), in boxes of its grid; zero for poses that were added
+            because the worst lie there. One each if None.
     """
 
     q: Array
@@ -43,6 +47,7 @@ class Workspace:
     end_margin: float
     machine: Machine
     cells: tuple[Array, Array] | None = None
+    boxes: Array | None = None
 
     @classmethod
     def grid(
@@ -53,7 +58,7 @@ class Workspace:
         Args:
             machine: today's machine.
             points: number of values per joint, one for all or one each (≥ 2); default about 20 000 poses, the last
-                joint finest; of a joint that slews the whole arm only middle and end, for nothing depends on it.
+                joint finest; of an idle joint (slewing that no cylinder spans) only middle and end.
             end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
 
         Raises:
@@ -62,15 +67,16 @@ class Workspace:
         counts, margin = _counts(machine, points), _margin(machine, end_margin)
         ranges = machine.range_within(margin)
         if points is None:
-            for j in machine.arm.slewing:
+            for j in machine.idle_joints:
                 ranges[j, 0] = ranges[j].mean()
         axes = tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
         q = _mesh(axes)
+        boxes = np.prod(_mesh(tuple(_widths(axis) for axis in axes)), axis=1)
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
                 others = _mesh(tuple(axis if j != joint else axis[[len(axis) // 2]] for j, axis in enumerate(axes)))
                 q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
-        return _of(machine, q, axes, margin)
+        return _of(machine, q, axes, margin, boxes)
 
     @classmethod
     def sobol(cls, machine: Machine, count: int, seed: int = 0, end_margin: float | None = None) -> Workspace:
@@ -111,7 +117,7 @@ class Workspace:
         for payload in machine.payloads:
             for joint in tipping_joints(machine, payload):
                 q = np.concatenate([q, _on_pitch_limits(machine, payload, others, joint, axes)])
-        return _of(machine, q, axes, margin)
+        return _of(machine, q, axes, margin, np.ones(count))
 
     @classmethod
     def reach_plane(
@@ -125,7 +131,8 @@ class Workspace:
 
         Every pose of a joint grid is moved by the smallest joint motion (relative to the ranges) that puts the tool on
         the middle of its cell (Gauss–Newton); what is left are, for each cell, the ways to reach it that differ by
-        more than half a step of the grid. Edges of the joint ranges are not sought: worst poses are refined anyway.
+        more than half a step of the grid. Where more than two joints move the tool, those with joints at the ends of
+        their ranges and with a load case on its pitch limits are added, for there the worst poses lie.
 
         Args:
             machine: today's machine, with two joints or more that move the tool in that plane.
@@ -139,28 +146,53 @@ class Workspace:
         if isinstance(cells, bool) or not isinstance(cells, int | np.integer) or cells < 2:
             raise ArmDesignError("cells", f"{cells!r} is not allowed", "give a whole number ≥ 2")
         grid = cls.grid(machine, points, end_margin)
-        low, span = grid.ranges[:, 0], np.ptp(grid.ranges, axis=1)
         place, _ = _reach(machine, grid.q)
-        size = np.ptp(place, axis=0).max() / cells
-        origin = place.min(axis=0)
-        cell = np.floor((place - origin) / size)
-        target, q = origin + (cell + 0.5) * size, grid.q.copy()
-        for _ in range(12):
-            place, slope = _reach(machine, q)
-            q += span * (np.linalg.pinv(slope * span, rcond=1e-6) @ (target - place)[..., None])[..., 0]
-        met = np.abs(_reach(machine, q)[0] - target).max(axis=1) < 1e-9
-        met &= np.all((q >= low) & (q <= low + span), axis=1)
-        if not met.any():
+        origin, size = place.min(axis=0), np.ptp(place, axis=0).max() / cells
+        q, cell, which = _onto_middles(grid, grid.q, origin, size)
+        if len(q) == 0:
             remedy = "give more points or fewer cells" if len(machine.joints) > 1 else "take a grid for one joint"
             raise ArmDesignError(f"{machine.name}: workspace", "no pose brings the tool to a cell's middle", remedy)
-        q, cell = q[met], cell[met]
-        steps = span / [len(axis) - 1 for axis in grid.axes]
-        _, first = np.unique(np.concatenate([cell, np.rint(2 * (q - low) / steps)], axis=1), axis=0, return_index=True)
+        first, way = _ways(grid, q, cell)
+        boxes = np.bincount(way, weights=grid.weights[which])
+        found = [(q[first], cell[first])]
+        for starts, payload in _edges(grid, WAYS * len(np.unique(cell, axis=0))):
+            q, cell, _ = _onto_middles(grid, starts, origin, size, payload)
+            first, _ = _ways(grid, q, cell)
+            found.append((q[first], cell[first]))
+        q, cell = (np.concatenate(parts) for parts in zip(*found, strict=True))
         reach, height = (origin[i] + (np.arange(cell[:, i].max() + 1) + 0.5) * size for i in (0, 1))
-        return _of(machine, q[first], grid.axes, grid.end_margin, (reach, height))
+        return _of(machine, q, grid.axes, grid.end_margin, boxes, (reach, height))
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def weights(self) -> Array:
+        """What each pose counts in percentiles and shares (n,): the joint boxes that it stands for."""
+        return np.ones(len(self)) if self.boxes is None else self.boxes
+
+    def index(self, q: Array) -> Array:
+        """Where poses (n, nq) lie on the axes, in steps from their first values (nq, n)."""
+        steps = [(axis[-1] - axis[0]) / (len(axis) - 1) or 1.0 for axis in self.axes]
+        return np.stack([(q[:, j] - axis[0]) / steps[j] for j, axis in enumerate(self.axes)])
+
+    def on_ends(self, q: Array) -> Flags:
+        """Whether a joint that moves the tool in its plane is at an end of its range, at poses (n, nq): (n,)."""
+        moving = [j for j in range(q.shape[1]) if j not in _still(self.machine)]
+        low, high = self.ranges[moving].T
+        return np.any((q[:, moving] == low) | (q[:, moving] == high), axis=1)
+
+    def in_stroke(self, q: Array) -> Flags:
+        """Whether every cylinder keeps the end margin at poses (n, nq) within the joint ranges (n,)."""
+        if all(len(drive.joints) == 1 for drive in self.machine.drives):
+            return np.ones(len(q), dtype=bool)
+        least = [self.machine.margins(q[rows]).min(axis=1) for rows in chunks(len(q))]
+        return np.concatenate(least) >= self.end_margin - MARGIN_TOLERANCE
+
+    def allows(self, case: Machine, q: Array) -> Flags:
+        """Whether poses (n, nq) within the joint ranges are in stroke and hold the load case at work (n,)."""
+        held = [case.holds(case.arm.kinematics(q[rows])) for rows in chunks(len(q))]
+        return np.concatenate(held) & self.in_stroke(q)
 
     @property
     def ranges(self) -> Array:
@@ -190,15 +222,24 @@ def _of(
     q: Array,
     axes: tuple[Array, ...],
     end_margin: float,
+    boxes: Array,
     cells: tuple[Array, Array] | None = None,
 ) -> Workspace:
-    """Those of the poses at which every cylinder keeps its end margin."""
+    """Those of the poses at which every cylinder keeps its end margin; poses after the ``boxes`` stand for none."""
     least = [machine.margins(q[rows]).min(axis=1) for rows in chunks(len(q))]
-    q = q[np.concatenate(least) >= end_margin - MARGIN_TOLERANCE]
+    inside = np.concatenate(least) >= end_margin - MARGIN_TOLERANCE
+    boxes = np.concatenate([boxes, np.zeros(len(q) - len(boxes))])[inside]
+    q = q[inside]
     if len(q) == 0:
         raise ArmDesignError(f"{machine.name}: workspace", "no pose of it is in stroke", "give more points")
-    q.setflags(write=False)
-    return Workspace(q, axes, end_margin, machine, cells)
+    for values in (q, boxes):
+        values.setflags(write=False)
+    return Workspace(q, axes, end_margin, machine, cells, boxes)
+
+
+def _widths(axis: Array) -> Array:
+    """How much of its range each of even values stands for, in steps: one, half a step at the ends."""
+    return np.where((np.arange(len(axis)) % (len(axis) - 1)) == 0, 0.5, 1.0)
 
 
 def _mesh(axes: tuple[Array, ...]) -> Array:
@@ -214,10 +255,10 @@ def _margin(machine: Machine, end_margin: float | None) -> float:
 
 
 def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
-    nq, slewing = len(machine.joints), machine.arm.slewing
+    nq, idle = len(machine.joints), machine.idle_joints
     if points is None:
-        base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(slewing), 1))), 240), 5)
-        return [2 if j in slewing else base for j in range(nq - 1)] + [3 * base // 2]
+        base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(idle), 1))), 240), 5)
+        return [2 if j in idle else base for j in range(nq - 1)] + [3 * base // 2]
     each = list(points) if isinstance(points, Sequence | np.ndarray) and not isinstance(points, str) else [points] * nq
     whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in each)
     counts = [int(n) for n in each] if whole else []
@@ -243,6 +284,124 @@ def _on_pitch_limits(machine: Machine, payload: Payload, others: Array, joint: i
     return np.concatenate(found)
 
 
+def spread(case: Machine, workspace: Workspace, count: int) -> Array:
+    """Poses (n, nq) spread over the joint box, denser on its faces and edges, and over the pitch limits within it.
+
+    ``count`` of them inside. Of joints that change neither frequency nor reach one value is taken.
+    """
+    ranges, still = workspace.ranges, _still(case)
+    parts = [_spread(ranges, still, count, count // 4)]
+    joints = tipping_joints(case, case.payload) if case.payload.pitch else []
+    for joint in joints:
+        others = _spread(ranges, still | {joint}, count // 15 if joint == joints[-1] else 0, count // 40)
+        parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
+    return np.concatenate(parts)
+
+
+def _still(machine: Machine) -> set[int]:
+    """Joints that change neither a frequency nor the tool's reach: idle ones about the root's z axis."""
+    feet = machine.arm.kinematics(np.zeros((1, len(machine.joints)))).translation[0, :, :2]
+    return {j for j in machine.idle_joints if np.hypot(*feet[j]) < 1e-9}
+
+
+def tipped(case: Machine, workspace: Workspace, q: Array) -> Array:
+    """Poses (n, nq) turned onto the pitch limits of the load case at work by the joint next to its link."""
+    joints = tipping_joints(case, case.payload) if case.payload.pitch else []
+    return _on_pitch_limits(case, case.payload, q, joints[-1], workspace.axes) if joints else q[:0]
+
+
+def _spread(ranges: Array, still: Collection[int], inside: int, faces: int) -> Array:
+    """Poses inside the joint box, and ``faces`` on its faces, as many on its edges, and so on; ``still`` at one end.
+
+    An edge has up to 1000.
+    """
+    parts, moving = [np.empty((0, len(ranges)))], len(ranges) - len(still)
+    for ends in product(*((0,) if j in still else (0, 1, None) for j in range(len(ranges)))):
+        inner = ends.count(None)
+        alike = math.comb(moving, inner) * 2 ** (moving - inner)
+        each = inside if inner == moving else min(faces / alike, 1000**inner)
+        values = max(int(each ** (1 / max(inner, 1))), 2)
+        if each > 0:
+            lines = (over(r, values) if end is None else r[[end]] for r, end in zip(ranges, ends, strict=True))
+            parts.append(_mesh(tuple(lines)))
+    return np.concatenate(parts)
+
+
+def _edges(grid: Workspace, count: int) -> Iterator[tuple[Array, Payload | None]]:
+    """Poses on the ends of joint ranges, and those turned onto pitch limits with the load case whose limits they are.
+
+    ``count`` for each combination of ends; none where two joints or fewer move the tool.
+    """
+    machine, ranges = grid.machine, grid.ranges
+    still = _still(machine)
+    moving = len(ranges) - len(still)
+    if moving < 3:
+        return
+    alike = max(math.comb(moving, inner) * 2 ** (moving - inner) for inner in range(2, moving))
+    yield _spread(ranges, still, 0, count * alike), None
+    for payload in machine.payloads:
+        joints = tipping_joints(machine, payload) if payload.pitch else []
+        for joint in joints if moving > 3 else joints[-1:]:
+            others = _spread(ranges, still | {joint}, count if joint == joints[-1] else 0, count * (moving > 3))
+            yield _on_pitch_limits(machine, payload, others, joint, grid.axes), payload
+
+
+def _ways(grid: Workspace, q: Array, cell: Array) -> tuple[Array, Array]:
+    """First pose of each way to reach a cell, ways half a step of the grid apart; and the way of each pose."""
+    where = np.rint(2 * grid.index(q).T)
+    _, first, way = np.unique(np.concatenate([cell, where], axis=1), axis=0, return_index=True, return_inverse=True)
+    return first, way.reshape(-1)
+
+
+def _onto_middles(
+    grid: Workspace, starts: Array, origin: Array, size: float, payload: Payload | None = None
+) -> tuple[Array, Array, Array]:
+    """Poses moved so that the tool is on the middle of its cell: q (n, nq), cell (n, 2), and which of ``starts``.
+
+    By the smallest joint motion, relative to the ranges (Gauss–Newton). Joints at an end of their range stay there, and
+    with a ``payload`` the pitch of its link stays what it is. Starts but for the grid's own, one for each way.
+    """
+    machine, (low, high) = grid.machine, grid.ranges.T
+    cell = np.floor((_reach(machine, starts)[0] - origin) / size)
+    own = starts is grid.q
+    which = np.arange(len(starts)) if own else np.sort(_ways(grid, starts, cell)[0])
+    q, cell = starts[which].copy(), cell[which]
+    free = np.ones_like(q) if own else ((q > low) & (q < high)).astype(float)
+    goal = _place(machine, q, payload)[0]
+    goal[:, :2] = origin + (cell + 0.5) * size
+    left = np.arange(len(q))
+    for _ in range(12):
+        place, slope = _place(machine, q[left], payload)
+        error = goal[left] - place
+        room = ((high - low) * free[left])[:, None, :]
+        q[left] += room[:, 0] * (np.linalg.pinv(slope * room, rcond=1e-6) @ error[..., None])[..., 0]
+        left = left[np.abs(error).max(axis=1) > 1e-12]
+    met = np.abs(_place(machine, q, payload)[0] - goal).max(axis=1) < 1e-9
+    met &= np.all((q >= low) & (q <= high), axis=1) & np.all(cell >= 0, axis=1)
+    return q[met], cell[met], which[met]
+
+
+def place(machine: Machine, q: Array) -> Array:
+    """Reach and height of the tool (n, 2) [m]."""
+    arm, found = machine.arm, [np.empty((0, 2))]
+    for rows in chunks(len(q)):
+        tool = arm.point(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at))
+        found.append(np.stack([arm.reach(q[rows], tool), tool[:, 2]], axis=1))
+    return np.concatenate(found)
+
+
+def _place(machine: Machine, q: Array, payload: Payload | None) -> tuple[Array, Array]:
+    """Reach, height [m] and with a payload pitch [rad] of its link (n, 2 or 3), and the derivatives (n, 2 or 3, nq)."""
+    place, slope = _reach(machine, q)
+    if payload is None or payload.link is None:
+        return place, slope
+    arm, link, step = machine.arm, payload.link, 1e-6
+    pitch = arm.pitch(arm.kinematics(q), link)
+    ahead = [arm.pitch(arm.kinematics(q + step * one), link) for one in np.eye(q.shape[1])]
+    slopes = np.stack([_wrapped(turned - pitch) / step for turned in ahead], axis=1)
+    return np.concatenate([place, pitch[:, None]], axis=1), np.concatenate([slope, slopes[:, None]], axis=1)
+
+
 def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
     """Reach and height of the tool (n, 2) [m] and their derivatives by the joints (n, 2, nq)."""
     arm, joints = machine.arm, tuple(range(q.shape[1]))
@@ -265,11 +424,15 @@ def onto_pitch_limit(machine: Machine, payload: Payload, q: Array, joint: int, l
     q = q.copy()
     step = np.zeros(q.shape[1])
     step[joint] = 0.1
+    turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
         pitch = machine.arm.pitch(machine.arm.kinematics(q), payload.link)
-        slope = _wrapped(machine.arm.pitch(machine.arm.kinematics(q + step), payload.link) - pitch) / 0.1
         error = _wrapped(limit - pitch)
-        q[:, joint] += error / np.where(np.abs(slope) > 0.1, slope, np.inf)
+        if np.abs(error[turns]).max(initial=0.0) < 1e-13:
+            break
+        slope = _wrapped(machine.arm.pitch(machine.arm.kinematics(q + step), payload.link) - pitch) / 0.1
+        turns = np.abs(slope) > 0.1
+        q[:, joint] += error / np.where(turns, slope, np.inf)
     return q[np.abs(error) < 1e-10]
 
 

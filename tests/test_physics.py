@@ -16,7 +16,20 @@ import pytest
 from checks import assert_same, difference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import BOOM, ODD, STICK, Function, build, inner_poses, named, random_machine, redundant, scaled
+from machines import (
+    BOOM,
+    FOLD,
+    LIFT,
+    ODD,
+    STICK,
+    Function,
+    build,
+    inner_poses,
+    named,
+    random_machine,
+    redundant,
+    scaled,
+)
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
@@ -263,22 +276,46 @@ def _rigid(poses: ad.Poses) -> np.ndarray:
     return np.sqrt(np.divide(poses.oil_stiffness, mass, out=np.full_like(mass, np.inf), where=mass > 0)) / (2 * np.pi)
 
 
-def locked_by_definition(poses: ad.Poses, machine: ad.Machine) -> np.ndarray:
-    """Lowest frequency with the cylinders that share no joint with i held by springs 1e8 times as stiff."""
-    found = []
-    for linkage in machine.drives:
-        held = [k for k, other in enumerate(machine.drives) if not set(linkage.joints) & set(other.joints)]
-        rows = poses.moment_arms[:, held]
-        clamps = 1e8 * np.einsum("nci,nc,ncj->nij", rows, poses.oil_stiffness[:, held], rows)
-        found.append(squared_frequencies(poses.stiffness_matrix + clamps, poses.mass_matrix)[:, 0])
-    return np.sqrt(np.maximum(found, 0)).T / (2 * np.pi)
+def locked_by_definition(poses: ad.Poses) -> np.ndarray:
+    """Lowest frequency with all cylinders but i, and those with rows parallel to its own, on stiff springs.
+
+    Springs 1e6 and 2e6 times as stiff, extrapolated: the error falls as one over their stiffness. Infinite where these others hold every joint (rank by ``matrix_rank``).
+    """
+    found = np.full(poses.cylinder_forces.shape, np.inf)
+    for row, arms in enumerate(poses.moment_arms):
+        for i in range(len(arms)):
+            held = [k for k in range(len(arms)) if np.linalg.matrix_rank(arms[[i, k]], tol=1e-8) > 1]
+            if len(held) > 0 and np.linalg.matrix_rank(arms[held], tol=1e-8) == arms.shape[1]:
+                continue
+            clamps = 1e6 * arms[held].T @ np.diag(poses.oil_stiffness[row, held]) @ arms[held]
+            stiffness, mass = poses.stiffness_matrix[row], poses.mass_matrix[[row, row]]
+            once, twice = squared_frequencies(np.stack([stiffness + clamps, stiffness + 2 * clamps]), mass)[:, 0]
+            found[row, i] = np.sqrt(max(2 * twice - once, 0)) / (2 * np.pi)
+    return found
 
 
 def test_locked_frequencies_are_those_with_all_other_cylinders_clamped(machine: ad.Machine) -> None:
     poses = machine.at(inner_poses(machine, 4))
-    assert_allclose(
-        ad.natural_modes(poses).locked_frequencies, locked_by_definition(poses, machine), rtol=1e-4, atol=1e-4
-    )
+    assert_allclose(ad.natural_modes(poses).locked_frequencies, locked_by_definition(poses), rtol=1e-4, atol=1e-4)
+
+
+def test_a_cylinder_that_shares_a_joint_is_locked_with_the_others() -> None:
+    """By hand: with the other's row (a, b) held only v = (b, −a) remains, ω² = vᵀKv / vᵀMv."""
+    poses = named("crossing").at([0.05, -0.1])
+    expected = []
+    for a, b in poses.moment_arms[0, ::-1]:
+        v = np.array([b, -a])
+        expected.append(np.sqrt(v @ poses.stiffness_matrix[0] @ v / (v @ poses.mass_matrix[0] @ v)) / (2 * np.pi))
+    assert expected[0] != pytest.approx(expected[1], rel=0.1)
+    assert_allclose(ad.natural_modes(poses).locked_frequencies[0], expected, rtol=1e-9)
+
+
+def test_cylinders_beside_each_other_are_locked_as_one() -> None:
+    """Two cylinders on one joint move together: K_ii/M_ii of their joint for both; a third one holds the other joint."""
+    twin = replace(LIFT, name="twin", base=("root", (0.4, 0, -0.1)), bore_mm=63, rod_mm=36)
+    poses = build([BOOM, STICK], [LIFT, FOLD, twin]).at([0.1, -0.1])
+    own = np.sqrt(poses.stiffness_matrix[0].diagonal() / poses.mass_matrix[0].diagonal()) / (2 * np.pi)
+    assert_allclose(ad.natural_modes(poses).locked_frequencies[0], own[[0, 1, 0]], rtol=1e-9)
 
 
 @settings(max_examples=40)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from armdesign.arrays import percentiles
 from armdesign.cylinder import kind
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
@@ -60,23 +59,23 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
     """Percentiles of the lowest frequency per load case, of one or more maps."""
     rows = []
     for label, frequencies in maps.items():
+        of_case = frequencies.percentiles([0, 5, 50, 95])
         for payload, part in frequencies.frame.groupby("payload", sort=False):
-            f = part["f1_hz"].to_numpy()
-            spread = (f"{value:.3f}" for value in (f.min(), *np.percentile(f, [5, 50, 95])))
-            rows.append((f"{label}, {payload}" if label else str(payload), f"{len(f)}", *spread))
+            spread = (f"{value:.3f}" for value in of_case.loc[payload])
+            rows.append((f"{label}, {payload}" if label else str(payload), f"{len(part)}", *spread))
     columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
     return Sheet(title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows))
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
-    frame, rows = frequencies.frame, []
+    frame, shares, rows = frequencies.frame, frequencies.limiting_shares, []
     for cylinder in frequencies.machine.functions:
-        limits = frequencies.limiting == cylinder.name
-        ratios = []
+        limits, ratios = frequencies.limiting == cylinder.name, []
         for formula in ("locked", "rigid"):
-            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"])[limits]
-            ratios.append(f"{ratio.median():.2f}" if limits.any() else "–")
-        rows.append((cylinder.name, f"{100 * limits.mean():.1f} %", *ratios))
+            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"]).to_numpy()[limits]
+            median = percentiles(ratio, frequencies.weights[limits], [50]) if limits.any() else ()
+            ratios.append("".join(f"{value:.2f}" for value in median) or "–")
+        rows.append((cylinder.name, f"{100 * shares[cylinder.name]:.1f} %", *ratios))
     return Sheet(
         title="Which cylinder limits, and what simpler formulas say there",
         columns=("cylinder", "limits poses", "locked / coupled", "rigid load / coupled"),
@@ -87,11 +86,14 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
 
 def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     stable = frequencies.frame["f1_hz"].to_numpy() > 0
-    shares = 100 * frequencies.stiffness_shares[stable]
+    shares, weights = 100 * frequencies.stiffness_shares[stable], frequencies.weights[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
     rows = [
-        (origins[str(part)], *(f"{round(value, 1) + 0.0:+.1f} %" for value in share.quantile((0, 0.5, 1))))
-        for part, share in shares.items()
+        (
+            origins[str(part)],
+            *(f"{round(value, 1) + 0.0:+.1f} %" for value in percentiles(share, weights, (0, 50, 100))),
+        )
+        for part, share in zip(shares.columns, shares.to_numpy().T, strict=True)
         if len(share)
     ]
     return Sheet(
