@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from armdesign.modes import Modes as Modes
     from armdesign.modes import natural_modes as natural_modes
     from armdesign.poses import Poses as Poses
+    from armdesign.simulation.excitation import Step as Step
+    from armdesign.simulation.excitation import Table as Table
     from armdesign.simulation.motion import Simulation as Simulation
     from armdesign.simulation.motion import simulate as simulate
     from armdesign.simulation.validation import Validation as Validation
@@ -69,6 +71,8 @@ _HOME = {
     "Pareto": "design.pareto",
     "pareto": "design.pareto",
     "least": "design.least",
+    "Step": "simulation.excitation",
+    "Table": "simulation.excitation",
     "Simulation": "simulation.motion",
     "simulate": "simulation.motion",
     "Validation": "simulation.validation",

@@ -1,14 +1,20 @@
-"""What moves the spool in a frequency measurement, as functions of time.
+"""What moves a spool, as functions of time: steps and tables, and the excitations of frequency measurements.
 
 A sine whose frequency sweeps slowly, faded in and out; many sines at once; one sine after the other; a pulse, after
 which the arm rings by itself.
+
+Each says by ``breakpoints`` [s], ascending, when it or one of its derivatives jumps. No step of an integration goes
+across one. Any function of time may have such an attribute; one without it may jump at any time.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +23,70 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.simulation.plant import Plant
 from armdesign.valve import Valve, opening, spool_position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """``size`` from ``begin`` up to ``end`` [s], 0 before and afterwards: a step, or a pulse however short."""
+
+    size: float
+    begin: float = 0.0
+    end: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
+            problem = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
+            raise SimulationError("step", problem, "give a finite size and begin, and an end after it")
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Both edges [s]."""
+        return tuple(edge for edge in (self.begin, self.end) if math.isfinite(edge))
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        return self.size if self.begin <= time < self.end else 0.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """Straight lines between ``values`` at ``times`` [s], and the first and last value beyond them.
+
+    Of a time given twice the last value counts from there on: that is a jump.
+    """
+
+    times: Sequence[float]
+    values: Sequence[float]
+
+    def __post_init__(self) -> None:
+        for name in ("times", "values"):
+            try:
+                given = np.array(getattr(self, name), dtype=float)
+            except (TypeError, ValueError):
+                given = np.array(math.nan)
+            if given.ndim != 1 or not len(given) or not np.all(np.isfinite(given)):
+                problem = f"{getattr(self, name)!r} are not finite numbers"
+                raise SimulationError(f"table: {name}", problem, "give a list, one or more")
+            object.__setattr__(self, name, tuple(given.tolist()))
+        if len(self.times) != len(self.values):
+            problem = f"{len(self.times)} times for {len(self.values)} values"
+            raise SimulationError("table", problem, "give one time per value")
+        for early, late in pairwise(self.times):
+            if late < early:
+                raise SimulationError("table: times", f"{late:g} s comes after {early:g} s", "sort them")
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """All times [s], each once."""
+        return tuple(sorted(set(self.times)))
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        after = bisect_right(self.times, time)
+        if after in (0, len(self.times)):
+            return self.values[min(after, len(self.times) - 1)]
+        begin, first = self.times[after - 1], self.values[after - 1]
+        return first + (self.values[after] - first) * (time - begin) / (self.times[after] - begin)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +101,11 @@ class Sweep:
     stop: float
     duration: float
     fade: float = 0.1
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Both ends, and where it has risen and begins to fall [s]."""
+        return tuple(self.duration * share for share in (0.0, self.fade, 1 - self.fade, 1.0))
 
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
@@ -73,6 +148,11 @@ class Multisine:
         """All periods [s]."""
         return self.period * self.periods
 
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Both ends [s]."""
+        return 0.0, self.duration
+
     @cached_property
     def _phases(self) -> Array:
         number = np.arange(1, len(self.lines) + 1)
@@ -108,6 +188,11 @@ class SteppedSine:
         """Of all steps [s]."""
         return float(self.edges[-1])
 
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """``edges``."""
+        return tuple(self.edges.tolist())
+
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
         step = int(np.searchsorted(self.edges, time, side="right")) - 1
@@ -122,6 +207,11 @@ class Pulse:
 
     amplitude: float
     duration: float
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Both ends [s]."""
+        return 0.0, self.duration
 
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
@@ -165,3 +255,21 @@ class EvenOpening:
         """Mean opening −1…1 at spool positions: inverse of ``spool``."""
         wide = opening(self.valve, spool)
         return wide / np.where(wide > 0, self.extend, self.retract)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Spool command that moves the even opening of a valve by an excitation about a mean opening."""
+
+    even: EvenOpening
+    mean: float
+    excitation: Callable[[float], float]
+
+    @property
+    def breakpoints(self) -> Sequence[float] | None:
+        """Those of the excitation [s]; None: it has none to tell."""
+        return getattr(self.excitation, "breakpoints", None)
+
+    def __call__(self, time: float) -> float:
+        """Value at a time [s]."""
+        return self.even.spool(self.mean + self.excitation(time))

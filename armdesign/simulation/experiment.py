@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from armdesign.fluid import bulk_modulus
 from armdesign.linearization import LinearModel, linearize
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
-from armdesign.simulation.excitation import EvenOpening, Sweep
+from armdesign.simulation.excitation import EvenOpening, Moved, Step, Sweep
 from armdesign.simulation.identification import Fit, fit_modes, record_length, spectral_peak
 from armdesign.simulation.motion import Case, Simulation
 from armdesign.simulation.plant import Plant
@@ -134,11 +133,11 @@ class Experiment:
         trims = self.plant.split(self.rest)[4].tolist()
         centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
-            cylinder.name: partial(_held, trim)
+            cylinder.name: Step(size=trim)
             for cylinder, trim in zip(self.machine.functions, trims, strict=True)
             if trim != 0
         }
-        return commands | {self.cylinder: lambda time: self.even.spool(centre + excitation(time))}
+        return commands | {self.cylinder: Moved(self.even, centre, excitation)}
 
     def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
         """A run of the nonlinear model under an excitation of the opening, a slow loop holding the mean.
@@ -267,10 +266,6 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
-
-
-def _held(trim: float, _: float) -> float:
-    return trim
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:

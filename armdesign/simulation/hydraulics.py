@@ -161,17 +161,18 @@ def _held_open(function: Any, pressure: float, pilot: float, back: float) -> flo
 
 
 @compiled
-def piston_speed(function: Any, pins: float, freed: float, stiffness: float) -> float:
+def piston_speed(function: Any, beyond: float, pins: float, freed: float, stiffness: float) -> float:
     """ṡ [m/s] while the pins part at ℓ̇: the chambers and the compliance make three linear equations in ṗ1, ṗ2 and ṡ.
 
-    ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2.
+    ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2, and an end stop's where one is pressed in.
     """
-    return (pins + function.compliance * freed) / (1 + function.compliance * stiffness)
+    against = stiffness + function.stop if beyond != 0.0 else stiffness
+    return (pins + function.compliance * freed) / (1 + function.compliance * against)
 
 
 @compiled
 def friction(function: Any, speed: float) -> float:
-    """Friction of all parallel cylinders [N] against their speed."""
+    """Friction of all parallel cylinders [N] against the rate of their pin-to-pin length [m/s]."""
     return function.count * friction_force(function, speed) if function.rubs else 0.0
 
 
@@ -182,8 +183,14 @@ def beyond_stop(function: Any, extension: float) -> float:
 
 
 @compiled
+def pressed(function: Any, beyond: float) -> float:
+    """How far a piston presses a stop in [m] that would be ``beyond`` without it: the series compliance gives way."""
+    return beyond / (1 + function.compliance * function.stop)
+
+
+@compiled
 def stop_force(function: Any, beyond: float, speed: float) -> float:
-    """Force of the end stops on the piston [N, + pushes out]; they never pull."""
+    """Force of the end stops [N, + pushes out] at a rate of the pin-to-pin length [m/s]; they never pull."""
     outwards = speed if beyond > 0 else -speed
     return -function.stop * beyond * max(1 + STOP_DAMPING * outwards, 0.0)
 

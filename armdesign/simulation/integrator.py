@@ -5,15 +5,20 @@ step at the same time, but each one has its own instant, step and error norm: so
 whatever its company, one that meets a kink or a stop does not slow the others, and no error hides in a mean over cases.
 A case that has come to its end, or cannot go on, is dropped when half of its company has. A case that turns stiff
 (a wide open valve that passes hardly any drop, a fast spool, a piston in dry friction) is finished by LSODA alone.
+
+No step sees a jump of the rates that is told beforehand: it ends at a ``Breaks`` instant, and the next one begins
+there. Rates on the way are asked for just inside of it, so it does not matter to which side the instant itself counts.
+A jump that nobody told is found by steps that fail until they are as short as time can be told; that one is taken.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,9 +26,20 @@ from armdesign.arrays import Array
 from armdesign.simulation.compiled import compiled
 
 WINDOW, STIFF = 300, 20.0  # a case is stiff when its steps over a window are this much shorter than stability asks
-NOT_FINITE = "a four-bar has opened, or numbers grew without bound"
+NOT_FINITE = (
+    "the rates beyond are no numbers: a four-bar has opened, or numbers grew without bound, or a command is none"
+)
+NO_LIMIT = "the rates grow, or jump again and again, whatever the step"
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 FIRST_STEP = 1e-4  # [s], at most
+INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
+MOST_JUMPS = 50  # told by nobody, one right after the other
+HELD = 4.0  # a case whose steps are held short is stiff when they are this much shorter still
+LANDING = 8  # steps that growing again after a break may take
+_ROWS = (
+    *("cases", "ends", "longest", "most", "needed", "time", "state", "slope", "low", "high", "stop", "step", "size"),
+    *("jumps", "landed", "_before"),
+)  # arrays of a ``_Front`` that have a row per case
 STABLE = (
     0.8  # ω h up to which an undamped oscillation does not grow by itself (the limit is 0.95), though no error shows
 )
@@ -37,6 +53,22 @@ class System(Protocol):
 
     def picked(self, cases: Sequence[int]) -> System:
         """The system of some of the cases."""
+
+
+class Breaks(NamedTuple):
+    """When the rates of a case jump, or one of their derivatives does.
+
+    Attributes:
+        instants: ascending [s]; those outside of the run do not matter.
+        complete: whether there are no others. Else steps are held to half the interval between records, so that
+            nothing longer than half of that passes unseen, though the case be at rest.
+        driver: what other breaks come from, as a function of time; steps then are held so only where it changes, seen
+            at quarters of the interval. None: unknown, they always are.
+    """
+
+    instants: Sequence[float] = ()
+    complete: bool = False
+    driver: Callable[[float], Sequence[float]] | None = None
 
 
 class GaveUpError(Exception):
@@ -69,6 +101,14 @@ class _Records:
         """States of each case."""
         return [self.states[a : b + 1] for a, b in zip(self.first.tolist(), self.last.tolist(), strict=True)]
 
+    def fill(self, case: int, time: float, between: Callable[[Array], Array]) -> None:
+        """Record a case up to a time [s], by its states (m, k) at times (k,) since the row filled last."""
+        first, spacing, done = int(self.first[case]), float(self.spacing[case]), int(self.done[case])
+        passed = min(first + int(time / spacing * (1 + 1e-12)), int(self.last[case]))
+        if passed > done:
+            instants = np.minimum(spacing * np.arange(done + 1 - first, passed + 1 - first), time)
+            self.states[done + 1 : passed + 1], self.done[case] = between(instants).T, passed
+
 
 def integrate(
     system: System,
@@ -79,6 +119,7 @@ def integrate(
     tolerance: float,
     most_steps: int,
     swiftest: Array | None = None,
+    breaks: Sequence[Breaks] | None = None,
 ) -> list[Array | GaveUpError]:
     """States (count + 1, m) of every case at evenly spaced instants from 0 to its duration.
 
@@ -93,15 +134,21 @@ def integrate(
         tolerance: of a step's error, root of the mean square over the states of a case: relative and absolute.
         most_steps: that a case may take.
         swiftest: largest ω of damped ones, too, that steps may have to follow (n,) [rad/s]; None: ``fastest``.
+        breaks: of every case; None: unknown.
     """
-    front = _Front(system, start, durations, fastest, fastest if swiftest is None else swiftest)
     records = _Records.of(start, durations, counts)
+    breaks = [Breaks()] * len(start) if breaks is None else breaks
+    longest = np.where([each.complete for each in breaks], np.inf, records.spacing / 2)
+    stretches = [_stretches(each.instants, end) for each, end in zip(breaks, durations.tolist(), strict=True)]
+    drivers = [each.driver for each in breaks]
+    pace = longest, fastest, fastest if swiftest is None else swiftest
+    front = _Front(system, start, stretches, drivers, pace, tolerance)
     with np.errstate(all="ignore"):  # what is not finite is a step too far, and taken back
-        front.slope = system.rates(front.time, front.state)
+        front.begin(range(len(start)))
         for number in range(1, most_steps + 1):
-            front.advance(records, tolerance)
+            front.advance(records)
             if number % WINDOW == 0:
-                front.finish_stiff(records, tolerance, 7 * most_steps)
+                front.finish_stiff(records, 7 * most_steps)
             if front.drop_finished():
                 break
     for row in front.under_way():
@@ -109,64 +156,173 @@ def integrate(
     return [front.errors.get(case, states) for case, states in enumerate(records.split())]
 
 
+class _Stretch(NamedTuple):
+    """Time without a break."""
+
+    low: float  # [s] where rates are asked for first
+    high: float  # and last
+    stop: float
+
+
+def _stretches(instants: Sequence[float], end: float) -> list[_Stretch]:
+    """All of a case, the first one last; instants closer to each other than time can be told count as one."""
+    found, low = [], 0.0
+    for instant in (float(t) for t in instants if 0 <= t <= end):
+        room = INSTANT * max(instant, 1.0)
+        if instant - low > 4 * room:
+            found.append(_Stretch(low, instant - room, instant))
+        low = instant + room
+    if not found or end - low > 4 * INSTANT * max(end, 1.0):
+        found.append(_Stretch(low, math.inf, end))
+    else:
+        found[-1] = found[-1]._replace(stop=end)
+    return found[::-1]
+
+
 class _Front:
     """Where the cases are that are still under way."""
 
-    def __init__(self, system: System, start: Array, durations: Array, fastest: Array, swiftest: Array) -> None:
+    def __init__(
+        self,
+        system: System,
+        start: Array,
+        stretches: list[list[_Stretch]],
+        drivers: Sequence[Callable[[float], Sequence[float]] | None],
+        pace: tuple[Array, Array, Array],
+        tolerance: float,
+    ) -> None:
         from scipy.integrate import RK45
 
-        self.system, self.cases, self.ends = system, np.arange(len(start)), durations.astype(float)
+        self.longest, fastest, swiftest = pace
+        n, self.system, self.tolerance = len(start), system, tolerance
+        self.cases, self.ends = np.arange(n), np.array([parts[0].stop for parts in stretches])
         self.errors: dict[int, GaveUpError] = {}
-        self.most = STABLE / np.maximum(fastest, STABLE / durations)
-        self.needed = np.minimum(self.most, STABLE / np.maximum(swiftest, STABLE / durations))
-        self.time, self.state, self.slope = np.zeros(len(start)), start.copy(), start
-        self.step = np.minimum(np.minimum(FIRST_STEP, self.most), durations)
-        self._before = self.time.copy()
+        self.most = STABLE / np.maximum(fastest, STABLE / self.ends)
+        self.needed = np.minimum(self.most, STABLE / np.maximum(swiftest, STABLE / self.ends))
+        self.needed = np.minimum(self.needed, STIFF / HELD * self.longest)
+        self.most = np.where([driver is None for driver in drivers], np.minimum(self.most, self.longest), self.most)
+        self.time, self.state, self.slope = np.zeros(n), start.copy(), np.zeros_like(start)
+        self.low, self.high, self.stop = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.step, self.size = np.zeros(n), np.minimum(self.most, FIRST_STEP)  # size: but for the next stop
+        self.jumps, self.landed = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+        self._before, self._left, self._asked = self.time.copy(), stretches, Counter[int]()
+        self._drivers = drivers
         weights = [np.ascontiguousarray(RK45.A[stage, :stage]) for stage in range(1, 6)]
         self._stages = [*zip(RK45.C[1:].tolist(), weights, strict=True), (1.0, np.asarray(RK45.B))]
         self._error, self._interpolant = np.asarray(RK45.E), np.asarray(RK45.P)
 
-    def advance(self, records: _Records, tolerance: float) -> None:
+    def begin(self, rows: Sequence[int]) -> None:
+        """Let some rows enter their next stretch: with rates anew, and with short steps if these have jumped."""
+        for row in rows:
+            self.low[row], self.high[row], self.stop[row] = self._left[self.cases[row]].pop()
+        slope = self.system.rates(np.maximum(self.time, self.low), self.state)
+        for row in rows:
+            change = self.size[row] * (slope[row] - self.slope[row]) / (1 + np.abs(self.state[row]))
+            if not np.sqrt(np.mean(change**2)) < self.tolerance:
+                self.size[row] = min(self.size[row], FIRST_STEP)
+            self.slope[row] = slope[row]
+            self.step[row] = min(self.size[row], self.stop[row] - self.time[row])
+
+    def advance(self, records: _Records) -> None:
         """One step of every case, taken or refused."""
-        slopes, ahead = np.empty((7, *self.state.shape)), np.empty_like(self.state)
+        for row in np.flatnonzero(self.step > self.longest).tolist():
+            self.step[row] = self._unchanged(row)
+        slopes, ahead, at = np.empty((7, *self.state.shape)), np.empty_like(self.state), np.empty_like(self.time)
         slopes[0] = self.slope
         for stage, (share, weights) in enumerate(self._stages, start=1):
-            _step_ahead(slopes, weights, self.state, self.step, ahead)
-            slopes[stage] = self.system.rates(self.time + share * self.step, ahead)
-        stuck = _settle(
+            _step_ahead(slopes, weights, self.state, self.step, ahead, share, self.time, self.low, self.high, at)
+            slopes[stage] = self.system.rates(at, ahead)
+        halted = _settle(
             slopes,
             ahead,
-            tolerance,
+            self.tolerance,
             self._error,
             self._interpolant,
             self.cases,
-            self.ends,
+            self.stop,
             self.most,
             self.time,
             self.state,
             self.slope,
             self.step,
+            self.size,
+            self.jumps,
             records.states,
             records.first,
             records.last,
             records.spacing,
             records.done,
         )
-        if stuck:
-            for row in np.flatnonzero((self.step == 0) & (self.time < self.ends)).tolist():
-                self.give_up(row, f"no step is small enough: {NOT_FINITE}")
+        if halted:
+            self._go_on()
 
-    def finish_stiff(self, records: _Records, tolerance: float, most: int) -> None:
+    def _unchanged(self, row: int) -> float:
+        """The step, or as much of it as a driver does not change in, but no less than the longest across a change."""
+        driver, begin, step, grid = (
+            self._drivers[self.cases[row]],
+            self.time[row],
+            self.step[row],
+            self.longest[row] / 2,
+        )
+        if driver is None:
+            return float(step)
+        now, number = tuple(driver(float(begin))), math.floor(begin / grid) + 1
+        while number * grid < begin + step and tuple(driver(float(number * grid))) == now:
+            number += 1
+        if number * grid >= begin + step:
+            return float(step)
+        return float(max((number - 1) * grid - begin, self.longest[row]))
+
+    def _go_on(self) -> None:
+        """What has come to a break enters the next stretch, what is stuck gives up."""
+        halted = [row for row in self.under_way() if self.step[row] == 0]
+        landed = [row for row in halted if self.time[row] == self.stop[row]]
+        self.landed[landed] += 1
+        self.begin(landed)
+        for row in set(halted) - set(landed):
+            self.give_up(row, f"no step is small enough: {NO_LIMIT if self.jumps[row] else NOT_FINITE}")
+
+    def finish_stiff(self, records: _Records, most: int) -> None:
         """Finish those whose steps of late were far below what their oscillations need."""
-        slow = self.time - self._before < WINDOW * self.needed / STIFF
-        self._before = self.time.copy()
+        steps = np.maximum(WINDOW - LANDING * self.landed, 0)
+        slow = self.time - self._before < steps * self.needed / STIFF
+        self._before, self.landed[:] = self.time.copy(), 0
         for row in (row for row in self.under_way() if slow[row]):
-            case, begin = int(self.cases[row]), float(self.time[row])
             try:
-                _implicitly(self.system.picked([row]), case, begin, self.state[row], records, tolerance, most)
+                self._finish(row, records, most)
             except GaveUpError as error:
-                self.errors[case] = error
-            self._end(row)
+                self.errors[int(self.cases[row])] = error
+                self._end(row)
+
+    def _finish(self, row: int, records: _Records, most: int) -> None:
+        """The rest of a case by LSODA; where that cannot go on, the explicit pair takes over for a while.
+
+        Raises:
+            GaveUpError: it takes too many evaluations.
+        """
+        alone, case = self.system.picked([row]), int(self.cases[row])
+
+        def rates(time: float, at: Array) -> Array:
+            self._asked[case] += 1
+            if self._asked[case] > most:
+                raise GaveUpError(self.time[row], self.state[row], f"more than {most} evaluations")
+            inside = min(max(time, self.low[row]), self.high[row])
+            return alone.rates(np.array([inside]), at[None])[0]
+
+        def taken(time: float, state: Array, between: Callable[[Array], Array]) -> None:
+            self.time[row], self.state[row] = time, state
+            records.fill(case, time, between)
+
+        limits = self.longest[row], self.tolerance
+        while _implicitly(rates, taken, self.time[row], self.stop[row], self.state[row], *limits):
+            self.time[row] = self.stop[row]
+            if self.time[row] == self.ends[row]:
+                break
+            self.begin([row])
+        else:
+            self.slope[row] = rates(self.time[row], self.state[row])
+            self.size[row] = min(FIRST_STEP, self.most[row])
+        self.step[row] = min(self.size[row], self.stop[row] - self.time[row])
 
     def under_way(self) -> list[int]:
         """Rows that are not at their end."""
@@ -177,7 +333,7 @@ class _Front:
         left = self.under_way()
         if 0 < 2 * len(left) <= len(self.time):
             self.system = self.system.picked(left)
-            for name in ("cases", "ends", "most", "needed", "time", "state", "slope", "step", "_before"):
+            for name in _ROWS:
                 setattr(self, name, getattr(self, name)[left])
         return len(left) == 0
 
@@ -191,10 +347,22 @@ class _Front:
 
 
 @compiled
-def _step_ahead(slopes: Any, weights: Any, state: Any, step: Any, ahead: Any) -> None:
-    """Y + h Σ_k a_k K_k of every case."""
+def _step_ahead(
+    slopes: Any,
+    weights: Any,
+    state: Any,
+    step: Any,
+    ahead: Any,
+    share: float,
+    time: Any,
+    low: Any,
+    high: Any,
+    at: Any,
+) -> None:
+    """Y + h Σ_k a_k K_k of every case, and its time t + c h within its stretch."""
     n, m = state.shape
     for case in range(n):
+        at[case] = min(max(time[case] + share * step[case], low[case]), high[case])
         for i in range(m):
             change = 0.0
             for k in range(len(weights)):
@@ -210,12 +378,14 @@ def _settle(
     error_weights: Any,
     interpolant: Any,
     cases: Any,
-    ends: Any,
+    stops: Any,
     most: Any,
     time: Any,
     state: Any,
     slope: Any,
     step: Any,
+    size: Any,
+    jumps: Any,
     records: Any,
     first: Any,
     last: Any,
@@ -224,11 +394,12 @@ def _settle(
 ) -> int:
     """Take or refuse the step of every case, by the estimate of its error, and choose the next one's size.
 
-    What lies within a step is recorded by y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j. Returns how many cases are stuck:
-    before their end no step is left to them.
+    What lies within a step is recorded by y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j. A step as short as an instant is
+    taken whatever its error, as the rates jump within; ``jumps`` counts how many such were taken on end. Returns how
+    many cases have no next step, as they have come to their stop, or are stuck.
     """
     n, m = state.shape
-    stuck = 0
+    halted = 0
     for case in range(n):
         h = step[case]
         if h == 0.0:
@@ -240,10 +411,15 @@ def _settle(
                 error += error_weights[k] * slopes[k, case, i]
             total += (h * error / (1 + max(abs(state[case, i]), abs(ahead[case, i])))) ** 2
         norm = math.sqrt(total / m) / tolerance
-        if norm < 1:
-            row, begin = cases[case], time[case]
-            reached = ends[case] - (begin + h) < 1e-14 * ends[case]
-            passed = last[row] if reached else first[row] + int((begin + h) / spacing[row] * (1 + 1e-12))
+        begin = time[case]
+        instant = INSTANT * max(begin, 1.0)
+        jumps[case] = jumps[case] + 1 if norm >= 1 and math.isfinite(norm) and h <= 2 * instant else 0
+        taken = norm < 1 or 0 < jumps[case] <= MOST_JUMPS
+        if taken:
+            row = cases[case]
+            reached = stops[case] - (begin + h) < 1e-14 * stops[case]
+            time[case] = stops[case] if reached else begin + h
+            passed = first[row] + int(time[case] / spacing[row] * (1 + 1e-12))
             for record in range(done[row] + 1, min(passed, last[row]) + 1):
                 share = ((record - first[row]) * spacing[row] - begin) / h
                 for i in range(m):
@@ -255,42 +431,51 @@ def _settle(
                         change += weight * share * slopes[k, case, i]
                     records[record, i] = state[case, i] + h * change
                 done[row] = record
-            time[case] = ends[case] if reached else begin + h
             state[case], slope[case] = ahead[case], slopes[6, case]
         factor = min(max(SAFETY * max(norm, 1e-10) ** -0.2, SHRINK), GROW) if math.isfinite(norm) else SHRINK
-        if not norm < 1 and h * factor < 1e-14 * max(time[case], 1.0):
-            step[case], stuck = 0.0, stuck + 1
-        else:
-            step[case] = min(h * factor, most[case], ends[case] - time[case])
-    return stuck
+        wanted = min(h * factor, most[case])
+        if math.isfinite(norm):
+            wanted = max(wanted, instant)
+        stuck = not taken and (jumps[case] > 0 or not (math.isfinite(norm) or h * factor >= instant))
+        size[case] = max(wanted, size[case]) if taken and h < size[case] else wanted
+        step[case] = 0.0 if stuck else min(size[case], stops[case] - time[case])
+        if step[case] == 0.0:
+            halted += 1
+    return halted
 
 
 def _implicitly(
-    system: System, case: int, begin: float, state: Array, records: _Records, tolerance: float, most: int
-) -> None:
-    """The rest of one stiff case by LSODA (Petzold 1983), which turns implicit by itself, and back.
+    rates: Callable[[float, Array], Array],
+    taken: Callable[[float, Array, Callable[[Array], Array]], None],
+    begin: float,
+    end: float,
+    state: Array,
+    longest: float,
+    tolerance: float,
+) -> bool:
+    """One case from ``begin`` to ``end`` by LSODA (Petzold 1983), which turns implicit by itself, and back.
 
-    Raises:
-        GaveUpError: it takes too many evaluations, or LSODA fails.
+    Every step is told to ``taken``: its end, the state there and what gives states (m, k) at times within it. Returns
+    whether ``end`` was reached; if not, LSODA has failed, or met a jump that it cannot cross or rates that are no numbers.
     """
-    from scipy.integrate import solve_ivp
+    from scipy.integrate import LSODA
 
-    states, spacing = records.split()[case], float(records.spacing[case])
-    done = int(records.done[case] - records.first[case])
-    end, last, count = spacing * (len(states) - 1), (begin, state), 0
-
-    def rates(time: float, at: Array) -> Array:
-        nonlocal last, count
-        found, count = system.rates(np.array([time]), at[None])[0], count + 1
-        if count > most or not np.all(np.isfinite(found)):
-            raise GaveUpError(*last, f"more than {most} evaluations" if count > most else NOT_FINITE)
-        last = (time, at)
+    def finite(time: float, at: Array) -> Array:
+        found = rates(time, at)
+        if not np.all(np.isfinite(found)):
+            raise FloatingPointError
         return found
 
-    instants = np.minimum(spacing * np.arange(done + 1, len(states)), end)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # LSODA warns and fails; the failure is reported
-        run = solve_ivp(rates, (begin, end), state, method="LSODA", t_eval=instants, rtol=tolerance, atol=tolerance)
-    if not run.success:
-        raise GaveUpError(*last, str(run.message))
-    states[done + 1 :], records.done[case] = run.y.T, records.last[case]
+        warnings.simplefilter("ignore")  # LSODA warns and fails; what comes of it is told by who goes on
+        try:
+            first = min(FIRST_STEP, longest, end - begin)
+            solver = LSODA(finite, begin, state, end, first, max_step=longest, rtol=tolerance, atol=tolerance)
+            while solver.status == "running":
+                solver.step()
+                if solver.status == "failed" or solver.t - solver.t_old < INSTANT * max(solver.t, 1.0):
+                    return False
+                taken(solver.t, solver.y.copy(), solver.dense_output())
+        except FloatingPointError:
+            return False
+    return True

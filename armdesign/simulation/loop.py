@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +15,7 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.simulation.compiled import compiled
 from armdesign.simulation.excitation import EvenOpening
+from armdesign.simulation.integrator import Breaks
 from armdesign.simulation.plant import Plant
 from armdesign.valve import opening, spool_position
 
@@ -37,6 +39,7 @@ class Loop:
         plant: of all cases.
         start: states at t = 0 (n, size).
         asked: commands by time.
+        breaks: when these jump.
         corners: ω_c (n, 1) [rad/s], 0: no loop.
         gains: K (n, nc) [1/m].
         places: s0 (n, nc) [m].
@@ -45,6 +48,7 @@ class Loop:
     plant: Plant
     start: Array
     asked: tuple[Command, ...]
+    breaks: tuple[Breaks, ...]
     corners: Array
     gains: Array
     places: Array
@@ -60,27 +64,29 @@ class Loop:
         """The system of some plants of one machine each, from rest.
 
         Raises:
-            SimulationError: a command is no function, not one per cylinder, or for a cylinder that does not exist.
+            SimulationError: a command is no function, not one per cylinder, for a cylinder that does not exist, or its
+                breakpoints are no ascending times.
         """
-        asked, places, gains = [], [], []
+        asked, breaks, places, gains = [], [], [], []
         corners = 2 * math.pi * np.array([[hold or 0.0] for hold in holds])
         for plant, rest, command, corner in zip(plants, rests, commands, corners, strict=True):
             names = [function.name for function in plant.machine.functions]
             asked.append(_by_order(command, names, plant.machine.name))
+            breaks.append(_breaks(command, asked[-1], plant.machine.name))
             places.append(plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0])
             held = [not isinstance(command, Mapping) or name in command for name in names]
             speeds = np.array([even.speed for even in EvenOpening.all(plant, rest)])
             gains.append(np.where(held, corner / 4 / speeds, 0.0))
         start = np.concatenate([rests, np.zeros((len(rests), 2 * plants[0].nc + 3))], axis=1)
         plant = Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0]
-        return cls(plant, start, tuple(asked), corners, np.array(gains), np.array(places))
+        return cls(plant, start, tuple(asked), tuple(breaks), corners, np.array(gains), np.array(places))
 
     def picked(self, cases: Sequence[int]) -> Loop:
         """The system of some of the cases."""
         rows, machines = list(cases), self.plant.machines
         plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
-        asked = tuple(self.asked[row] for row in rows)
-        return Loop(plant, self.start[rows], asked, self.corners[rows], self.gains[rows], self.places[rows])
+        asked, breaks = tuple(self.asked[row] for row in rows), tuple(self.breaks[row] for row in rows)
+        return Loop(plant, self.start[rows], asked, breaks, self.corners[rows], self.gains[rows], self.places[rows])
 
     @cached_property
     def _corrects(self) -> bool:
@@ -127,6 +133,30 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
         return spools
 
     return asked
+
+
+def _breaks(command: Command | ByName, asked: Command, machine: str) -> Breaks:
+    """When a command may jump, by the ``breakpoints`` of its functions; ``asked`` is that command by order."""
+    parts = {f" {name}": part for name, part in command.items()} if isinstance(command, Mapping) else {"": command}
+    told = [_breakpoints(part, f"{machine}: command{name}: breakpoints") for name, part in parts.items()]
+    return Breaks(sorted({time for times in told for time in times or ()}), None not in told, asked)
+
+
+def _breakpoints(command: object, part: str) -> list[float] | None:
+    """The ``breakpoints`` of one function [s]; None if it has none to tell."""
+    given = getattr(command, "breakpoints", None)
+    if given is None:
+        return None
+    try:
+        times = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(math.nan)
+    if times.ndim != 1 or not np.all(np.isfinite(times)):
+        raise SimulationError(part, f"{given!r} are not finite times", "give a list [s], like [0.1, 0.3]")
+    for early, late in pairwise(times.tolist()):
+        if late < early:
+            raise SimulationError(part, f"{late:g} s comes after {early:g} s", "sort them")
+    return list(times.tolist())
 
 
 def _function(given: Any, part: str) -> Any:

@@ -262,7 +262,7 @@ def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array |
     spools = [max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases]
     swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
-    return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest)
+    return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest, loop.breaks)
 
 
 def _failure(loop: Loop, stop: GaveUpError) -> SimulationError:

@@ -5,8 +5,11 @@
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                                          spool, x and its command u in [−1, 1]
     C_s ṗ_s = Q_pump(p_s) − Σ Q                                            supply line of a flow-limited pump
 
-with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2): the pins' compliance c in series lets the piston run ahead of the pins. An
-ideal pump holds its pressure. Masses of barrels, rods, rockers and couplers are in M and h.
+with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2 − k δ): the pins' compliance c in series lets the piston run ahead of the pins,
+under what oil and the spring k of an end stop, pressed in by δ(s), put on it. A damping force, of friction or of a
+stop, acts at the rate of the pins ℓ̇, beside c: through c it would need a mass of the piston, or make energy, as it
+would then move with another speed than the one it depends on. An ideal pump holds its pressure. Masses of barrels,
+rods, rockers and couplers are in M and h.
 
 Energy is booked with it: what pumps supply (less what returns to the tank under return pressure), what compresses oil
 (Σ p C ṗ), and what edges, leakage, friction and stops dissipate. Kinetic, potential and spring energy are functions of
@@ -39,6 +42,7 @@ from armdesign.simulation.hydraulics import (
     functions_of,
     piston_speed,
     port,
+    pressed,
     pump_flow,
     stop_force,
     system_of,
@@ -66,7 +70,7 @@ class Evaluation(NamedTuple):
         rates: ẏ (n, size).
         told: of every function (n, nc), records ``TOLD``.
         powers: supplied, into oil compression, dissipated (n, 3) [W].
-        springs: energy in end stops and series compliances, ½ k δ² + ½ c F² (n,) [J].
+        springs: energy in end stops and series compliances, ½ k δ² + ½ c (A1 p1 − A2 p2 − k δ)² (n,) [J].
     """
 
     rates: Array
@@ -265,15 +269,17 @@ def _evaluate(
             spool, spool_speed = state[case, spools + i], state[case, spools + nc + i]
             a1, a2 = function.areas[0], function.areas[1]
             oil_force = a1 * p1 + a2 * p2
-            place = length - function.closed_length + function.compliance * oil_force
+            free = length - function.closed_length + function.compliance * oil_force
+            beyond = pressed(function, beyond_stop(function, free))
+            place = free - function.compliance * function.stop * beyond
             s1, r1, l1 = port(function, system, 0, p1, p2, spool, supply)
             s2, r2, l2 = port(function, system, 1, p2, p1, spool, supply)
             c1, c2 = capacity(function, system, 0, place, p1), capacity(function, system, 1, place, p2)
             q1, q2 = s1 - r1 + l1, s2 - r2 + l2
-            piston = piston_speed(function, pins, a1 * q1 / c1 + a2 * q2 / c2, a1 * a1 / c1 + a2 * a2 / c2)
+            piston = piston_speed(function, beyond, pins, a1 * q1 / c1 + a2 * q2 / c2, a1 * a1 / c1 + a2 * a2 / c2)
             fill1, fill2 = q1 - a1 * piston, q2 - a2 * piston
-            beyond, rub = beyond_stop(function, place), friction(function, piston)
-            stop = stop_force(function, beyond, piston) if beyond != 0.0 else 0.0
+            spring_force, rub = -function.stop * beyond, friction(function, pins)
+            stop = stop_force(function, beyond, pins) if beyond != 0.0 else 0.0
             force = oil_force - rub + stop
             for j in range(nq):
                 torque[case, j] += arm[j] * force
@@ -284,10 +290,12 @@ def _evaluate(
             row.extension, row.speed = place, pins
             row.supplied[0], row.returned[0], row.leaked[0], row.capacity[0] = s1, r1, l1, c1
             row.supplied[1], row.returned[1], row.leaked[1], row.capacity[1] = s2, r2, l2, c2
-            taken, returned = taken + s1 + s2, returned + r1 + r2
+            leaked = function.tank_leakage * (p1 + p2 - 2 * system.return_pressure)
+            taken, returned = taken + s1 + s2, returned + r1 + r2 + leaked
             passed, oil = passed + p1 * q1 + p2 * q2, oil + p1 * fill1 + p2 * fill2
-            rubbed += rub * pins - stop * pins - function.stop * beyond * piston
-            spring[case] += (function.stop * beyond**2 + function.compliance * oil_force**2) / 2
+            rubbed += (rub - stop + spring_force) * pins
+            carried = oil_force + spring_force
+            spring[case] += (function.stop * beyond**2 + function.compliance * carried**2) / 2
         pump = taken
         if has_line:
             pump = pump_flow(system, supply)
