@@ -33,13 +33,15 @@ DECADES = (-2, 12)  # of λ
 USUAL, SPREAD = 0.3, 1.5  # g relative to the median response, and the standard deviation of its logarithm
 COARSE = (1e1, 1e3, 1e6)  # λ at which the search starts
 TEMPER = 0.5  # power of the evidence that weighs: neighbours are no random draw, so one choice alone is not trusted
-NEGLIGIBLE = 5.0  # logarithm of a weight below the largest
+NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 EQUATIONS = 1.5  # least per unknown of modes and neighbours
-ROUNDS, FEW_ROUNDS = 25, 8
+ROUNDS, FEW_ROUNDS, TRIALS = 25, 6, 6
+CONVERGED = 1e-6  # relative change of what is left
 LARGEST_STEP = np.array([0.2, 0.15])  # of ω and ζ in a round
 FARTHEST = 4.0  # a neighbour from the band's end, as a ratio of frequencies
 MARGIN = 1.2  # a mode outside the band's end, as a ratio of frequencies
 DAMPING = (-0.3, 1.5)  # ζ within which modes are looked for
+LEAST_DAMPING = 1e-3  # of neighbours
 NEIGHBOUR = 1.3  # ratio of frequencies from the band's end where the search for one starts
 NEIGHBOUR_ENDS = 0.2  # of a neighbour, the usual size of what it adds to E, relative to what it adds to R U
 
@@ -175,17 +177,17 @@ def _evidence(answer: Answer) -> float:
 
 def _coarse(lines: Lines, starts: Array, neighbours: tuple[float, ...], found: list[Answer]) -> list[Answer]:
     """Answers after a few rounds, at some λ."""
-    modes, ratios, tried = starts.shape[1], COARSE, 2
+    modes, ratios = starts.shape[1], COARSE
     if neighbours:
         best = max(found, key=_evidence)
         extras = [np.array([[omega, zeta] for omega in neighbours]) for zeta in (0.02, 0.2)]
         starts = np.array([np.vstack([best.poles[:modes], extra]) for extra in extras])
-        ratios, tried = (best.ratio, best.ratio / 100), 1
+        ratios = best.ratio, best.ratio / 100
     coarse = []
     for ratio in ratios:
         fit = _Regression(lines, ratio, modes)
         costs = [fit.eliminated(start).cost for start in starts]
-        coarse += [fit.answer(starts[k], FEW_ROUNDS) for k in np.argsort(costs)[:tried]]
+        coarse.append(fit.answer(starts[int(np.argmin(costs))], FEW_ROUNDS))
     return coarse
 
 
@@ -205,18 +207,22 @@ def _ladder(lines: Lines, first: Answer, best: float) -> list[Answer]:
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Numerators for given poles by least squares: columns of size one, their sizes, QR, numerators, what is left."""
+    """Numerators for given poles by least squares: columns of size one, their sizes, QR, and what is left."""
 
     columns: Array
     sizes: Array
     basis: Array
     triangle: Array
-    numerators: Array
+    share: Array
     left: Array
+    cost: float
 
-    @property
-    def cost(self) -> float:
-        return float(self.left @ self.left)
+    @cached_property
+    def numerators(self) -> Array:
+        """Of the columns of size one."""
+        diagonal = np.diag(self.triangle)
+        repaired = self.triangle + np.diag(1e-13 * (np.abs(diagonal) < 1e-13))  # columns that are as good as one
+        return np.linalg.solve(repaired, self.share)
 
 
 class _Regression:
@@ -233,27 +239,25 @@ class _Regression:
         """(I + λ C Cᵀ)^(−½) times columns."""
         return np.asarray(values - self.shrunk @ (self.u.T @ values))
 
-    def bounded(self, poles: Array, above: Array) -> Array:
-        """The nearest poles with modes about the band and neighbours outside, on the same side as before."""
+    def bounds(self, poles: Array) -> tuple[Array, Array]:
+        """Least and largest ω and ζ (m, 2): modes are about the band, neighbours outside, on the side that they are on."""
         low, high = self.lines.edges
-        inner = np.arange(len(poles)) < self.modes
+        inner, above = np.arange(len(poles)) < self.modes, poles[:, 0] > 1
         least = np.where(inner, low / MARGIN, np.where(above, high, low / FARTHEST))
         most = np.where(inner, high * MARGIN, np.where(above, high * FARTHEST, low))
-        zeta = np.clip(poles[:, 1], np.where(inner, DAMPING[0], 1e-3), DAMPING[1])
-        return np.stack([np.clip(poles[:, 0], least, most), zeta], axis=1)
+        zeta = np.where(inner, DAMPING[0], LEAST_DAMPING)
+        return np.stack([least, zeta], axis=1), np.stack([most, np.full(len(poles), DAMPING[1])], axis=1)
 
     def eliminated(self, poles: Array) -> _Eliminated:
         """The numerators."""
         q = _fractions(poles, self.lines.s)
         columns = (q[:, :, None] * self.lines.inputs[:, None, :]).reshape(len(q), -1)
-        sizes = np.linalg.norm(columns, axis=0)
-        columns = columns / sizes
-        basis, triangle = np.linalg.qr(self.white(real(columns)))
-        diagonal = np.abs(np.diag(triangle))
-        triangle[np.diag_indices_from(triangle)] += 1e-13 * (diagonal < 1e-13)  # columns that are as good as one
+        rows = real(columns)
+        sizes = np.sqrt(np.einsum("ij,ij->j", rows, rows))
+        basis, triangle = np.linalg.qr(self.white(rows / sizes))
         share = basis.T @ self.y
-        numerators = np.linalg.solve(triangle, share)
-        return _Eliminated(columns, sizes, basis, triangle, numerators, self.y - basis @ share)
+        left = self.y - basis @ share
+        return _Eliminated(columns / sizes, sizes, basis, triangle, share, left, float(left @ left))
 
     def slopes(self, poles: Array, now: _Eliminated) -> Array:
         """Change of the modelled output by ω and ζ of every pole, beyond what numerators make up for (2k, 2m)."""
@@ -266,25 +270,28 @@ class _Regression:
 
     def answer(self, poles: Array, rounds: int = ROUNDS) -> Answer:
         """Levenberg's and Marquardt's method on ω and ζ, the numerators eliminated (Golub & Pereyra 1973)."""
-        damping, above = 1e-3, poles[:, 0] > 1
-        poles = self.bounded(poles, above)
+        damping, (least, most) = 1e-3, self.bounds(poles)
+        poles = np.minimum(np.maximum(poles, least), most)
         now = self.eliminated(poles)
         for _ in range(rounds):
             slopes = self.slopes(poles, now)
-            scale = np.linalg.norm(slopes, axis=0) + 1e-300
-            normal, gradient = (slopes / scale).T @ (slopes / scale), (slopes / scale).T @ now.left
-            for _ in range(8):
-                step = (np.linalg.solve(normal + damping * np.eye(len(normal)), gradient) / scale).reshape(-1, 2)
-                step *= min(1.0, float(np.min(LARGEST_STEP / np.maximum(np.abs(step), 1e-300))))
-                there = self.bounded(poles + step, above)
+            scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
+            slopes /= scale
+            normal, gradient = slopes.T @ slopes, slopes.T @ now.left
+            before = now.cost
+            for _ in range(TRIALS):
+                step = np.linalg.solve(normal + damping * np.eye(len(normal)), gradient)
+                if gradient @ step < CONVERGED * before:
+                    return self._judged(poles, now)
+                step = (step / scale).reshape(-1, 2)
+                step *= min(1.0, 1 / float(np.max(np.abs(step) / LARGEST_STEP)))
+                there = np.minimum(np.maximum(poles + step, least), most)
                 new = self.eliminated(there)
-                if new.cost < now.cost:
+                if new.cost < before:
+                    poles, now, damping = there, new, damping / 10
                     break
                 damping *= 5
-            else:
-                break
-            gained, poles, now, damping = now.cost - new.cost, there, new, damping / 10
-            if gained < 1e-7 * now.cost:
+            if before - now.cost < CONVERGED * before:
                 break
         return self._judged(poles, now)
 
