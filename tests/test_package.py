@@ -45,6 +45,7 @@ ORDER = [
         "simulation.rest",
         "simulation.plant",
         "simulation.excitation",
+        "simulation.neighbours",
         "simulation.identification",
         "simulation.bias",
         "simulation.response",

@@ -1,4 +1,4 @@
-"""Natural frequency and damping fitted to a measured frequency response.
+"""Natural frequency and damping fitted to a measured frequency response, with the modes outside the band beside them.
 
 The record of an arm with almost no damping ends while it still rings, and its plain spectrum is smeared by that. For a
 linear system the spectra of a record of length T obey, at the frequencies k/T and exactly,
@@ -6,9 +6,10 @@ linear system the spectra of a record of length T obey, at the frequencies k/T a
     A(s) Y(s) = B(s) U(s) + E(s),   s = jω,
 
 where the polynomial E holds the difference of the state at both ends of the record (Pintelon & Schoukens 2012).
-A, B and E are fitted together by least squares within a band; A has one pair of roots per mode in the band, the degrees
-that B and E have to spare stand for the modes outside. Then H = B/A, and the measured response, smeared no more, is
-(Y − E/A)/U.
+A, B and E are fitted together by least squares within a band; that is where the search starts. ``neighbours`` then fits
+the modes in the band as such, with neighbours and residual terms for the modes outside, and tells how far the modes may
+be off: by noise, by what the residual terms leave open, and by how far likely choices of them differ. The measured
+response, smeared no more, is (Y − E/A)/U.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
+from armdesign.simulation.neighbours import Answer, Lines, answers, real
 
 SPARE = 3  # degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
 ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1963)
 LEAST_EQUATIONS = 2  # per unknown
+STARTS = (0.03, 0.2)  # damping ratios from which the search starts as well
+OVERDAMPED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +37,12 @@ class Fit:
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviation of the frequencies by what the fit leaves over (m,) [Hz].
+        frequency_deviations: standard deviation of the frequencies (m,) [Hz]: noise, and what modes outside the band leave
+            open.
         damping_deviations: that of the damping ratios (m,).
+        frequency_remainders: share of modes outside the band in the deviation of the frequencies (m,) [Hz]. It is what is
+            left of them when neighbours and residual terms are fitted; squared, it adds to that of noise.
+        damping_remainders: that of the damping ratios (m,).
         frequency: lines of the band (k,) [Hz].
         response: measured response there (k,), complex, freed of what rings at the record's ends.
         fitted: fitted response there (k,), complex.
@@ -46,6 +54,8 @@ class Fit:
     damping_ratios: Array
     frequency_deviations: Array
     damping_deviations: Array
+    frequency_remainders: Array
+    damping_remainders: Array
     frequency: Array
     response: Array
     fitted: Array
@@ -84,11 +94,7 @@ def fit_modes(
         raise SimulationError(part, f"{len(time) * step:.3g} s are too short", f"record {least:.3g} s or more")
     if not (np.all(np.isfinite(u)) and np.all(np.isfinite(y)) and np.abs(u).max() > 0 and np.abs(y).max() > 0):
         raise SimulationError(part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode")
-    scale = np.abs(y).max() / np.abs(u).max()
-    omega = 2 * math.pi * math.sqrt(band[0] * band[1])
-    found = _solved(2j * math.pi * frequency / omega, u * scale, y, _degrees(modes), np.ones(len(frequency)))
-    leftover = found.ends / found.denominator
-    return _fit(found, frequency, (y - leftover) / u, omega, scale, modes, part)
+    return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part)
 
 
 def fit_response(
@@ -110,12 +116,10 @@ def fit_response(
     least = LEAST_EQUATIONS * sum(degrees) // 2
     if len(frequency) < least:
         raise SimulationError(part, f"{len(frequency)} lines are too few", f"measure {least} or more")
-    scale = float(np.abs(response).max())
     weight = np.ones(len(frequency)) if deviations is None else np.median(deviations) / deviations
-    omega = 2 * math.pi * math.sqrt(frequency.min() * frequency.max())
-    ones = np.full(len(frequency), scale, dtype=complex)
-    found = _solved(2j * math.pi * frequency / omega, ones, np.asarray(response, dtype=complex), degrees, weight)
-    return _fit(found, frequency, np.asarray(response), omega, scale, modes, part)
+    order = np.argsort(frequency)
+    lines, measured = np.asarray(frequency, dtype=float)[order], np.asarray(response, dtype=complex)[order]
+    return _fit(lines, np.ones(len(lines), dtype=complex), measured, weight[order], degrees, part)
 
 
 def spectral_peak(time: Array, answer: Array, band: tuple[float, float], part: str = "response") -> float:
@@ -154,95 +158,77 @@ def _degrees(modes: int) -> tuple[int, int, int]:
     return 2 * modes, 2 * modes - 1 + SPARE, 2 * modes + SPARE
 
 
-def _fit(found: _Solution, frequency: Array, response: Array, omega: float, scale: float, modes: int, part: str) -> Fit:
-    """The fit of a solution in s = jω/``omega`` and an input times ``scale``."""
-    roots = np.roots([1.0, *found.a[::-1]])
-    roots = roots[roots.imag > 0]
-    if len(roots) < modes:
+def _fit(frequency: Array, u: Array, y: Array, weight: Array, degrees: tuple[int, int, int], part: str) -> Fit:
+    """The fit of output to input spectra at lines [Hz] of some weight; E has no degrees where no ends are in it."""
+    middle, modes = math.sqrt(frequency[0] * frequency[-1]), degrees[0] // 2
+    inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
+    s = 1j * frequency / middle
+    lines = Lines(s, u / inputs, weight * y / outputs, weight, ends=degrees[2] > 0)
+    found, weights = answers(lines, _starts(lines, degrees))
+    poles = np.array([one.poles[:modes] for one in found])
+    mean = np.einsum("i,ijk->jk", weights, poles)
+    if np.any(mean[:, 1] >= OVERDAMPED):
         raise SimulationError(part, "shows no oscillation in the band", "it is overdamped, or the amplitude too small")
-    roots = roots[np.argsort(np.abs(roots))]
-    size, zeta, size_deviation, zeta_deviation = _spread(roots, found.a, found.covariance)
-    dense = np.linspace(frequency.min(), frequency.max(), 800)
-    s_dense = 2j * math.pi * dense / omega
-    magnitude = np.abs(_polynomial(s_dense, found.b) / _polynomial(s_dense, [*found.a, 1.0])) * scale
+    deviations, remainders = _deviations(found, weights, poles - mean)
+    likeliest = found[int(np.argmax(weights))]
+    fitted, ends = likeliest.spectra(lines, s)
+    dense = np.linspace(frequency[0], frequency[-1], 800)
+    scale = outputs / inputs
+    magnitude = np.abs(likeliest.spectra(lines, 1j * dense / middle)[0]) * scale
+    left = lines.y - weight * (fitted * lines.u + ends)
     return Fit(
-        natural_frequencies=size * omega / (2 * math.pi),
-        damping_ratios=zeta,
-        frequency_deviations=size_deviation * omega / (2 * math.pi),
-        damping_deviations=zeta_deviation,
+        natural_frequencies=mean[:, 0] * middle,
+        damping_ratios=mean[:, 1].copy(),
+        frequency_deviations=deviations[:, 0] * middle,
+        damping_deviations=deviations[:, 1].copy(),
+        frequency_remainders=remainders[:, 0] * middle,
+        damping_remainders=remainders[:, 1].copy(),
         frequency=frequency.copy(),
-        response=response.copy(),
-        fitted=found.numerator / found.denominator * scale,
+        response=(y - ends * outputs) / u,
+        fitted=fitted * scale,
         curve=np.stack([dense, magnitude]),
-        residual=found.residual,
+        residual=float(np.linalg.norm(left) / np.linalg.norm(lines.y)),
     )
+
+
+def _deviations(found: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
+    """Standard deviations of ω and ζ (m, 2): all, and what is not noise; ``apart`` is each answer less the mean."""
+    within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in found])
+    noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in found])
+    variance, of_noise = (np.einsum("i,ijk->jk", weights, each) for each in (within + apart**2, noise))
+    return np.sqrt(variance), np.sqrt(np.maximum(variance - of_noise, 0))
 
 
 def _unknowns(modes: int) -> int:
     return sum(_degrees(modes))
 
 
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    """Coefficients of A (without its leading 1) and B, lowest first, covariance of A's, and A, B, E at the lines."""
+def _starts(lines: Lines, degrees: tuple[int, int, int]) -> Array:
+    """ω and ζ from which the search starts (·, modes, 2): those of the plain fit, and some spread over the band."""
+    modes, (low, high) = degrees[0] // 2, lines.edges
+    roots = np.roots([1.0, *_denominator(lines, degrees)[::-1]])
+    roots = roots[roots.imag > 0][:modes]
+    starts = [[[w, z] for w in np.geomspace(low, high, 2 * modes + 1)[1::2]] for z in STARTS]
+    if modes == 1:
+        starts = [[[w, z]] for w in np.geomspace(low, high, 7)[1:-1] for z in STARTS]
+    if len(roots) == modes:
+        size = np.abs(roots)
+        plain = np.stack([np.clip(size, low, high), np.clip(-roots.real / size, 1e-3, 0.7)], axis=1)
+        starts.append(plain.tolist())
+    return np.array(starts)
 
-    a: Array
-    b: Array
-    covariance: Array
-    denominator: Array
-    numerator: Array
-    ends: Array
-    residual: float
 
-
-def _solved(s: Array, u: Array, y: Array, degrees: tuple[int, int, int], prior: Array) -> _Solution:
-    """A y = B u + E at lines s, in the sense of least squares of (y − (B u + E)/A) × ``prior``."""
+def _denominator(lines: Lines, degrees: tuple[int, int, int]) -> Array:
+    """A without its leading 1, lowest first, of A y = B u + E in the sense of least squares of y − (B u + E)/A."""
     na, nb, ne = degrees
+    s, weight = lines.s, np.ones(len(lines.s))
     powers = s[:, None] ** np.arange(max(na, nb, ne) + 1)
-    columns = np.hstack([y[:, None] * powers[:, :na], -u[:, None] * powers[:, :nb], -powers[:, :ne]])
-    target = -y * powers[:, na]
-    weight = prior
+    inputs = -(lines.weight * lines.u)[:, None] * powers[:, :nb]
+    columns = np.hstack([lines.y[:, None] * powers[:, :na], inputs, -lines.weight[:, None] * powers[:, :ne]])
+    target = -lines.y * powers[:, na]
     for _ in range(ROUNDS):
-        rows = _real(columns * weight[:, None])
+        rows = real(columns * weight[:, None])
         size = np.linalg.norm(rows, axis=0)
-        basis, triangle = np.linalg.qr(rows / size)
-        solution = np.linalg.solve(triangle, basis.T @ _real(target * weight)) / size
-        weight = prior / np.abs(_polynomial(s, [*solution[:na], 1.0]))
-    rest = _real(target * weight) - _real(columns * weight[:, None]) @ solution
-    variance = float(rest @ rest) / (len(rest) - len(solution))
-    inverse = np.linalg.inv(triangle) / size[:, None]
-    a, b, e = np.split(solution, [na, na + nb])
-    return _Solution(
-        a=a,
-        b=b,
-        covariance=variance * (inverse @ inverse.T)[:na, :na],
-        denominator=_polynomial(s, [*a, 1.0]),
-        numerator=_polynomial(s, b),
-        ends=_polynomial(s, e) if ne else np.zeros_like(s),
-        residual=math.sqrt(float(rest @ rest) / float(np.sum(np.abs(prior * y) ** 2))),
-    )
-
-
-def _spread(roots: Array, a: Array, covariance: Array) -> tuple[Array, Array, Array, Array]:
-    """|λ|, ζ and their standard deviations, from ∂λ/∂a_k = −λ^k / A'(λ)."""
-    size = np.abs(roots)
-    zeta = -roots.real / size
-    slope = np.polyval(np.polyder([1.0, *a[::-1]]), roots)
-    change = -(roots[:, None] ** np.arange(len(a))) / slope[:, None]
-    d_size = (roots.conj()[:, None] * change).real / size[:, None]
-    d_zeta = -(change.real + zeta[:, None] * d_size) / size[:, None]
-    return size, zeta, _deviation(d_size, covariance), _deviation(d_zeta, covariance)
-
-
-def _deviation(slopes: Array, covariance: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("mi,ij,mj->m", slopes, covariance, slopes)))
-
-
-def _polynomial(s: Array, coefficients: Array | list[float]) -> Array:
-    """Σ c_k s^k, lowest first."""
-    return np.asarray(np.polynomial.polynomial.polyval(s, coefficients))
-
-
-def _real(values: Array) -> Array:
-    """Real above imaginary parts: a complex least-squares problem as a real one."""
-    return np.concatenate([values.real, values.imag])
+        solution = np.linalg.lstsq(rows / size, real(target * weight), rcond=None)[0] / size
+        weight = 1 / np.abs(np.polynomial.polynomial.polyval(s, [*solution[:na], 1.0]))
+    return np.asarray(solution[:na])
