@@ -30,10 +30,24 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
-        note=_rest_note(frequencies),
+        note="; ".join(note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note),
         bold=(0,),
     )
     return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+
+
+def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
+    """Loads that press a port relief open: there the map's frequency is that of oil which is not held."""
+    machine, notes = frequencies.machine, []
+    for function in machine.functions:
+        if function.name in frequencies.beyond_reliefs:
+            share, most = frequencies.beyond_reliefs[function.name]
+            notes.append(
+                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up to "
+                f"{units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
+                "valve holds the load there"
+            )
+    return "; ".join(notes)
 
 
 def _rest_note(frequencies: FrequencyMap) -> str:

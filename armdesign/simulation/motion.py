@@ -16,7 +16,6 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
-from armdesign.simulation.hydraulics import RELIEF_SHARE
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ENERGY, ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
@@ -208,7 +207,7 @@ def _supplied(case: Case) -> Case:
         valve = function.valve
         if valve is None or valve.relief is not None:
             return function
-        return replace(function, valve=replace(valve, relief=RELIEF_SHARE * machine.supply.pressure))
+        return replace(function, valve=replace(valve, relief=function.relief(machine.supply)))
 
     flow_limited = (
         machine.supply.flow_limited and pressure > 0

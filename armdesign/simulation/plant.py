@@ -44,7 +44,7 @@ from armdesign.simulation.hydraulics import (
     system_of,
 )
 from armdesign.simulation.kinematics import POINTS, add_bars, drives_of, joints_of, place_drive, place_joints
-from armdesign.simulation.rest import holding_pressures
+from armdesign.simulation.rest import Holding, holding_pressures
 from armdesign.units import bar
 from armdesign.valve import spool_acceleration
 
@@ -154,35 +154,39 @@ class Plant:
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
         """State (size,) of static equilibrium of one machine at a pose (nq,).
 
-        The valves are shut, but for what makes up for leakage and underlap: see ``rest.holding_pressures``.
+        The valves are shut, but for what makes up for leakage and underlap: see ``rest.holding_pressures``. What cannot
+        be held starts from there, too: see ``holdings``.
 
         Args:
             q: joint positions [rad, m].
-            preloaded: what fixes the chambers' common pressure. None: preloaded if the oil has no air. Its stiffness
-                then does not depend on the pressure, and both chambers stay far from cavitation. With air the stiffness
-                does, so the pressures are those of ``Machine.at``. False asks for these, and for shut valves even if
-                they leak: then the load creeps.
+            preloaded: what fixes the pressures that shut valves leave. None: the loaded chamber carries the load, the
+                other is at return pressure or at the preload that the machine file asks for; so ``check``, maps and
+                ``Machine.at`` have it. True: p1 + p2 = supply + return, which keeps both chambers far from cavitation,
+                for measurements; less where a relief would open. False: the chamber without load at return pressure
+                whatever the file asks for, and valves shut even if they leak: then the load creeps.
 
         Raises:
             PoseError: the pose cannot be taken.
         """
+        held = self.holdings(q, preloaded)
+        state = np.zeros(self.size)
+        state[self._parts[0]] = np.ravel(q)
+        state[self._chambers] = np.array([[one.cap for one in held], [one.annulus for one in held]]).ravel() / bar
+        state[self._parts[4]] = self.machine.supply.pressure / bar
+        state[self._parts[5]] = [one.spool for one in held]
+        return state
+
+    def holdings(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Holding, ...]:
+        """How every function of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
         machine = self.machine
         poses = machine.at(q)
         if len(poses) != 1:
             raise PoseError(f"{machine.name}: q", f"holds {len(poses)} poses", "give one")
-        common = machine.fluid.air == 0 if preloaded is None else preloaded
-        held = [
-            holding_pressures(function, machine.supply, float(force), common, creeps=preloaded is False)
-            for function, force in zip(machine.functions, poses.cylinder_forces[0], strict=True)
-        ]
-        state = np.zeros(self.size)
-        state[self._parts[0]] = poses.q[0]
-        state[self._chambers] = (
-            np.array([[cap for cap, _, _ in held], [annulus for _, annulus, _ in held]]).ravel() / bar
+        rows = zip(machine.functions, self.functions[0], poses.cylinder_forces[0].tolist(), strict=True)
+        return tuple(
+            holding_pressures(function, machine.supply, force, preloaded, (row, self._systems[0]))
+            for function, row, force in rows
         )
-        state[self._parts[4]] = machine.supply.pressure / bar
-        state[self._parts[5]] = [spool for _, _, spool in held]
-        return state
 
     def derivative(self, state: Array, command: Array) -> Array:
         """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN where a four-bar does not close."""
