@@ -15,6 +15,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.simulation.compiled import compiled
 from armdesign.simulation.hydraulics import port
+from armdesign.units import bar
 
 POINTS = 200  # of the line, between which there is at most one balance
 HALVINGS = 60
@@ -23,23 +24,22 @@ NOTHING = 1e-9  # of what an edge of rated size passes under a bar
 
 
 @compiled
-def balance(function: Any, system: Any, low: Array, high: Array) -> Any:
+def balance(law: Any, low: Array, high: Array) -> Any:
     """The balance of lowest pressures: cap and annulus [Pa], spool, and whether there is one.
 
     Args:
-        function: record ``FUNCTION``.
-        system: record ``SYSTEM``.
+        law: records ``FUNCTION`` and ``SYSTEM``, and the supply pressure at the valve [Pa].
         low: pressures of cap and annulus (2,) [Pa] that hold the load behind a shut valve.
         high: the same under the largest pressure that is looked at.
     """
-    start, last = 0.0, _apart(_positions(function, system, low, high, 0.0))
+    start, last = 0.0, _apart(_positions(law, low, high, 0.0))
     points = POINTS if high[0] > low[0] else 0
     end = 0.0
     for k in range(1, points + 1):
         if last == 0.0:
             break
         end = k / points
-        here = _apart(_positions(function, system, low, high, end))
+        here = _apart(_positions(law, low, high, end))
         if here * last < 0:
             break
         if here == 0.0:
@@ -48,20 +48,18 @@ def balance(function: Any, system: Any, low: Array, high: Array) -> Any:
         start, last = end, here
     for _ in range(HALVINGS):
         middle = (start + end) / 2
-        here = _apart(_positions(function, system, low, high, middle))
+        here = _apart(_positions(law, low, high, middle))
         if here * last > 0:
             start = middle
         else:
             end = middle
-    one, other = _positions(function, system, low, high, start), _positions(function, system, low, high, end)
+    one, other = _positions(law, low, high, start), _positions(law, low, high, end)
     least = max(min(one[0], other[0]), min(one[2], other[2]))
     most = min(max(one[1], other[1]), max(one[3], other[3]))
     spool = min(max(0.0, least), most)
     cap, annulus = _on_line(low, high, end)
-    left = max(
-        abs(_gain(function, system, 0, cap, annulus, spool)), abs(_gain(function, system, 1, annulus, cap, spool))
-    )
-    return cap, annulus, spool, left < NOTHING * function.gain * np.sqrt(1e5) and abs(spool) < 1
+    left = max(abs(_gain(law, 0, cap, annulus, spool)), abs(_gain(law, 1, annulus, cap, spool)))
+    return cap, annulus, spool, left < NOTHING * law[0].gain * np.sqrt(bar) and abs(spool) < 1
 
 
 @compiled
@@ -71,11 +69,11 @@ def _on_line(low: Array, high: Array, share: float) -> Any:
 
 
 @compiled
-def _positions(function: Any, system: Any, low: Array, high: Array, share: float) -> Any:
+def _positions(law: Any, low: Array, high: Array, share: float) -> Any:
     """First and last spool position at which the cap gains nothing, and the annulus."""
     cap, annulus = _on_line(low, high, share)
-    first, last = _still(function, system, 0, cap, annulus)
-    begin, end = _still(function, system, 1, annulus, cap)
+    first, last = _still(law, 0, cap, annulus)
+    begin, end = _still(law, 1, annulus, cap)
     return first, last, -end, -begin
 
 
@@ -89,10 +87,10 @@ def _apart(positions: Any) -> float:
 
 
 @compiled
-def _still(function: Any, system: Any, side: int, own: float, other: float) -> Any:
+def _still(law: Any, side: int, own: float, other: float) -> Any:
     """First and last position −1…1 of the spool on a chamber's own way at which the chamber gains nothing."""
     way = 1.0 if side == 0 else -1.0
-    ends = _gain(function, system, side, own, other, -way), _gain(function, system, side, own, other, way)
+    ends = _gain(law, side, own, other, -way), _gain(law, side, own, other, way)
     if ends[0] > 0:
         return -OUT_OF_REACH, -OUT_OF_REACH
     if ends[1] < 0:
@@ -100,16 +98,17 @@ def _still(function: Any, system: Any, side: int, own: float, other: float) -> A
     first, last = (-1.0, -1.0) if ends[0] == 0 else (-1.0, 1.0), (1.0, 1.0) if ends[1] == 0 else (-1.0, 1.0)
     for _ in range(HALVINGS):
         middle = (first[0] + first[1]) / 2
-        losing = _gain(function, system, side, own, other, way * middle) < 0
+        losing = _gain(law, side, own, other, way * middle) < 0
         first = (middle, first[1]) if losing else (first[0], middle)
         middle = (last[0] + last[1]) / 2
-        gaining = _gain(function, system, side, own, other, way * middle) > 0
+        gaining = _gain(law, side, own, other, way * middle) > 0
         last = (last[0], middle) if gaining else (middle, last[1])
     return first[1], last[0]
 
 
 @compiled
-def _gain(function: Any, system: Any, side: int, own: float, other: float, spool: float) -> float:
+def _gain(law: Any, side: int, own: float, other: float, spool: float) -> float:
     """Oil that a chamber gains [m³/s] while its piston stands."""
-    from_supply, to_return, leakage = port(function, system, side, own, other, spool, system.pressure)
+    function, system, supply = law
+    from_supply, to_return, leakage = port(function, system, side, own, other, spool, supply)
     return from_supply - to_return + leakage

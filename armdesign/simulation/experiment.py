@@ -2,6 +2,10 @@
 
 The default amplitude comes from the linear plant: as large as pressures, strokes, the change of geometry and the
 softness of air leave it a small motion.
+
+A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep with. Oil without air
+is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less where
+a relief would open. Oil with air rests as the machine file says, like the linear answer.
 """
 
 from __future__ import annotations
@@ -55,7 +59,8 @@ class Experiment:
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
-        rest: its state at rest.
+        preloaded: the rest that the sweeps run about, see ``Plant.rest``.
+        rest: its state there.
         even: the cylinder's valve, made even.
     """
 
@@ -68,6 +73,7 @@ class Experiment:
     band: tuple[float, float]
     duration: float
     plant: Plant
+    preloaded: bool | None
     rest: Array
     even: EvenOpening
 
@@ -79,19 +85,19 @@ class Experiment:
             PoseError: the pose cannot be taken.
             SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a piston is at its end.
         """
-        plant = Plant(machine)
-        rest = plant.rest(pose)
+        plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
+        rest = plant.rest(pose, preloaded)
         trapped = natural_modes(machine.at(pose)).frequencies[0]
         if trapped[mode] == 0:
             part = f"{machine.name}: mode {mode + 1}"
             raise SimulationError(part, "is unstable on its trapped oil", "choose another pose")
         _refuse_limits(plant, rest)
-        linear = linearize(machine, pose)
+        linear = linearize(machine, pose, preloaded=preloaded)
         frequencies = linear.natural_frequencies if len(linear.modes) == len(trapped) else trapped
         band = _band(frequencies, frequencies[mode])
         duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
         even = EvenOpening.all(plant, rest)[index]
-        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, rest, even)
+        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, preloaded, rest, even)
 
     def of_machine(self, machine: Machine) -> Experiment:
         """The same experiment on a version of the machine that rests alike."""
@@ -154,6 +160,7 @@ class Experiment:
             duration=duration or self.duration,
             rate=self.rate,
             hold=HOLD_SHARE * self.band[0],
+            preloaded=self.preloaded,
         )
 
     def fit(self, motion: Simulation) -> Fit:
@@ -210,8 +217,9 @@ class Experiment:
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
-        """How far pressures (nc,) may swing [Pa]: half of the way to vapour or supply, little with air."""
-        ways = np.minimum(pressures - LOWEST_PRESSURE, self.machine.supply.pressure - pressures)
+        """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief, little with air."""
+        most = np.minimum(self.machine.supply.pressure, self.plant.functions["relief"][0])
+        ways = np.minimum(pressures - LOWEST_PRESSURE, most - pressures)
         soft = [_softening(self.machine.fluid, p) for p in pressures.tolist()]
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
 

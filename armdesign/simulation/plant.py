@@ -28,8 +28,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.errors import PoseError
+from armdesign.errors import PoseError, SimulationError
 from armdesign.machine import Machine
+from armdesign.poses import Poses
 from armdesign.simulation.bodies import Bodies
 from armdesign.simulation.compiled import compiled, resolved
 from armdesign.simulation.hydraulics import (
@@ -168,25 +169,53 @@ class Plant:
         Raises:
             PoseError: the pose cannot be taken.
         """
-        held = self.holdings(q, preloaded)
-        state = np.zeros(self.size)
-        state[self._parts[0]] = np.ravel(q)
-        state[self._chambers] = np.array([[one.cap for one in held], [one.annulus for one in held]]).ravel() / bar
-        state[self._parts[4]] = self.machine.supply.pressure / bar
-        state[self._parts[5]] = [one.spool for one in held]
-        return state
+        return self._resting(q, preloaded)[0]
 
     def holdings(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Holding, ...]:
         """How every function of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
-        machine = self.machine
-        poses = machine.at(q)
+        return self._resting(q, preloaded)[1]
+
+    def refuse_overcome(self, q: ArrayLike) -> None:
+        """Refuse a pose (nq,) of one machine at which a load presses a relief open.
+
+        Raises:
+            SimulationError: names all such functions.
+        """
+        if words := "; ".join(one.overcome for one in self.holdings(q, False) if one.overcome):
+            remedy = "raise relief_bar, or choose a lighter load, a larger cylinder or another pose"
+            raise SimulationError(f"{self.machine.name}: rest", words, remedy)
+
+    def _resting(self, q: ArrayLike, preloaded: bool | None) -> tuple[Array, tuple[Holding, ...]]:
+        """Where a flow-limited pump has to make up for leaks, its pressure falls until it gives as much."""
+        from scipy.optimize import brentq
+
+        poses, pump = self.machine.at(q), self._systems[0]
         if len(poses) != 1:
-            raise PoseError(f"{machine.name}: q", f"holds {len(poses)} poses", "give one")
-        rows = zip(machine.functions, self.functions[0], poses.cylinder_forces[0].tolist(), strict=True)
-        return tuple(
-            holding_pressures(function, machine.supply, force, preloaded, (row, self._systems[0]))
+            raise PoseError(f"{self.machine.name}: q", f"holds {len(poses)} poses", "give one")
+
+        def excess(line: float) -> float:
+            state, _ = self._standing(poses, preloaded, line)
+            told = self.evaluate(state[None], self.split(state)[4][None]).told
+            return float(pump_flow(pump, line) - told["supplied"].sum())
+
+        line, least = float(pump["pressure"]), float((1 - pump["cut_off"]) * pump["pressure"])
+        if self.has_line and excess(line) < 0 < excess(least):
+            line = float(brentq(excess, least, line, xtol=1e-6))
+        return self._standing(poses, preloaded, line)
+
+    def _standing(self, poses: Poses, preloaded: bool | None, line: float) -> tuple[Array, tuple[Holding, ...]]:
+        """State (size,) of rest at one pose under a supply pressure [Pa], and how each function holds its load."""
+        rows = zip(self.machine.functions, self.functions[0], poses.cylinder_forces[0].tolist(), strict=True)
+        held = tuple(
+            holding_pressures(function, self.machine.supply, force, preloaded, (row, self._systems[0], line))
             for function, row, force in rows
         )
+        state = np.zeros(self.size)
+        state[self._parts[0]] = poses.q[0]
+        state[self._chambers] = np.array([[one.cap for one in held], [one.annulus for one in held]]).ravel() / bar
+        state[self._parts[4]] = line / bar
+        state[self._parts[5]] = [one.spool for one in held]
+        return state, held
 
     def derivative(self, state: Array, command: Array) -> Array:
         """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN where a four-bar does not close."""

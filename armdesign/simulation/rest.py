@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Actuator, Motor, Supply, preloaded_pressures
+from armdesign.cylinder import BELOW_RELIEF, Actuator, Motor, Supply, preloaded_pressures
 from armdesign.simulation.balance import balance
 from armdesign.units import bar, kN
 
@@ -31,7 +31,7 @@ class Holding(NamedTuple):
 
 
 def holding_pressures(
-    function: Actuator, supply: Supply, force: float, preloaded: bool | None, laws: tuple[Any, Any]
+    function: Actuator, supply: Supply, force: float, preloaded: bool | None, law: tuple[Any, Any, float]
 ) -> Holding:
     """Pressures of cap and annulus that hold a static force [N, + pushes], and the spool position that keeps them.
 
@@ -49,15 +49,15 @@ def holding_pressures(
         supply: its pump.
         force: that it holds.
         preloaded: None, True or False as above.
-        laws: records of function and system, as ``hydraulics`` makes them.
+        law: records of function and system, as ``hydraulics`` makes them, and the supply pressure at the valve [Pa].
     """
     cap, annulus = _shut(function, supply, force, preloaded)
     if words := _overcome(function, supply, force):
         return Holding(cap, annulus, overcome=words)
     if function.valve is None or not function.valve.leaks or preloaded is False:
         return Holding(cap, annulus)
-    low, high = _line(function, supply, force)
-    *stands, found = balance(*laws, low, high)
+    low, high = _line(function, supply, force, law[2])
+    *stands, found = balance(law, low, high)
     if found:
         return Holding(*stands)
     words = f"{function.name}'s valve leaks, and at no spool position does it make up for that: the load creeps"
@@ -67,12 +67,13 @@ def holding_pressures(
 def _shut(function: Actuator, supply: Supply, force: float, preloaded: bool | None) -> tuple[float, float]:
     """Pressures of cap and annulus [Pa] behind a tight valve."""
     back, areas = supply.return_pressure, (function.bore_area, function.annulus_area)
+    relief = function.relief(supply)
     common = function.preload(back) if preloaded is None else back
     if preloaded:
         total = supply.pressure + back
         middle = (force + areas[1] * total) / sum(areas)
-        common = max(min(middle, total - middle), back)
-    cap, annulus = preloaded_pressures(force, *areas, common, back, function.relief(supply))
+        common = min(middle, total - middle, BELOW_RELIEF * relief)
+    cap, annulus = preloaded_pressures(force, *areas, common, back, relief)
     return float(cap), float(annulus)
 
 
@@ -90,9 +91,9 @@ def _overcome(function: Actuator, supply: Supply, force: float) -> str:
     )
 
 
-def _line(function: Actuator, supply: Supply, force: float) -> tuple[Array, Array]:
-    """Pressures of cap and annulus (2,) that hold a force: one chamber at return pressure; one at the supply's."""
-    bore, ring, most = function.bore_area, function.annulus_area, supply.pressure
+def _line(function: Actuator, supply: Supply, force: float, most: float) -> tuple[Array, Array]:
+    """Pressures of cap and annulus (2,) that hold a force: one chamber at return pressure; one at the ``most``."""
+    bore, ring = function.bore_area, function.annulus_area
     high = np.array([most, (bore * most - force) / ring])
     if high[1] > most:
         high = np.array([(force + ring * most) / bore, most])
