@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.cylinder import kind
+from armdesign.errors import SimulationError
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 
@@ -59,7 +60,10 @@ def _rest_note(frequencies: FrequencyMap) -> str:
         return ""
     from armdesign.linearization import linearize
 
-    found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+    try:
+        found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+    except SimulationError as error:
+        return str(error)
     left = len(found) == len(machine.joints)
     if left and abs(found[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""

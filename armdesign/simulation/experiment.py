@@ -37,6 +37,7 @@ SHARE = 0.5  # of what pressures and strokes leave
 LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
 DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
+BARELY = 0.5 * bar  # above return pressure, or below a relief
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
@@ -218,10 +219,22 @@ class Experiment:
 
     def _pressure_room(self, pressures: Array) -> Array:
         """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief, little with air."""
-        most = np.minimum(self.machine.supply.pressure, self.plant.functions["relief"][0])
-        ways = np.minimum(pressures - LOWEST_PRESSURE, most - pressures)
+        ways = np.minimum(pressures - LOWEST_PRESSURE, self.machine.supply.pressure - pressures)
+        ways = np.minimum(ways, self._relief_room(pressures))
         soft = [_softening(self.machine.fluid, p) for p in pressures.tolist()]
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
+
+    def _relief_room(self, pressures: Array) -> Array:
+        """How far pressures (nc,) may rise [Pa] before a relief below the supply opens.
+
+        Where the other chamber is at return pressure, its edges let in more than out, and both pressures climb from
+        swing to swing.
+        """
+        supply, relief = self.machine.supply, self.plant.functions["relief"][0]
+        _, _, caps, annuli, _, _ = self.plant.split(self.rest)
+        climbs = np.minimum(caps, annuli) < supply.return_pressure + BARELY
+        room = (relief - pressures) / np.where(climbs, CYCLES, 1.0)
+        return np.where(relief < supply.pressure, room, np.inf)
 
     def _ends(self) -> Array:
         """How far the pistons may swing (nc,) [m]; motors without end."""
@@ -264,7 +277,7 @@ def _band(frequencies: Array, target: float) -> tuple[float, float]:
 
 
 def _refuse_limits(plant: Plant, rest: Array) -> None:
-    """Where nothing can oscillate freely: a load above supply pressure, a piston on its stop."""
+    """Where nothing can oscillate freely: a load above supply pressure or at a relief, a piston on its stop."""
     _, _, caps, annuli, _, _ = plant.split(rest)
     places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
     supply = plant.machine.supply.pressure
@@ -273,6 +286,9 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
         if pressure >= supply:
             problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
+        if pressure > (relief := cylinder.relief(plant.machine.supply)) - BARELY:
+            problem = f"needs {pressure / bar:.1f} bar to hold the load, its relief opens at {relief / bar:.1f} bar"
+            raise SimulationError(part, problem, "raise relief_bar, or choose a lighter load or another pose")
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
 

@@ -51,7 +51,8 @@ class Simulation:
             m³ (1 % of its work p Q at 300 bar), is left out here and in ``supplied``: see ``plant``.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
-        events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
+        events: what limited the motion, in words and in order: loads that cannot be held, stops, cavitation, reliefs,
+            the pump.
     """
 
     time: Array

@@ -198,10 +198,15 @@ class Plant:
             told = self.evaluate(state[None], self.split(state)[4][None]).told
             return float(pump_flow(pump, line) - told["supplied"].sum())
 
-        line, least = float(pump["pressure"]), float((1 - pump["cut_off"]) * pump["pressure"])
-        if self.has_line and excess(line) < 0 < excess(least):
-            line = float(brentq(excess, least, line, xtol=1e-6))
-        return self._standing(poses, preloaded, line)
+        line = float(pump["pressure"])
+        state, held = self._standing(poses, preloaded, line)
+        if preloaded is False or not self.has_line or excess(line) >= 0:
+            return state, held
+        least = max(max(one.cap, one.annulus) for one in self._standing(poses, False, line)[1])
+        if least < line and excess(least) > 0:
+            return self._standing(poses, preloaded, float(brentq(excess, least, line, xtol=1e-6)))
+        words = "the pump gives less than what the valves let through at rest: its pressure falls"
+        return state, (held[0]._replace(creeps=words), *held[1:])
 
     def _standing(self, poses: Poses, preloaded: bool | None, line: float) -> tuple[Array, tuple[Holding, ...]]:
         """State (size,) of rest at one pose under a supply pressure [Pa], and how each function holds its load."""
