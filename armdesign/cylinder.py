@@ -16,12 +16,13 @@ import numpy as np
 from armdesign.errors import ArmDesignError
 from armdesign.fluid import bulk_modulus
 from armdesign.units import MPa
-from armdesign.valve import Friction, LoadHolding, Valve
+from armdesign.valve import RELIEF_SHARE, Friction, LoadHolding, Valve
 
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus of the rod
 STEEL_DENSITY = 7850.0  # [kg/m³]
 BARREL_STRESS = 355e6 / 1.5  # [Pa] yield strength of E355 tube (EN 10305-1) over a safety of 1.5
 NO_FRICTION = Friction()
+BELOW_RELIEF = 0.95  # of the relief: a preload presses the loaded chamber no further
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +91,32 @@ class Actuator(ABC):
         """Oil in cap and annulus chamber [m³] at an extension [m]."""
         return self.chambers(self.bore_area, self.annulus_area, extension, self.stroke)
 
-    def stiffness(self, extension: Any, force: Any, fluid: Fluid, return_pressure: float) -> Any:
-        """Oil stiffness [N/m] at an extension [m] under a static force [N, + pushes], valve closed."""
-        return stiffness(self, self.bore_area, self.annulus_area, extension, self.stroke, force, fluid, return_pressure)
+    def relief(self, supply: Supply) -> float:
+        """Where its port reliefs open [Pa]; inf without a valve."""
+        if self.valve is None:
+            return math.inf
+        return RELIEF_SHARE * supply.pressure if self.valve.relief is None else self.valve.relief
+
+    def preload(self, return_pressure: float) -> float:
+        """Pressure of the chamber without load behind a shut valve [Pa]: what its file asks for, else the return's."""
+        asked = None if self.valve is None else self.valve.preload
+        return return_pressure if asked is None else asked
+
+    def static_pressures(self, force: Any, supply: Supply) -> tuple[Any, Any]:
+        """Pressures of cap and annulus [Pa] behind a shut valve under a static force [N, + pushes].
+
+        Simulations start at them, ``check`` and maps name them, and oil with air is as stiff as they make it.
+        """
+        back = supply.return_pressure
+        at, relief = self.preload(back), self.relief(supply)
+        return preloaded_pressures(force, self.bore_area, self.annulus_area, at, back, relief)
+
+    def stiffness(
+        self, extension: Any, force: Any, fluid: Fluid, return_pressure: float, relief: float = math.inf
+    ) -> Any:
+        """Oil stiffness [N/m] at an extension [m] under a static force [N, + pushes], valve closed; see ``relief``."""
+        a1, a2 = self.bore_area, self.annulus_area
+        return stiffness(self, a1, a2, extension, self.stroke, force, fluid, return_pressure, relief)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +221,7 @@ def stiffness(
     force: Any,
     fluid: Fluid,
     return_pressure: float,
+    relief: float = math.inf,
 ) -> Any:
     """Stiffness [N/m] of an actuator like this, but with other areas [m²] and stroke [m]; complex-safe.
 
@@ -207,7 +232,8 @@ def stiffness(
         extension = extension + actuator.compliance * force
     beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
     if fluid.air > 0:
-        pressures = static_pressures(force, bore_area, annulus_area, return_pressure)
+        at = actuator.preload(return_pressure)
+        pressures = preloaded_pressures(force, bore_area, annulus_area, at, return_pressure, relief)
         beta = tuple(bulk_modulus(p, fluid.bulk_modulus, fluid.air) for p in pressures)
     cap, annulus = actuator.chambers(bore_area, annulus_area, extension, stroke)
     return oil_stiffness(
@@ -237,15 +263,34 @@ def oil_stiffness(
     return oil / (1 + compliance * oil)
 
 
-def static_pressures(force: Any, bore_area: Any, annulus_area: Any, return_pressure: float) -> tuple[Any, Any]:
+def static_pressures(force: Any, bore_area: Any, annulus_area: Any, return_pressure: Any) -> tuple[Any, Any]:
     """Pressures of cap and annulus chamber [Pa] under a static force [N, + pushes]: F = A1 p1 − A2 p2.
 
     The chamber that carries the load takes what the other, at return pressure, leaves to it.
     """
     cap = (force + annulus_area * return_pressure) / bore_area
     annulus = (bore_area * return_pressure - force) / annulus_area
-    pushes = np.real(cap) >= return_pressure
+    pushes = np.real(cap) >= np.real(return_pressure)
     return np.where(pushes, cap, return_pressure), np.where(pushes, return_pressure, annulus)
+
+
+def preloaded_pressures(
+    force: Any, bore_area: Any, annulus_area: Any, preload: Any, return_pressure: float, relief: float
+) -> tuple[Any, Any]:
+    """As ``static_pressures``, the chamber without load at a ``preload`` [Pa]; complex-safe.
+
+    Where that would press the loaded chamber against its ``relief`` [Pa], the preload is as much less as keeps it a
+    little below, down to return pressure.
+    """
+    lower = np.maximum(preload, return_pressure)
+    if np.all(lower == return_pressure):
+        return static_pressures(force, bore_area, annulus_area, return_pressure)
+    if math.isfinite(relief):
+        limit = np.maximum(BELOW_RELIEF * relief, lower)
+        for most in ((bore_area * limit - force) / annulus_area, (annulus_area * limit + force) / bore_area):
+            lower = np.where(np.real(most) < np.real(lower), most, lower)
+        lower = np.where(np.real(lower) < return_pressure, return_pressure, lower)
+    return static_pressures(force, bore_area, annulus_area, lower)
 
 
 def softest_extension(bore_area: float, annulus_area: float, stroke: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
-from armdesign.cylinder import Cylinder, euler_safety, holding_force, kind, static_pressures
+from armdesign.cylinder import Actuator, Cylinder, euler_safety, holding_force, kind
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
@@ -55,10 +55,11 @@ class Lever:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """Largest static pressure [Pa] of a function under a load case, and its share of what holds it.
+    """Static pressure [Pa] of a function's loaded chamber at its largest load under a load case.
 
-    ``share`` is the static force over the force of supply against return pressure (inf where that holds nothing),
-    ``cap`` whether the cap side holds.
+    The other chamber is at return pressure, or at the preload of its valve: a simulation starts so. ``share`` is the
+    static force over the force of supply against return pressure (inf where that holds nothing), ``cap`` whether the
+    cap side holds; ``most`` [Pa] are the largest pressures of cap and annulus over all poses.
     """
 
     cylinder: int
@@ -66,6 +67,7 @@ class Load:
     pressure: float
     share: float
     cap: bool
+    most: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,17 +158,17 @@ class Inspection:
 
     def _load(self, i: int, payload: str, forces: Array) -> Load:
         cylinder, supply = self.machine.functions[i], self.machine.supply
-        areas = (cylinder.bore_area, cylinder.annulus_area)
-        held = holding_force(*areas, supply, forces >= 0)
+        held = holding_force(cylinder.bore_area, cylinder.annulus_area, supply, forces >= 0)
         share = np.divide(np.abs(forces), held, out=np.where(forces == 0, 0.0, np.inf), where=held > 0)
         worst = int(share.argmax())
-        cap, annulus = static_pressures(forces[worst], *areas, supply.return_pressure)
+        cap, annulus = cylinder.static_pressures(forces, supply)
         return Load(
             cylinder=i,
             payload=payload,
-            pressure=float(max(cap, annulus)),
+            pressure=float(max(cap[worst], annulus[worst])),
             share=float(share[worst]),
-            cap=bool(cap > annulus),
+            cap=bool(cap[worst] > annulus[worst]),
+            most=(float(cap.max()), float(annulus.max())),
         )
 
     def findings(self, units: Units = WORKSHOP) -> list[Finding]:
@@ -248,6 +250,7 @@ class Inspection:
             yield from self._odd_pitch(name, units)
         for load in (load for load in self.loads if load.payload == name):
             function = self.machine.functions[load.cylinder]
+            yield from self._odd_valves(function, load, units)
             limit = self.machine.section.requirements.holding_share
             side = "cap" if load.cap else "rod"
             words = f"under {name} the {side} side needs {units.text(load.pressure, 'Pa')} to stand still"
@@ -259,6 +262,21 @@ class Inspection:
                 continue
             yield Finding(part=f"{kind(function)}.{function.name}", words=words)
         yield from self._odd_modes(name)
+
+    def _odd_valves(self, function: Actuator, load: Load, units: Units) -> Iterator[Finding]:
+        """A relief, or a load-holding valve, that the load alone presses open."""
+        part, supply = f"{kind(function)}.{function.name}", self.machine.supply
+        for side, most in zip(("cap", "annulus"), load.most, strict=True):
+            needs = f"under {load.payload} the {side.replace('annulus', 'rod')} side needs {units.text(most, 'Pa')}"
+            if most > function.relief(supply):
+                opens = units.text(function.relief(supply), "Pa")
+                words = f"{needs} to stand still; its relief opens at {opens} and cannot hold that: the load gives way"
+                yield Finding(part=f"{part}.valve.relief_bar", words=words)
+            holding = function.load_holding
+            if holding is not None and holding.side == side and most > holding.setting:
+                words = f"{needs}, more than the setting of {units.text(holding.setting, 'Pa')}: the load alone opens "
+                words += "it, and is held by the spool, if at all"
+                yield Finding(part=f"{part}.load_holding.setting_bar", words=words)
 
     def _odd_pitch(self, name: str, units: Units) -> Iterator[Finding]:
         payload = next(case for case in self.machine.payloads if case.name == name)

@@ -122,9 +122,10 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
 
     Raises:
         PoseError: the pose cannot be taken.
-        SimulationError: a cylinder has no valve.
+        SimulationError: a cylinder has no valve, or a relief cannot hold its load: there is no rest.
     """
     plant = Plant(without_dry_friction(machine))
+    plant.refuse_overcome(q)
     rest = plant.rest(q, preloaded)
     held, steps = plant.split(rest)[4], plant.spread(STEPS)
     a = _jacobian(lambda y: plant.derivative(y, _rows(held, y)), rest, steps)

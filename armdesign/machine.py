@@ -327,7 +327,9 @@ class Machine:
         forces = static_forces(moment_arms, gravity, self._areas)
         extension = lengths - self._closed
         stiffness = [
-            function.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply.return_pressure)
+            function.stiffness(
+                extension[:, i], forces[:, i], self.fluid, self.supply.return_pressure, function.relief(self.supply)
+            )
             for i, function in enumerate(self.functions)
         ]
         return Poses(

@@ -22,7 +22,17 @@ from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
-from armdesign.schema import ONE_LINE, CylinderSection, MachineSection, Section, allowed, annotation
+from armdesign.schema import (
+    ONE_LINE,
+    CylinderSection,
+    MachineSection,
+    Section,
+    SupplySection,
+    ValveSection,
+    allowed,
+    annotation,
+)
+from armdesign.valve import RELIEF_SHARE
 
 MADE = "Made by armdesign"  # how the first comment of a file begins that a design has written
 DIRECTIVE = "#:schema"  # names an editor's JSON Schema, in the first line
@@ -425,6 +435,9 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
     for name, motor in machine.motor.items():
         _check_hoses(f"motor.{name}", motor.hose, motor.trapped_volume_l, refuse)
         _check_friction(f"motor.{name}.friction", motor.friction.static_N_m, motor.friction.coulomb_N_m, "N m", refuse)
+    for kind, functions in (("cylinder", machine.cylinder), ("motor", machine.motor)):
+        for name, function in functions.items():
+            _check_preload(f"{kind}.{name}.valve", function.valve, machine.supply, refuse)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
             refuse(f"bands.{key}", f"[{band[0]:g}, {band[1]:g}] is upside down", "give [lower, upper]")
@@ -474,6 +487,18 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
         refuse(f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them")
     _check_hoses(path, cylinder.hose, cylinder.dead_volume_l, refuse)
     _check_friction(f"{path}.friction", cylinder.friction.static_N, cylinder.friction.coulomb_N, "N", refuse)
+
+
+def _check_preload(path: str, valve: ValveSection | None, supply: SupplySection, refuse: Any) -> None:
+    """A shut chamber keeps no less than return pressure, and no more than its relief holds."""
+    if valve is None or valve.preload_bar is None:
+        return
+    back, own = supply.return_pressure_bar, valve.relief_bar
+    relief = RELIEF_SHARE * supply.pressure_bar if own is None else own
+    if not back <= valve.preload_bar < relief:
+        low, high = "return pressure", "1.1 × supply pressure" if own is None else "relief_bar"
+        remedy = f"give a pressure in [{back:g}, {relief:g}) bar, from {low} to below {high}"
+        refuse(f"{path}.preload_bar", f"{valve.preload_bar:g} bar is not allowed", remedy)
 
 
 def _check_hoses(path: str, hose: Section, volumes: Section, refuse: Any) -> None:

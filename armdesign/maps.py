@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array, Flags, chunks, percentiles
-from armdesign.cylinder import Actuator, Motor, static_pressures
+from armdesign.cylinder import Actuator, Motor
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import Modes, energy_shares, lowest_frequency, natural_modes
@@ -159,13 +159,33 @@ class FrequencyMap:
 
     @property
     def holding_pressures(self) -> Array:
-        """Larger static chamber pressure of each cylinder over the supply's (n, nc), row by row; above one it sinks."""
-        supply, shares = self.machine.supply, []
-        for c in self.machine.functions:
-            force = self.frame[_force_column(c)].to_numpy()
-            pressures = static_pressures(force, c.bore_area, c.annulus_area, supply.return_pressure)
-            shares.append(np.maximum(*pressures) / supply.pressure)
-        return np.stack(shares, axis=1)
+        """Static pressure of each cylinder's loaded chamber over the supply's (n, nc), row by row; above one it sinks.
+
+        The other chamber is at return pressure, or at the preload of its valve: a simulation starts so.
+        """
+        return self.static_pressures / self.machine.supply.pressure
+
+    @property
+    def static_pressures(self) -> Array:
+        """Static pressure of each function's loaded chamber (n, nc) [Pa], row by row."""
+        supply, functions = self.machine.supply, self.machine.functions
+        forces = [self.frame[_force_column(function)].to_numpy() for function in functions]
+        pairs = zip(functions, forces, strict=True)
+        return np.stack([np.maximum(*function.static_pressures(force, supply)) for function, force in pairs], axis=1)
+
+    @property
+    def beyond_reliefs(self) -> dict[str, tuple[float, float]]:
+        """Functions whose port relief some load presses open: the share of rows, and the largest static pressure [Pa].
+
+        It cannot be held there, whatever the supply: the function gives way.
+        """
+        functions, supply = self.machine.functions, self.machine.supply
+        found = {}
+        for function, pressure in zip(functions, self.static_pressures.T, strict=True):
+            open_ = pressure > function.relief(supply)
+            if open_.any():
+                found[function.name] = float(open_.mean()), float(pressure.max())
+        return found
 
     def reach_map(self, cells: int | None = None) -> ReachMap:
         """Least frequency over all poses that bring the tool to a cell of the reach/height plane.

@@ -331,12 +331,19 @@ def _configured(machine: Machine, mass: float, length: float) -> Machine:
 
 
 def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measurement, ...]:
-    """All runs, side by side."""
+    """All runs, side by side, from the rest of ``Experiment``: about a preload, as the authors' valve leaves it."""
     pose, small = np.zeros(1), [Experiment.of(machine, np.zeros(1), 0, 0) for machine in machines]
     amplitudes = [experiment.default_amplitude() for experiment in small]
     cases = [
-        Case(machine=m, q=pose, command={m.cylinders[0].name: sweep}, duration=sweep.duration, rate=RATE)
-        for m in machines
+        Case(
+            machine=m,
+            q=pose,
+            command={m.cylinders[0].name: sweep},
+            duration=sweep.duration,
+            rate=RATE,
+            preloaded=one.preloaded,
+        )
+        for m, one in zip(machines, small, strict=True)
     ]
     held = [
         experiment.case(experiment.sweep(amplitude)) for experiment, amplitude in zip(small, amplitudes, strict=True)

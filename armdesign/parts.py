@@ -102,6 +102,7 @@ def _valve(section: ValveSection) -> Valve:
         tank_leakage=section.tank_leakage_l_per_min_per_bar * l_per_min / bar,
         fastest=math.inf if section.stroke_time_ms is None else 1 / (section.stroke_time_ms * ms),
         relief=None if section.relief_bar is None else section.relief_bar * bar,
+        preload=None if section.preload_bar is None else section.preload_bar * bar,
         edges=Edges(**section.edges.model_dump()),
     )
 

@@ -99,6 +99,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "tank_leakage_l_per_min_per_bar": "from each chamber to the tank, all parallel cylinders together",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
     "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
+    "preload_bar": "of the chamber without load while the valve is shut and tight; default: return pressure",
     "edges": "gains of the four metering edges, relative to the rated flow",
     "load_holding": "counterbalance or pilot-operated check valve on one chamber",
     "side": "the chamber that it holds",
@@ -246,6 +247,7 @@ class ValveSection(Section):
     tank_leakage_l_per_min_per_bar: Annotated[float, Field(ge=0, le=1_000)] = 0.0
     stroke_time_ms: Annotated[float, Field(gt=0, le=100_000)] | None = None
     relief_bar: Pressure | None = None
+    preload_bar: Annotated[float, Field(ge=0, le=5_000)] | None = None
     edges: EdgesSection = EdgesSection()
 
 

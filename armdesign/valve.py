@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 LAMINAR_DROP = 0.5e5  # [Pa] below about this drop the flow through a metering edge is laminar
+RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class Valve:
     moves at ``fastest`` [1/s] at most; ``overlap`` is the share of the spool's travel
     without flow (negative: underlap, both edges of a port open about the middle); ``leakage`` [m³/s/Pa] passes the
     piston, ``tank_leakage`` leaves each chamber; port reliefs open at ``relief`` [Pa], None: 1.1 × supply pressure.
+    Shut, it leaves the chamber without load at ``preload`` [Pa], None: return pressure.
     """
 
     rated_flow: float
@@ -47,6 +49,7 @@ class Valve:
     tank_leakage: float = 0.0
     fastest: float = math.inf
     relief: float | None = None
+    preload: float | None = None
     edges: Edges = EQUAL_EDGES
 
     @property

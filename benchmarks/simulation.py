@@ -47,14 +47,14 @@ def sweeps() -> list[Case]:
         experiment = Experiment.of(machine, pose, 0, 0)
         commands = experiment.commands(experiment.sweep(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
-        found.append(Case(machine=machine, q=pose, command=commands, duration=16.0, rate=60, hold=hold))
+        found.append(Case(machine=machine, q=pose, command=commands, duration=16.0, rate=60, hold=hold, preloaded=True))
     return found
 
 
 def by_scipy(case: Case, method: str) -> float:
     """Factor of real time of one case by one of scipy's integrators, with the same right-hand side."""
     plant = Plant(case.machine)
-    loop = Loop.of([plant], [plant.rest(case.q)], [case.command], [case.hold])
+    loop = Loop.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
 
     def run() -> None:
         solve_ivp(

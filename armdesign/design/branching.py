@@ -57,7 +57,7 @@ class Air:
     """Oil with air, and the static torques (n,) [N m, ≥ 0] by which loads push and pull a cylinder at most."""
 
     fluid: Fluid
-    back: float  # return pressure [Pa]
+    back: float  # pressure of the chamber without load, at most [Pa]
     push: Array
     pull: Array
 
@@ -65,7 +65,7 @@ class Air:
         """Bulk moduli of cap and annulus over that of oil alone (m, 1, n), at most.
 
         For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m, 2):
-        p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), at return pressure p0 or above.
+        p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
         """
         found = []
         for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):

@@ -259,7 +259,8 @@ class Dual:
         fluid, sign = self.problem.machine.fluid, drive.shape.sign
         if fluid.air == 0:
             return None
-        back, turned = self.problem.machine.supply.return_pressure, gravity * sign
+        machine, turned = self.problem.machine, gravity * sign
+        back = machine.cylinders[drive.cylinder].preload(machine.supply.return_pressure)  # reliefs make it but less
         return Air(fluid=fluid, back=back, push=np.maximum(turned.high, 0.0), pull=np.maximum(-turned.low, 0.0))
 
     # -------------------------------------------------------------------------------------------- rows and columns

@@ -314,7 +314,7 @@ class Problem(DesignSpace):
 
         Closed lengths and strokes (…, nc) and areas (…, nc, 2) are broadcast.
         """
-        fluid, return_pressure = self._soft.fluid, self._soft.supply.return_pressure
+        fluid, supply = self._soft.fluid, self._soft.supply
         oil = []
         for i, function in enumerate(self._soft.functions):
             a1, a2 = areas[..., i, 0], areas[..., i, 1]
@@ -326,5 +326,6 @@ class Problem(DesignSpace):
                     annulus_dead_volume=function.annulus_dead_volume * a2 / old[1],
                 )
             extension = length[..., i] - closed[..., i]
-            oil.append(stiffness(function, a1, a2, extension, stroke[..., i], forces[..., i], fluid, return_pressure))
+            pressures = supply.return_pressure, function.relief(supply)
+            oil.append(stiffness(function, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures))
         return np.stack(oil, axis=-1)

@@ -22,7 +22,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.bands import Bands, scaled_links
-from armdesign.cylinder import Fluid
+from armdesign.cylinder import Fluid, Supply
 from armdesign.design.catalogue import Sizes
 from armdesign.design.choices import Choices
 from armdesign.design.codesign import hertz
@@ -313,8 +313,8 @@ class _Hunt:
         return float(lowest[row])
 
     @property
-    def _medium(self) -> tuple[Fluid, float]:
-        return self.frame.fluid, self.frame.supply.return_pressure
+    def _medium(self) -> tuple[Fluid, Supply]:
+        return self.frame.fluid, self.frame.supply
 
     def _oil(self, loads: Loads) -> list[Array]:
         return _oil(self.choices, loads, *self._medium)
@@ -329,9 +329,12 @@ class _Hunt:
         return np.asarray(np.linalg.eigvalsh(matrix)[..., 0])
 
 
-def _oil(offered: Choices, loads: Loads, fluid: Fluid, return_pressure: float) -> list[Array]:
+def _oil(offered: Choices, loads: Loads, fluid: Fluid, supply: Supply) -> list[Array]:
     """Oil stiffness of every size of each cylinder at every pose, (sizes, n) [N/m]."""
+    back = supply.return_pressure
     return [
-        np.stack([c.stiffness(loads.extension[:, i], loads.force[:, i], fluid, return_pressure) for c in options])
+        np.stack(
+            [c.stiffness(loads.extension[:, i], loads.force[:, i], fluid, back, c.relief(supply)) for c in options]
+        )
         for i, options in enumerate(offered.cylinders)
     ]

@@ -7,7 +7,6 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from armdesign.bands import Bands
-from armdesign.cylinder import static_pressures
 from armdesign.report.maps import spread_sheet
 from armdesign.report.sheet import Sheet, dimensions, pose_text
 from armdesign.units import WORKSHOP, Units
@@ -175,7 +174,7 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
             first = "" if c.name in found else c.name
             name = first if label == next(iter(machines)) else f"{first} → {label}".strip()
             pressures = [
-                static_pressures(force[i] * sign, c.bore_area, c.annulus_area, machine.supply.return_pressure)[side]
+                c.static_pressures(force[i] * sign, machine.supply)[side]
                 for force, sign, side in zip(loads, (1, -1), (0, 1), strict=True)
             ]
             cells = (
@@ -206,7 +205,7 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         ),
         rows=rows,
         note=f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest static pressure of the "
-        "loaded chamber",
+        "loaded chamber, the other at return pressure or its valve's preload",
         bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
     )
 

@@ -135,7 +135,8 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
         title="Largest static loads over the workspace",
         columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of what holds"),
         rows=tuple(rows),
-        note="of what holds: static force over that of supply against return pressure",
+        note="pressure of the loaded chamber behind a shut valve, the other at return pressure or the valve's "
+        "preload_bar: a simulation starts so; of what holds: static force over that of supply against return pressure",
     )
 
 

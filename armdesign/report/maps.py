@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
 from armdesign.cylinder import kind
+from armdesign.errors import SimulationError
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 
@@ -29,10 +30,24 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
-        note=_rest_note(frequencies),
+        note="; ".join(note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note),
         bold=(0,),
     )
     return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+
+
+def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
+    """Loads that press a port relief open: there the map's frequency is that of oil which is not held."""
+    machine, notes = frequencies.machine, []
+    for function in machine.functions:
+        if function.name in frequencies.beyond_reliefs:
+            share, most = frequencies.beyond_reliefs[function.name]
+            notes.append(
+                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up to "
+                f"{units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
+                "valve holds the load there"
+            )
+    return "; ".join(notes)
 
 
 def _rest_note(frequencies: FrequencyMap) -> str:
@@ -44,7 +59,10 @@ def _rest_note(frequencies: FrequencyMap) -> str:
         return ""
     from armdesign.linearization import linearize
 
-    found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+    try:
+        found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+    except SimulationError as error:
+        return str(error)
     left = len(found) == len(machine.joints)
     if left and abs(found[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""

@@ -42,7 +42,9 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
     note = (
         "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
         f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "leaks (which make other pressures, and damp), creep (of what no spool position makes up for), or a fault"
+        "leaks (which make other pressures, and damp), creep (of what no spool position makes up for), or a fault; "
+        "oil without air is swept under a preload, p1 + p2 = supply + return or less where a relief would open, on "
+        "which its frequency does not depend; oil with air under the static pressures that check and map name"
     )
     if rough:
         note += (

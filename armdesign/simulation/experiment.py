@@ -2,6 +2,10 @@
 
 The default amplitude comes from the linear plant: as large as pressures, strokes, the change of geometry and the
 softness of air leave it a small motion.
+
+A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep with. Oil without air
+is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less where
+a relief would open. Oil with air rests as the machine file says, like the linear answer.
 """
 
 from __future__ import annotations
@@ -32,6 +36,7 @@ SHARE = 0.5  # of what pressures and strokes leave
 LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
 DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
+BARELY = 0.5 * bar  # above return pressure, or below a relief
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
@@ -54,7 +59,8 @@ class Experiment:
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
-        rest: its state at rest.
+        preloaded: the rest that the sweeps run about, see ``Plant.rest``.
+        rest: its state there.
         even: the cylinder's valve, made even.
     """
 
@@ -67,6 +73,7 @@ class Experiment:
     band: tuple[float, float]
     duration: float
     plant: Plant
+    preloaded: bool | None
     rest: Array
     even: EvenOpening
 
@@ -78,19 +85,19 @@ class Experiment:
             PoseError: the pose cannot be taken.
             SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a piston is at its end.
         """
-        plant = Plant(machine)
-        rest = plant.rest(pose)
+        plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
+        rest = plant.rest(pose, preloaded)
         trapped = natural_modes(machine.at(pose)).frequencies[0]
         if trapped[mode] == 0:
             part = f"{machine.name}: mode {mode + 1}"
             raise SimulationError(part, "is unstable on its trapped oil", "choose another pose")
         _refuse_limits(plant, rest)
-        linear = linearize(machine, pose)
+        linear = linearize(machine, pose, preloaded=preloaded)
         frequencies = linear.natural_frequencies if len(linear.modes) == len(trapped) else trapped
         band = _band(frequencies, frequencies[mode])
         duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
         even = EvenOpening.all(plant, rest)[index]
-        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, rest, even)
+        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, preloaded, rest, even)
 
     def of_machine(self, machine: Machine) -> Experiment:
         """The same experiment on a version of the machine that rests alike."""
@@ -153,6 +160,7 @@ class Experiment:
             duration=duration or self.duration,
             rate=self.rate,
             hold=HOLD_SHARE * self.band[0],
+            preloaded=self.preloaded,
         )
 
     def fit(self, motion: Simulation) -> Fit:
@@ -209,10 +217,23 @@ class Experiment:
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
-        """How far pressures (nc,) may swing [Pa]: half of the way to vapour or supply, little with air."""
+        """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief, little with air."""
         ways = np.minimum(pressures - LOWEST_PRESSURE, self.machine.supply.pressure - pressures)
+        ways = np.minimum(ways, self._relief_room(pressures))
         soft = [_softening(self.machine.fluid, p) for p in pressures.tolist()]
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
+
+    def _relief_room(self, pressures: Array) -> Array:
+        """How far pressures (nc,) may rise [Pa] before a relief below the supply opens.
+
+        Where the other chamber is at return pressure, its edges let in more than out, and both pressures climb from
+        swing to swing.
+        """
+        supply, relief = self.machine.supply, self.plant.functions["relief"][0]
+        _, _, caps, annuli, _, _ = self.plant.split(self.rest)
+        climbs = np.minimum(caps, annuli) < supply.return_pressure + BARELY
+        room = (relief - pressures) / np.where(climbs, CYCLES, 1.0)
+        return np.where(relief < supply.pressure, room, np.inf)
 
     def _ends(self) -> Array:
         """How far the pistons may swing (nc,) [m]; motors without end."""
@@ -255,7 +276,7 @@ def _band(frequencies: Array, target: float) -> tuple[float, float]:
 
 
 def _refuse_limits(plant: Plant, rest: Array) -> None:
-    """Where nothing can oscillate freely: a load above supply pressure, a piston on its stop."""
+    """Where nothing can oscillate freely: a load above supply pressure or at a relief, a piston on its stop."""
     _, _, caps, annuli, _, _ = plant.split(rest)
     places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
     supply = plant.machine.supply.pressure
@@ -264,6 +285,9 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
         if pressure >= supply:
             problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
+        if pressure > (relief := cylinder.relief(plant.machine.supply)) - BARELY:
+            problem = f"needs {pressure / bar:.1f} bar to hold the load, its relief opens at {relief / bar:.1f} bar"
+            raise SimulationError(part, problem, "raise relief_bar, or choose a lighter load or another pose")
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
 

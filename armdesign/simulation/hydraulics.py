@@ -25,9 +25,8 @@ from armdesign.fluid import bulk_modulus
 from armdesign.machine import Machine
 from armdesign.simulation.compiled import compiled
 from armdesign.units import bar
-from armdesign.valve import Friction, Valve, edge_opening, friction_force, in_series, orifice_flow
+from armdesign.valve import RELIEF_SHARE, Friction, Valve, edge_opening, friction_force, in_series, orifice_flow
 
-RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
 VAPOUR_PRESSURE, VAPOUR_WIDTH = -0.7 * bar, 0.02 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
 STOP_SHARE = 1e-3  # of the stroke that supply pressure on the bore presses an end stop in
 STOP_DAMPING = 12.0  # [s/m] of the end stops, a
@@ -71,7 +70,7 @@ def functions_of(machine: Machine) -> Array:
         for field in fields(Friction):
             row[field.name] = getattr(function.friction, field.name)
         row["rubs"] = any((function.friction.coulomb, function.friction.static, function.friction.viscous))
-        row["relief"] = RELIEF_SHARE * machine.supply.pressure if valve.relief is None else valve.relief
+        row["relief"] = function.relief(machine.supply)
         edges = valve.edges
         row["into"] = np.array([edges.supply_to_cap, edges.supply_to_annulus]) * valve.gain
         row["out"] = np.array([edges.cap_to_return, edges.annulus_to_return]) * valve.gain

@@ -16,7 +16,6 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
-from armdesign.simulation.hydraulics import RELIEF_SHARE
 from armdesign.simulation.integrator import GaveUpError, integrate
 from armdesign.simulation.loop import ENERGY, ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
@@ -52,7 +51,8 @@ class Simulation:
             m³ (1 % of its work p Q at 300 bar), is left out here and in ``supplied``: see ``plant``.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
-        events: what limited the motion, in words and in order: stops, cavitation, reliefs, the pump.
+        events: what limited the motion, in words and in order: loads that cannot be held, stops, cavitation, reliefs,
+            the pump.
     """
 
     time: Array
@@ -121,8 +121,9 @@ def simulate(
 ) -> Simulation:
     """Motion of the machine under its payload from one pose, by the nonlinear model of ``Plant``.
 
-    At rest the pressures hold the load; without leakage a machine with shut valves stays there. Valves start shut,
-    or, with leakage, as far open as makes up for it. With ``velocity`` it starts as if struck: at the same pose and
+    At rest the pressures hold the load: the loaded chamber carries it, the other is at return pressure or at the
+    preload that the machine file asks for. Without leakage a machine with shut valves stays there. Valves start shut,
+    or, with leakage, as far open as makes up for it. What cannot be held is told in ``events``. With ``velocity`` it starts as if struck: at the same pose and
     pressures, but moving. With all valves shut it then rings freely, for ``identify_decay``.
 
     Args:
@@ -208,7 +209,7 @@ def _supplied(case: Case) -> Case:
         valve = function.valve
         if valve is None or valve.relief is not None:
             return function
-        return replace(function, valve=replace(valve, relief=RELIEF_SHARE * machine.supply.pressure))
+        return replace(function, valve=replace(valve, relief=function.relief(machine.supply)))
 
     flow_limited = (
         machine.supply.flow_limited and pressure > 0
@@ -242,7 +243,7 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | Simul
     return [
         _failure(loop.picked([row]), states)
         if isinstance(states, GaveUpError)
-        else _recorded(loop.picked([row]), float(case.duration), states)
+        else _recorded(loop.picked([row]), float(case.duration), states, _unheld(plants[row], case))
         for row, (case, states) in enumerate(zip(cases, _states(loop, cases, tolerance), strict=True))
     ]
 
@@ -253,6 +254,13 @@ def _start(plant: Plant, case: Case) -> Array:
     if case.velocity is not None:
         plant.split(state)[1][:] = case.velocity
     return state
+
+
+def _unheld(plant: Plant, case: Case) -> list[str]:
+    """What is not held at t = 0, in words: loads above a relief, leaks that no spool position makes up for."""
+    held = plant.holdings(case.q, case.preloaded)
+    overcome, creeps = ([getattr(one, what) for one in held if getattr(one, what)] for what in ("overcome", "creeps"))
+    return [*(f"{words} at 0 s" for words in overcome), *(f"{words} from 0 s on" for words in creeps)]
 
 
 def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array | GaveUpError]:
@@ -288,7 +296,8 @@ def _likely_cause(machine: Machine, q: Array, asked: Sequence[float]) -> str:
     return "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm"
 
 
-def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
+def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str]) -> Simulation:
+    """The run, and among its events what its rest does not hold, in words."""
     plant, machine = loop.plant, loop.plant.machine
     time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
     commands = loop.commands(np.array([loop.asked[0](t) for t in time.tolist()], dtype=float), states)
@@ -299,6 +308,7 @@ def _recorded(loop: Loop, duration: float, states: Array) -> Simulation:
     relief = plant.functions["relief"][0]
     told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
     told += pump_events(machine, time, supply, taken)
+    told += [(0.0, words) for words in unheld]
     supplied, oil, dissipated = loop.energies(states)
     tool = machine.arm.point(machine.arm.kinematics(q), machine.tool.link, np.array(machine.tool.at))
     return Simulation(

@@ -31,8 +31,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
-from armdesign.errors import PoseError
+from armdesign.errors import PoseError, SimulationError
 from armdesign.machine import Machine
+from armdesign.poses import Poses
 from armdesign.simulation.bodies import Bodies
 from armdesign.simulation.compiled import compiled, resolved
 from armdesign.simulation.hydraulics import (
@@ -48,7 +49,7 @@ from armdesign.simulation.hydraulics import (
     system_of,
 )
 from armdesign.simulation.kinematics import POINTS, add_bars, drives_of, joints_of, place_drive, place_joints
-from armdesign.simulation.rest import holding_pressures
+from armdesign.simulation.rest import Holding, holding_pressures
 from armdesign.units import bar
 from armdesign.valve import spool_acceleration
 
@@ -158,35 +159,72 @@ class Plant:
     def rest(self, q: ArrayLike, preloaded: bool | None = None) -> Array:
         """State (size,) of static equilibrium of one machine at a pose (nq,).
 
-        The valves are shut, but for what makes up for leakage and underlap: see ``rest.holding_pressures``.
+        The valves are shut, but for what makes up for leakage and underlap: see ``rest.holding_pressures``. What cannot
+        be held starts from there, too: see ``holdings``.
 
         Args:
             q: joint positions [rad, m].
-            preloaded: what fixes the chambers' common pressure. None: preloaded if the oil has no air. Its stiffness
-                then does not depend on the pressure, and both chambers stay far from cavitation. With air the stiffness
-                does, so the pressures are those of ``Machine.at``. False asks for these, and for shut valves even if
-                they leak: then the load creeps.
+            preloaded: what fixes the pressures that shut valves leave. None: the loaded chamber carries the load, the
+                other is at return pressure or at the preload that the machine file asks for; so ``check``, maps and
+                ``Machine.at`` have it. True: p1 + p2 = supply + return, which keeps both chambers far from cavitation,
+                for measurements; less where a relief would open. False: the chamber without load at return pressure
+                whatever the file asks for, and valves shut even if they leak: then the load creeps.
 
         Raises:
             PoseError: the pose cannot be taken.
         """
-        machine = self.machine
-        poses = machine.at(q)
+        return self._resting(q, preloaded)[0]
+
+    def holdings(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Holding, ...]:
+        """How every function of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
+        return self._resting(q, preloaded)[1]
+
+    def refuse_overcome(self, q: ArrayLike) -> None:
+        """Refuse a pose (nq,) of one machine at which a load presses a relief open.
+
+        Raises:
+            SimulationError: names all such functions.
+        """
+        if words := "; ".join(one.overcome for one in self.holdings(q, False) if one.overcome):
+            remedy = "raise relief_bar, or choose a lighter load, a larger cylinder or another pose"
+            raise SimulationError(f"{self.machine.name}: rest", words, remedy)
+
+    def _resting(self, q: ArrayLike, preloaded: bool | None) -> tuple[Array, tuple[Holding, ...]]:
+        """Where a flow-limited pump has to make up for leaks, its pressure falls until it gives as much."""
+        from scipy.optimize import brentq
+
+        poses, pump = self.machine.at(q), self._systems[0]
         if len(poses) != 1:
-            raise PoseError(f"{machine.name}: q", f"holds {len(poses)} poses", "give one")
-        common = machine.fluid.air == 0 if preloaded is None else preloaded
-        held = [
-            holding_pressures(function, machine.supply, float(force), common, creeps=preloaded is False)
-            for function, force in zip(machine.functions, poses.cylinder_forces[0], strict=True)
-        ]
+            raise PoseError(f"{self.machine.name}: q", f"holds {len(poses)} poses", "give one")
+
+        def excess(line: float) -> float:
+            state, _ = self._standing(poses, preloaded, line)
+            told = self.evaluate(state[None], self.split(state)[4][None]).told
+            return float(pump_flow(pump, line) - told["supplied"].sum())
+
+        line = float(pump["pressure"])
+        state, held = self._standing(poses, preloaded, line)
+        if preloaded is False or not self.has_line or excess(line) >= 0:
+            return state, held
+        least = max(max(one.cap, one.annulus) for one in self._standing(poses, False, line)[1])
+        if least < line and excess(least) > 0:
+            return self._standing(poses, preloaded, float(brentq(excess, least, line, xtol=1e-6)))
+        words = "the pump gives less than what the valves let through at rest: its pressure falls"
+        return state, (held[0]._replace(creeps=words), *held[1:])
+
+    def _standing(self, poses: Poses, preloaded: bool | None, line: float) -> tuple[Array, tuple[Holding, ...]]:
+        """State (size,) of rest at one pose under a supply pressure [Pa], and how each function holds its load."""
+        rows = zip(self.machine.functions, self.functions[0], poses.cylinder_forces[0].tolist(), strict=True)
+        held = tuple(
+            holding_pressures(function, self.machine.supply, force, preloaded, (row, self._systems[0], line))
+            for function, row, force in rows
+        )
         state = np.zeros(self.size)
         state[self._parts[0]] = poses.q[0]
-        state[self._chambers] = (
-            np.array([[cap for cap, _, _ in held], [annulus for _, annulus, _ in held]]).ravel() / bar
-        )
-        state[self._parts[4]] = machine.supply.pressure / bar
-        state[self._parts[5]] = [spool for _, _, spool in held]
-        return state
+        state[self._chambers] = np.array([[one.cap for one in held], [one.annulus for one in held]]).ravel() / bar
+        state[self._parts[4]] = line / bar
+        state[self._parts[5]] = [one.spool for one in held]
+        return state, held
 
     def derivative(self, state: Array, command: Array) -> Array:
         """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN where a four-bar does not close."""

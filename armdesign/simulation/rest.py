@@ -2,92 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from armdesign.cylinder import Actuator, Supply, static_pressures
-from armdesign.valve import Valve, edge_opening, orifice_flow
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.cylinder import BELOW_RELIEF, Actuator, Motor, Supply, preloaded_pressures
+from armdesign.simulation.balance import balance
+from armdesign.units import bar, kN
+
+
+class Holding(NamedTuple):
+    """How a function holds its load at rest.
+
+    Attributes:
+        cap: pressure [Pa].
+        annulus: pressure [Pa].
+        spool: position −1…1.
+        overcome: in words, that its relief cannot hold the load; else empty.
+        creeps: in words, that oil leaks which no spool position makes up for; else empty.
+    """
+
+    cap: float
+    annulus: float
+    spool: float = 0.0
+    overcome: str = ""
+    creeps: str = ""
 
 
 def holding_pressures(
-    cylinder: Actuator, supply: Supply, force: float, preloaded: bool, creeps: bool = False
-) -> tuple[float, float, float]:
-    """Pressures of cap and annulus [Pa] that hold a static force [N, + pushes], and the spool position that keeps them.
+    function: Actuator, supply: Supply, force: float, preloaded: bool | None, law: tuple[Any, Any, float]
+) -> Holding:
+    """Pressures of cap and annulus that hold a static force [N, + pushes], and the spool position that keeps them.
 
-    Shut tight, one more condition is needed. ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve
-    leaves when it moves about its middle (Merritt 1967, ch. 5), with neither chamber below return pressure. Else the
-    chamber without load is at return pressure.
+    Shut tight, a valve leaves the load to one chamber, and the other at return pressure or at its preload: None.
+    ``preloaded``: p1 + p2 = supply + return, what a matched symmetric valve leaves when it moves about its middle
+    (Merritt 1967, ch. 5), with neither chamber below return pressure. Either is less where it would press the loaded
+    chamber against its relief. Not preloaded, False: return pressure.
 
     A valve that leaks, or with an underlap, holds nothing by itself: its spool stands where both chambers get as much
-    as they lose, and the flow fixes both pressures, whatever ``preloaded``. If there are no such pressures, or if it
-    ``creeps``, it is taken as shut.
+    as they lose, and the flow fixes both pressures, whatever ``preloaded``; the lowest ones if there are several. If
+    there are none, it is taken as shut, as it is where False asks for it.
+
+    Args:
+        function: cylinder or motor.
+        supply: its pump.
+        force: that it holds.
+        preloaded: None, True or False as above.
+        law: records of function and system, as ``hydraulics`` makes them, and the supply pressure at the valve [Pa].
     """
-    shut = _shut(cylinder, supply, force, preloaded)
-    valve = cylinder.valve
-    if creeps or valve is None or not valve.leaks:
-        return (*shut, 0.0)
-    return _balanced(cylinder, valve, supply, force) or (*shut, 0.0)
+    cap, annulus = _shut(function, supply, force, preloaded)
+    if words := _overcome(function, supply, force):
+        return Holding(cap, annulus, overcome=words)
+    if function.valve is None or not function.valve.leaks or preloaded is False:
+        return Holding(cap, annulus)
+    low, high = _line(function, supply, force, law[2])
+    *stands, found = balance(law, low, high)
+    if found:
+        return Holding(*stands)
+    words = f"{function.name}'s valve leaks, and at no spool position does it make up for that: the load creeps"
+    return Holding(cap, annulus, creeps=words)
 
 
-def _shut(cylinder: Actuator, supply: Supply, force: float, preloaded: bool) -> tuple[float, float]:
-    bore, ring = cylinder.bore_area, cylinder.annulus_area
-    cap, annulus = (float(p) for p in static_pressures(force, bore, ring, supply.return_pressure))
-    if not preloaded:
-        return cap, annulus
-    total = supply.pressure + supply.return_pressure
-    middle = (force + ring * total) / (bore + ring)
-    return (middle, total - middle) if middle > cap and total - middle > annulus else (cap, annulus)
+def _shut(function: Actuator, supply: Supply, force: float, preloaded: bool | None) -> tuple[float, float]:
+    """Pressures of cap and annulus [Pa] behind a tight valve."""
+    back, areas = supply.return_pressure, (function.bore_area, function.annulus_area)
+    relief = function.relief(supply)
+    common = function.preload(back) if preloaded is None else back
+    if preloaded:
+        total = supply.pressure + back
+        middle = (force + areas[1] * total) / sum(areas)
+        common = min(middle, total - middle, BELOW_RELIEF * relief)
+    cap, annulus = preloaded_pressures(force, *areas, common, back, relief)
+    return float(cap), float(annulus)
 
 
-def _balanced(cylinder: Actuator, valve: Valve, supply: Supply, force: float) -> tuple[float, float, float] | None:
-    """Pressures and spool at which neither chamber gains oil while they hold a force; None if there are none.
-
-    The spool that balances the cap moves out as both pressures rise, the one that balances the annulus moves in: there
-    is at most one pair of pressures at which they are the same.
-    """
-    from scipy.optimize import brentq
-
-    bore, ring, low, high = cylinder.bore_area, cylinder.annulus_area, supply.return_pressure, supply.pressure
-
-    def annulus(cap: float) -> float:
-        return (bore * cap - force) / ring
-
-    def spools(cap: float) -> list[float]:
-        return [_zero(gain) for gain in _gains(valve, supply, cap, annulus(cap))]
-
-    def apart(cap: float) -> float:
-        first, second = spools(cap)
-        return first - second
-
-    least, most = max(low, (force + ring * low) / bore), min(high, (force + ring * high) / bore)
-    room = 1e-6 * (high - low)  # an edge without a pressure drop passes nothing
-    if least + room >= most - room or apart(least + room) * apart(most - room) > 0:
-        return None
-    cap = float(brentq(apart, least + room, most - room, xtol=1e-9 * high))
-    spool = spools(cap)[0]
-    return (cap, annulus(cap), spool) if abs(spool) < 1 else None
-
-
-def _zero(gain: Callable[[float], float]) -> float:
-    """Spool position −1…1 at which a chamber gains nothing, or the end that comes nearest to it."""
-    from scipy.optimize import brentq
-
-    ends = gain(-1.0), gain(1.0)
-    if ends[0] * ends[1] > 0:
-        return -1.0 if abs(ends[0]) < abs(ends[1]) else 1.0
-    return float(brentq(gain, -1.0, 1.0, xtol=1e-15))
-
-
-def _gains(valve: Valve, supply: Supply, cap: float, annulus: float) -> tuple[Callable[[float], float], ...]:
-    """Oil that cap and annulus gain [m³/s] at their pressures [Pa], as functions of the spool's position."""
-    edges, across = valve.edges, valve.leakage * (cap - annulus)
-
-    def port(into: float, out: float, pressure: float, spool: float) -> float:
-        flow = into * edge_opening(spool, valve.overlap) * orifice_flow(valve.gain, supply.pressure - pressure)
-        drop = pressure - supply.return_pressure
-        back = out * edge_opening(-spool, valve.overlap) * orifice_flow(valve.gain, drop)
-        return float(flow - back - valve.tank_leakage * drop)
-
+def _overcome(function: Actuator, supply: Supply, force: float) -> str:
+    """That the relief of a chamber opens under the load alone, in words; empty if it does not."""
+    relief = function.relief(supply)
+    pressures = _shut(function, supply, force, preloaded=False)
+    if max(pressures) <= relief:
+        return ""
+    side = ("cap", "annulus")[int(np.argmax(pressures))]
+    load = f"{abs(force) / kN:.3g} {'kN m' if isinstance(function, Motor) else 'kN'}"
     return (
-        lambda spool: port(edges.supply_to_cap, edges.cap_to_return, cap, spool) - across,
-        lambda spool: port(edges.supply_to_annulus, edges.annulus_to_return, annulus, -spool) + across,
+        f"the relief of {function.name}'s {side} cannot hold {load}: that needs {max(pressures) / bar:.0f} bar, "
+        f"it opens at {relief / bar:.0f} bar"
     )
+
+
+def _line(function: Actuator, supply: Supply, force: float, most: float) -> tuple[Array, Array]:
+    """Pressures of cap and annulus (2,) that hold a force: one chamber at return pressure; one at the ``most``."""
+    bore, ring = function.bore_area, function.annulus_area
+    high = np.array([most, (bore * most - force) / ring])
+    if high[1] > most:
+        high = np.array([(force + ring * most) / bore, most])
+    return np.array(_shut(function, supply, force, preloaded=False)), high

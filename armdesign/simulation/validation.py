@@ -10,9 +10,11 @@ The linear answer is one of the oil's spring alone; it knows no dry friction, wh
 large one, and at last holds a piston fast. So like is compared with like: the sweeps leave dry friction out. Where a
 machine has any, both are repeated with it, and what it makes of them is told beside.
 
-The linear answer takes the pressures that the load alone makes. Behind a valve that leaks the flow makes others, and
-oil with air has another stiffness under them; a large leak softens the spring as well. So the frequency of the plant
-at its own rest is told beside it. Where no spool position makes up for the leaks there is no rest: the load creeps.
+The linear answer takes the pressures that a shut valve leaves: the loaded chamber carries the load, the other is at
+return pressure or at the preload that the machine file asks for. With air the sweeps run about them; without air about
+a preload of their own, on which the frequency does not depend: see ``experiment``. Behind a valve that leaks the flow
+makes others, and oil with air has another stiffness under them; a large leak softens the spring as well. So the
+frequency of the plant at its own rest is told beside it. Where no spool position makes up for the leaks there is no rest: the load creeps.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def test_difference_falls_at_second_order(name: str) -> None:
     Our own tolerance is 1e-8; pressures are compared with their greatest change, the extrapolation's error is theirs.
     """
     machine, (solver, pose, steps) = named(name), RUNS[name]
-    ours = ad.simulate(machine, pose, lambda _: steps, duration=DURATION, rate=RATE)
+    ours = ad.simulate(machine, pose, lambda _: steps, duration=DURATION, rate=RATE, preloaded=True)
     assert ours.pressures.min() > 0
     assert ours.pressures.max() < machine.supply.pressure
     twin = Twin(machine, np.array(pose), ours.pressures[0])

@@ -64,7 +64,7 @@ def oil_energy(machine: Machine, run: motion.Simulation) -> np.ndarray:
 def test_energy_is_conserved_once_the_valves_are_shut(name: str) -> None:
     """Kinetic + potential + oil energy of the ringing arm; a pulse has set it in motion, the spool has come to rest."""
     excavator = machines.named(name).with_payload("full")
-    run = simulate(excavator, WORST, {"boom": pulse(-0.01), "bucket": pulse(0.02)}, duration=12.0)
+    run = simulate(excavator, WORST, {"boom": pulse(-0.01), "bucket": pulse(0.02)}, duration=12.0, preloaded=True)
     ringing = run.time > 2.0
     rings = replace(
         run, **{k: v[ringing] for k, v in vars(run).items() if isinstance(v, np.ndarray)}
@@ -92,7 +92,7 @@ def test_end_stop_holds(excavator: Machine, size: float) -> None:
 
     Supply pressure alone presses it in by 0.1 % (its definition); the rest is the impact of up to 1 m/s.
     """
-    run = simulate(excavator, WORST, {"boom": lambda _: size}, duration=3.0)
+    run = simulate(excavator, WORST, {"boom": lambda _: size}, duration=3.0, preloaded=True)
     beyond = run.extensions[:, 0] / excavator.cylinders[0].stroke - 1
     assert np.all(np.isfinite(run.q))
     assert 0 < beyond.max() < (0.02 if size > 0.5 else 0.004)
