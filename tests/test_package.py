@@ -14,7 +14,7 @@ PACKAGE = ROOT / "armdesign"
 
 # From the ground up: a module may import those above it in this list only.
 ORDER = [
-    *("units", "errors", "arrays"),
+    *("units", "errors", "arrays", "arguments"),
     *("fluid", "valve", "cylinder", "column", "formulas"),
     *("urdf_faults", "urdf", "jets", "arm", "linkage"),
     *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
