@@ -9,7 +9,7 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -84,6 +84,16 @@ class Arm:
     def all_joints(self) -> list[str]:
         """Names of all joints of the URDF, those that are no coordinates too."""
         return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
+
+    @cached_property
+    def movable_joints(self) -> list[str]:
+        """Names of the joints that are coordinates or could be."""
+        return [*self.names, *dict.fromkeys(name for link in self.links.values() for name in link.frozen)]
+
+    def frozen_between(self, links: Iterable[str]) -> set[str]:
+        """Names of the joints between some links that could move but do not."""
+        stand_still = [set(self.links[link].frozen) for link in links]
+        return set.union(*stand_still) - set.intersection(*stand_still)
 
     @cached_property
     def limits(self) -> Array:

@@ -80,6 +80,11 @@ class Linkage:
         return tuple(sorted({j for end in ends for j, _ in self.arm.path(self._observer, end)}))
 
     @property
+    def all_pins(self) -> list[Pin]:
+        """Every pin on a link: the base, and the rod end or both ends of the four-bar."""
+        return [pin for pin in map(self.pin, PINS) if pin is not None]
+
+    @property
     def _observer(self) -> str:
         """The link from which all motion is seen."""
         return self.four_bar.pivot.link if self.four_bar else self.base.link

@@ -40,7 +40,7 @@ class Machine:
     Attributes:
         name: short name, also of files written about it.
         arm: rigid links and joints.
-        cylinders: in the order of the file.
+        cylinders: those that move a joint, in the order of the file.
         linkages: the pins of each cylinder, same order.
         motors: those whose joint is a coordinate, in the order of the file.
         payloads: all load cases, in the order of the file.
@@ -233,6 +233,13 @@ class Machine:
     def functions(self) -> tuple[Actuator, ...]:
         """Everything hydraulic, in the order of all arrays: the cylinders, after them the motors."""
         return (*self.cylinders, *self.motors)
+
+    @cached_property
+    def idle(self) -> dict[str, list[str]]:
+        """Cylinders and motors of the file that stand still, each with the frozen joints that hold it."""
+        at_work = {motor.name for motor in self.motors}
+        motors = {name: [motor.joint or name] for name, motor in self.section.motor.items() if name not in at_work}
+        return parts.idle_cylinders(self.section, self.arm) | motors
 
     @cached_property
     def drives(self) -> tuple[Linkage | Gear, ...]:
@@ -497,14 +504,16 @@ def find(path_or_name: str | Path) -> Path:
 
 def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
     unknown = parts.unknown_links(section, arm.links, source.name)
-    for fault in unknown + parts.unknown_joints(section, arm.all_joints, source.name):
+    for fault in unknown + parts.unknown_joints(section, arm.all_joints, arm.movable_joints, source.name):
         raise fault
     payloads = parts.payloads(section)
+    idle = parts.idle_cylinders(section, arm)
+    cylinders = {name: table for name, table in section.cylinder.items() if name not in idle}
     return Machine(
         name=section.name,
         arm=arm,
-        cylinders=tuple(parts.cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
-        linkages=tuple(parts.linkage(cylinder, arm) for cylinder in section.cylinder.values()),
+        cylinders=tuple(parts.cylinder(name, table) for name, table in cylinders.items()),
+        linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
         motors=parts.motors(section),
         payloads=payloads,
         payload=payloads[0],
@@ -571,6 +580,8 @@ def _fault_of_four_bar(where: str, linkage: Linkage) -> MachineFileError | None:
     bars, arm = linkage.four_bar, linkage.arm
     assert bars is not None
     path = arm.path(bars.pivot.link, bars.lug.link)
+    if not path and arm.frozen_between([bars.pivot.link, bars.lug.link]):
+        return None  # it stands still: its knee is a pin of the pivot's link
     if len(path) != 1 or not arm.joints[path[0][0]].revolute:
         return MachineFileError(
             f"{where}.four_bar",

@@ -69,7 +69,7 @@ def _unknown_names(section: MachineSection, urdf_text: str, source: str, wrong: 
     links, joints = ([str(part.get("name")) for part in robot.findall(kind)] for kind in ("link", "joint"))
     stand_ins = wrong | {f"{key}.{name}" for key in wrong for name in ("link", "joint")}
     faults = unknown_links(section, links, source) if links else []
-    faults += unknown_joints(section, joints, source) if joints else []
+    faults += unknown_joints(section, joints, urdf_faults.movable_joints(robot), source) if joints else []
     return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
 
 

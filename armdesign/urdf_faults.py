@@ -72,10 +72,11 @@ def faults_of(
     """
     yield from _of_names(robot, source)
     present = [joint.get("name", "") for joint in robot.findall("joint")]
+    movable = movable_joints(robot)
     for key, names in (("joints", joints or ()), ("frozen", frozen)):
         for name in (name for name in names if name not in present):
             problem = f"is not in the URDF (named in {key})"
-            yield MachineFileError(f"{source}: joint {name}", problem, choose(name, present))
+            yield MachineFileError(f"{source}: joint {name}", problem, choose(name, movable))
     unsure = joints is None or not set(joints) <= set(present)  # which others move is not known then
     for where, joint in _each(robot, "joint", source):
         name = joint.get("name", "")
@@ -84,6 +85,11 @@ def faults_of(
     for where, link in _each(robot, "link", source):
         yield from _of_inertial(link, where)
     yield from _of_tree(robot, source)
+
+
+def movable_joints(robot: ET.Element) -> list[str]:
+    """Names of the joints that can be coordinates, in the order of the URDF."""
+    return [joint.get("name", "") for joint in robot.findall("joint") if joint.get("type") in MOVABLE]
 
 
 def numbers(element: ET.Element | None, key: str, default: str) -> Array:

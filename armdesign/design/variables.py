@@ -78,6 +78,9 @@ def chosen(machine: Machine, vary: Sequence[str]) -> set[str]:
     """
     if not vary or isinstance(vary, str):
         raise ArmDesignError("vary", f"{vary!r} is not allowed", f"give some of {', '.join(WORDS)} and key paths")
+    if not machine.cylinders:
+        remedy = "make a joint that a cylinder moves a coordinate"
+        raise ArmDesignError("vary", "no cylinder of the machine moves: nothing can vary", remedy)
     known = _known(machine)
     found: set[str] = set()
     for word in vary:
@@ -126,6 +129,10 @@ def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
 
 def _unknown(machine: Machine, word: str, known: list[str]) -> ArmDesignError:
     """What to say of a word or path that nothing varies by."""
+    for name, joints in machine.idle.items():
+        if f"{word}.".startswith(f"cylinder.{name}."):
+            problem = f"the {name} cylinder stands still: joint {', '.join(joints)} is frozen"
+            return ArmDesignError(f"vary {word}", problem, "vary another one, or make the joint a coordinate")
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         places = [f"cylinder.{cylinder.name}.{key_of(place)}" for place in (*PINS, *BARS) if linkage.place(place)]
         if len(linkage.joints) > 1 and any(
