@@ -30,6 +30,12 @@ OF_FOUR_BAR = ("pivot", "lug", *BARS)
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
 
+def key_of(place: str) -> str:
+    """Key of a linkage's place in its cylinder's table of the machine file."""
+    key = f"{place}_mm" if place in BARS else f"{place}.at_mm"
+    return f"four_bar.{key}" if place in OF_FOUR_BAR else key
+
+
 @dataclass(frozen=True, kw_only=True)
 class Pin:
     """A pin of a link, at [m] in the link's frame."""

@@ -8,10 +8,14 @@ fault may be scanned.
 from __future__ import annotations
 
 import bisect
+import contextlib
 import re
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+
+from armdesign.errors import ArmDesignError
 
 Keys = tuple[str, ...]
 _SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
@@ -30,6 +34,27 @@ class Place:
     written: str
 
 
+def tell_line(error: ArmDesignError, places: Places, source: str) -> None:
+    """Give an error the line of the key that it names, if it speaks of a file's key."""
+    if error.part.startswith(f"{source}: "):
+        error.tell_line(places.line_of(error.part.removeprefix(f"{source}: ")))
+
+
+@contextlib.contextmanager
+def lines_of(text: str, source: str) -> Iterator[None]:
+    """Within it, errors about keys of a file say the line of its text; none where the text does not have the key.
+
+    Args:
+        text: TOML, without fault wherever a key is spoken of.
+        source: the file's name in messages.
+    """
+    try:
+        yield
+    except ArmDesignError as error:
+        tell_line(error, Places(text), source)
+        raise
+
+
 class Places:
     """Places of all keys of a TOML text.
 
@@ -43,14 +68,14 @@ class Places:
 
     @cached_property
     def by_path(self) -> dict[str, Place]:
-        """Place of every key, table and list item by its path; of a table the first header or key that makes it."""
+        """Place of every key, table and list item by its path; of a table its header, or the key that makes it."""
         table: Keys = ()
         at = self._past_space(0)
         while at < len(self._text):
             if self._text[at] == "[":
                 brackets = 2 if self._text.startswith("[[", at) else 1
                 table, end = self._key(at + brackets)
-                self._note(table, at)
+                self._note(table, at, "")
                 at = self._text.index("]", end) + brackets
             else:
                 at = self._pair(table, at)
@@ -71,13 +96,12 @@ class Places:
     def _line_ends(self) -> list[int]:
         return [match.start() for match in re.finditer("\n", self._text)]
 
-    def _note(self, keys: Keys, at: int, written: str = "") -> None:
+    def _note(self, keys: Keys, at: int, written: str) -> None:
         """Note a key that stands at ``at`` and the tables that it makes, unless they were made before."""
         line = bisect.bisect_left(self._line_ends, at) + 1
         for depth in range(1, len(keys)):
             self._found.setdefault(keys[:depth], Place(line, ""))
-        if written or keys not in self._found:
-            self._found[keys] = Place(line, written)
+        self._found[keys] = Place(line, written)
 
     def _past_space(self, at: int) -> int:
         match = _SPACE.match(self._text, at)

@@ -6,6 +6,7 @@ Also what the schema says at a key path, in words: for messages and for editors 
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -516,6 +517,15 @@ def allowed(location: tuple[Any, ...]) -> str:
         return "a table of named entries (names of letters, digits, _ and -)"
     required = [name for name, field in kind.model_fields.items() if field.is_required()]
     return f"a table with {', '.join(required)}" if required else "a table"
+
+
+def bounds(location: tuple[Any, ...]) -> tuple[float, float]:
+    """Least and largest number that may stand at a key path."""
+    low, high = -math.inf, math.inf
+    for bound in annotation(location)[1]:
+        low = bound.gt if isinstance(bound, Gt) else bound.ge if isinstance(bound, Ge) else low  # type: ignore[assignment]
+        high = bound.lt if isinstance(bound, Lt) else bound.le if isinstance(bound, Le) else high  # type: ignore[assignment]
+    return low, high
 
 
 def unit_of(location: tuple[Any, ...]) -> str:

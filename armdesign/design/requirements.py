@@ -267,6 +267,7 @@ def _joints(
                     f"{machine.source.name}: requirements.{path}",
                     f'"{name}" {kind}, so nothing of it is in {key}',
                     f"give it in {other}",
+                    machine.line_of(f"requirements.{path}"),
                 )
     return {name: value * deg for name, value in turning.items()} | {n: value * mm for n, value in sliding.items()}
 
