@@ -8,8 +8,9 @@ The world is the frame of the URDF's root link: z up, gravity along −z.
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -86,9 +87,26 @@ class Arm:
         return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
 
     @cached_property
+    def movable_joints(self) -> list[str]:
+        """Names of the joints that are coordinates or could be."""
+        return [*self.names, *dict.fromkeys(name for link in self.links.values() for name in link.frozen)]
+
+    def frozen_between(self, links: Iterable[str]) -> set[str]:
+        """Names of the joints between some links that could move but do not."""
+        stand_still = [set(self.links[link].frozen) for link in links]
+        return {name for names in stand_still for name in names} - stand_still[0].intersection(*stand_still)
+
+    @cached_property
     def limits(self) -> Array:
         """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
         return np.array([[joint.lower, joint.upper] for joint in self.joints])
+
+    def within(self, joint: int, lower: float, upper: float) -> Arm:
+        """The same arm with other limits [rad, m] of one joint, to try them."""
+        twin, limits = copy.copy(self), self.limits.copy()
+        limits[joint] = lower, upper
+        vars(twin)["limits"] = limits
+        return twin
 
     @cached_property
     def _chains(self) -> list[tuple[int, ...]]:

@@ -115,7 +115,8 @@ def map_command(
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         write_heatmaps(frequencies, folder)
-        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
+        if model.cylinders:  # motors have no moment arm that changes
+            plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     show(map_sheets(frequencies, units.units))
 
 

@@ -14,16 +14,23 @@ class ArmDesignError(Exception):
         part: what is at fault: a key path (``cylinder.boom.bore_mm``), a file, a cylinder.
         problem: value with unit and allowed range.
         remedy: what to do about it.
+        line: of the file in which it stands; None where it stands in none, or the line is not known.
     """
 
-    def __init__(self, part: str, problem: str, remedy: str = "") -> None:
+    def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
+        super().__init__()
         self.part, self.problem, self.remedy = part, problem, remedy
-        text = f"{part}: {problem}" + (f"; {remedy}" if remedy else "")
-        super().__init__(" ".join(text.split()))
+        self.tell_line(line)
 
-    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, str, str]]:
+    def tell_line(self, line: int | None) -> None:
+        """Say in which line of the file it stands, or that this is not known."""
+        self.line = line
+        text = f"{self.part}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
+        self.args = (" ".join(text.split()) + (f" (line {line})" if line else ""),)
+
+    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, str, str, int | None]]:
         """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy)
+        return type(self), (self.part, self.problem, self.remedy, self.line)
 
 
 class MachineFileError(ArmDesignError):

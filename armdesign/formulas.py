@@ -22,8 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from armdesign.arguments import numbers
 from armdesign.errors import ArmDesignError
 from armdesign.units import GRAVITY
+
+_DEAD_CENTRE = 1e-12  # |sin θ| below which a cylinder counts as in line with the joint
 
 
 class TransferFunction(NamedTuple):
@@ -47,8 +50,8 @@ def symmetric_stiffness(*, area: Any, chamber_volume: Any, bulk_modulus: Any) ->
         chamber_volume: V0, oil in each of the two equal chambers [m³].
         bulk_modulus: β [Pa].
     """
-    _require_positive("symmetric_stiffness", area=area, chamber_volume=chamber_volume, bulk_modulus=bulk_modulus)
-    return 2 * np.asarray(bulk_modulus) * np.asarray(area) ** 2 / chamber_volume
+    beta, A, V0 = numbers("symmetric_stiffness", bulk_modulus=bulk_modulus, area=area, chamber_volume=chamber_volume)
+    return 2 * beta * A**2 / V0
 
 
 def rigid_load(
@@ -67,9 +70,9 @@ def rigid_load(
         ArmDesignError: not exactly one of stiffness and symmetric data, or a value that is not positive.
     """
     spring = _spring("rigid_load", stiffness, area, chamber_volume, bulk_modulus)
-    _require_positive("rigid_load", zero_too=True, mass=mass)
+    spring, M = numbers("rigid_load", stiffness=spring, mass=mass)
     with np.errstate(divide="ignore"):
-        return _hertz(spring / np.asarray(mass, dtype=float))
+        return _hertz(spring / M)
 
 
 def rigid_load_asymmetric_as_printed(
@@ -103,7 +106,7 @@ def rigid_load_asymmetric(
         cap_volume: V01, oil on the bore side [m³].
         annulus_volume: V02, oil on the rod side [m³].
     """
-    _require_positive(
+    beta, A1, A2, V01, V02 = numbers(
         "rigid_load_asymmetric",
         bulk_modulus=bulk_modulus,
         bore_area=bore_area,
@@ -111,8 +114,7 @@ def rigid_load_asymmetric(
         cap_volume=cap_volume,
         annulus_volume=annulus_volume,
     )
-    A1, A2, V01, V02 = (np.asarray(x, dtype=float) for x in (bore_area, annulus_area, cap_volume, annulus_volume))
-    return rigid_load(mass=mass, stiffness=bulk_modulus * (A1**2 / V01 + A2**2 / V02))
+    return rigid_load(mass=mass, stiffness=beta * (A1**2 / V01 + A2**2 / V02))
 
 
 def equivalent_mass(*, static_force: Any) -> Any:
@@ -120,7 +122,8 @@ def equivalent_mass(*, static_force: Any) -> Any:
 
     It vanishes where gravity does not load the cylinder, and it is no inertia: see ``reflected_mass``.
     """
-    return np.abs(static_force) / GRAVITY
+    (force,) = numbers("equivalent_mass", static_force=static_force)
+    return np.abs(force) / GRAVITY
 
 
 def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
@@ -128,9 +131,13 @@ def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
 
     Args:
         joint_inertia: J about the joint [kg m²].
-        moment_arm: r [m].
+        moment_arm: r [m], its size.
+
+    Raises:
+        ArmDesignError: a negative inertia, or a moment arm that is not positive.
     """
-    return np.asarray(joint_inertia) / np.asarray(moment_arm) ** 2
+    J, r = numbers("reflected_mass", joint_inertia=joint_inertia, moment_arm=moment_arm)
+    return J / r**2
 
 
 # --------------------------------------------------------------------------------------------------- the mechanism
@@ -143,18 +150,23 @@ def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: An
         link_pin_distance: a1, joint to rod pin [m].
         base_pin_distance: d1, joint to base pin [m].
         angle: θ between the two [rad].
+
+    Raises:
+        ArmDesignError: a distance that is not positive.
     """
-    a1, d1 = np.asarray(link_pin_distance), np.asarray(base_pin_distance)
-    return np.sqrt(a1**2 + d1**2 - 2 * a1 * d1 * np.cos(angle))
+    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    return _length(*numbers("cylinder_length", **lengths, angle=angle))
 
 
 def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) -> Any:
     """Angle θ in [0, π] [rad] at a pin-to-pin length [m], eq. (14): θ = arccos((a1² + d1² − x_p²)/(2 a1 d1)).
 
     Raises:
-        ArmDesignError: a length that the two distances cannot span.
+        ArmDesignError: a distance that is not positive, or a length that the two cannot span.
     """
-    a1, d1, x = (np.asarray(v, dtype=float) for v in (link_pin_distance, base_pin_distance, length))
+    a1, d1, x = numbers(
+        "joint_angle", link_pin_distance=link_pin_distance, base_pin_distance=base_pin_distance, length=length
+    )
     cosine = (a1**2 + d1**2 - x**2) / (2 * a1 * d1)
     if not np.all(np.abs(cosine) <= 1 + 1e-12):
         raise ArmDesignError(
@@ -164,33 +176,82 @@ def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) 
 
 
 def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = math.pi / 2) -> Any:
-    """Moment arm of the cylinder [m], eq. (21): r = d1 cos α = a1 d1 sin θ/x_p; n_θ of eq. (30) is 1/r."""
-    a1, d1 = np.asarray(link_pin_distance), np.asarray(base_pin_distance)
-    return a1 * d1 * np.sin(angle) / cylinder_length(link_pin_distance=a1, base_pin_distance=d1, angle=angle)
+    """Moment arm of the cylinder [m], eq. (21): r = d1 cos α = a1 d1 sin θ/x_p; n_θ of eq. (30) is 1/r.
+
+    Args:
+        link_pin_distance: a1, joint to rod pin [m].
+        base_pin_distance: d1, joint to base pin [m].
+        angle: θ between the two [rad].
+
+    Raises:
+        ArmDesignError: a distance that is not positive, or two pins in one place.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    a1, d1, theta = numbers("moment_arm", **lengths, angle=angle)
+    length = _length(a1, d1, theta)
+    if np.any(length == 0):
+        raise ArmDesignError("moment_arm: angle", "both pins of the cylinder are in one place", "give it in (0, π)")
+    return a1 * d1 * np.sin(theta) / length
 
 
 def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -> Any:
     """Inertia about the joint [kg m²], eq. (16) with m1 = I1 = I2 = 0 and γ = π/2, as in eq. (22): J = m2 (a1² + l2²).
 
     Eq. (16) prints "l1" and "l2" where the links' own inertias I1 and I2 belong; both are neglected here.
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, or a length that is not finite.
     """
-    return np.asarray(load_mass) * (np.asarray(link_pin_distance) ** 2 + np.asarray(link_length) ** 2)
+    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
+    m2, a1, l2 = numbers("joint_inertia", load_mass=load_mass, **lengths)
+    return m2 * (a1**2 + l2**2)
 
 
 def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, angle: Any) -> Any:
-    """Gravity term of eq. (22) [N m]: m2 g (a1 cos θ − l2 sin θ), what the cylinder's torque has to balance."""
-    lever = np.asarray(link_pin_distance) * np.cos(angle) - np.asarray(link_length) * np.sin(angle)
-    return np.asarray(load_mass) * GRAVITY * lever
+    """Gravity term of eq. (22) [N m]: m2 g (a1 cos θ − l2 sin θ), what the cylinder's torque has to balance.
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+        angle: θ [rad].
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, a length or angle that is not finite.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
+    m2, a1, l2, theta = numbers("gravity_torque", load_mass=load_mass, **lengths, angle=angle)
+    return m2 * GRAVITY * (a1 * np.cos(theta) - l2 * np.sin(theta))
 
 
 def static_force(
     *, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any, angle: Any = math.pi / 2
 ) -> Any:
-    """Cylinder force that holds the load [N, + pushes], eq. (21), (22) at rest: F0 = g(θ)/r(θ)."""
-    torque = gravity_torque(
-        load_mass=load_mass, link_pin_distance=link_pin_distance, link_length=link_length, angle=angle
-    )
-    return torque / moment_arm(link_pin_distance=link_pin_distance, base_pin_distance=base_pin_distance, angle=angle)
+    """Cylinder force that holds the load [N, + pushes], eq. (21), (22) at rest: F0 = g(θ)/r(θ).
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        base_pin_distance: d1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+        angle: θ [rad].
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, or a dead centre, where no force holds a load.
+    """
+    pins = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    lengths = {**pins, "link_length": link_length}
+    m2, a1, d1, l2, theta = numbers("static_force", load_mass=load_mass, **lengths, angle=angle)
+    if np.any(dead := np.abs(np.sin(theta)) < _DEAD_CENTRE):
+        problem = f"{theta[dead].flat[0]:g} rad is a dead centre: the cylinder has no moment arm"
+        raise ArmDesignError("static_force: angle", problem, "give it between 0 and π")
+    torque = gravity_torque(load_mass=m2, link_pin_distance=a1, link_length=l2, angle=theta)
+    return torque / moment_arm(link_pin_distance=a1, base_pin_distance=d1, angle=theta)
 
 
 def static_pressure_difference_as_printed(
@@ -218,8 +279,11 @@ def static_pressure_difference(
         load_mass: m2 [kg].
         link_pin_distance: a1 [m].
         base_pin_distance: d1 [m].
-        link_length: l2 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
         area: A [m²].
+
+    Raises:
+        ArmDesignError: a value out of its range.
     """
     force = static_force(
         load_mass=load_mass,
@@ -227,7 +291,8 @@ def static_pressure_difference(
         base_pin_distance=base_pin_distance,
         link_length=link_length,
     )
-    return force / np.asarray(area)
+    force, A = numbers("static_pressure_difference", static_force=force, area=area)
+    return force / A
 
 
 # ---------------------------------------------------------------------------------------------- joint-coupled load
@@ -253,7 +318,7 @@ def joint_coupled_as_printed(
     """
     spring = _spring("joint_coupled_as_printed", stiffness, area, chamber_volume, bulk_modulus)
     m2, a1, d1, l2 = _mechanism(
-        "joint_coupled_as_printed", load_mass, link_pin_distance, base_pin_distance, link_length
+        "joint_coupled_as_printed", load_mass, link_pin_distance, base_pin_distance, link_length, spring
     )
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     inertia = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
@@ -280,17 +345,17 @@ def joint_coupled(
         load_mass: m2 [kg].
         link_pin_distance: a1, joint to rod pin, along the link [m].
         base_pin_distance: d1, joint to base pin [m].
-        link_length: l2, from the rod pin to the load, across the link [m].
+        link_length: l2, from the rod pin to the load, across the link [m]; negative: on the other side.
         stiffness: k_h [N/m], or else the symmetric data:
         area: A [m²].
         chamber_volume: V0 of each chamber [m³].
         bulk_modulus: β [Pa].
 
     Raises:
-        ArmDesignError: not exactly one of stiffness and symmetric data, or a value that is not positive.
+        ArmDesignError: not exactly one of stiffness and symmetric data, or a value out of its range.
     """
     spring = _spring("joint_coupled", stiffness, area, chamber_volume, bulk_modulus)
-    m2, a1, d1, l2 = _mechanism("joint_coupled", load_mass, link_pin_distance, base_pin_distance, link_length)
+    m2, a1, d1, l2 = _mechanism("joint_coupled", load_mass, link_pin_distance, base_pin_distance, link_length, spring)
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     inertia = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
     return _hertz((spring * r**2 - _gravity_stiffness(m2, a1, d1, l2)) / inertia)
@@ -346,7 +411,7 @@ def transfer_function(
         load_mass: m2 [kg].
         link_pin_distance: a1 [m].
         base_pin_distance: d1 [m].
-        link_length: l2 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
         area: A [m²].
         chamber_volume: V0 [m³].
         bulk_modulus: β [Pa].
@@ -367,11 +432,20 @@ def _coefficients(
     m2: Any, a1: Any, d1: Any, l2: Any, gravity: Any, A: Any, V0: Any, beta: Any, C_L: Any, K_v: Any, p_p: Any, rho: Any
 ) -> TransferFunction:
     """Eq. (36)–(40) with a given destabilising gravity stiffness [N m/rad], and μ without its factor 2."""
-    _require_positive("transfer_function", area=A, chamber_volume=V0, bulk_modulus=beta, density=rho)
-    _require_positive("transfer_function", zero_too=True, leakage=C_L, valve_gain=K_v, supply_pressure=p_p)
-    A, V0, beta, C_L, K_v, p_p, rho = (np.asarray(x, dtype=float) for x in (A, V0, beta, C_L, K_v, p_p, rho))
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     J = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
+    A, V0, beta, rho, C_L, K_v, p_p, J, r = numbers(
+        "transfer_function",
+        area=A,
+        chamber_volume=V0,
+        bulk_modulus=beta,
+        density=rho,
+        leakage=C_L,
+        valve_gain=K_v,
+        supply_pressure=p_p,
+        joint_inertia=J,
+        moment_arm=r,
+    )
     return TransferFunction(
         mu=r * A * K_v * np.sqrt(p_p / rho),
         K=V0 / beta * J / r,
@@ -394,39 +468,23 @@ def _spring(part: str, stiffness: Any, area: Any, chamber_volume: Any, bulk_modu
     if stiffness is not None and given:
         raise ArmDesignError(part, f"stiffness and {', '.join(given)} describe the cylinder twice", remedy)
     if stiffness is not None:
-        _require_positive(part, stiffness=stiffness)
-        return np.asarray(stiffness, dtype=float)
+        return numbers(part, stiffness=stiffness)[0]
     if len(given) < len(symmetric):
         missing = ", ".join(name for name in symmetric if name not in given) if given else "the cylinder"
         raise ArmDesignError(part, f"{missing} not given", remedy)
     return symmetric_stiffness(area=area, chamber_volume=chamber_volume, bulk_modulus=bulk_modulus)
 
 
-def _mechanism(
-    part: str, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any
-) -> tuple[Any, Any, Any, Any]:
-    """m2, a1, d1, l2 as arrays, checked."""
-    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
-    _require_positive(part, load_mass=load_mass, **lengths)
-    _require_positive(part, zero_too=True, link_length=link_length)
-    m2, a1, d1, l2 = (
-        np.asarray(value, dtype=float) for value in (load_mass, link_pin_distance, base_pin_distance, link_length)
-    )
+def _length(a1: Any, d1: Any, theta: Any) -> Any:
+    """x_p of eq. (13); written as (a1 − d1)² + 4 a1 d1 sin²(θ/2), of which no rounding makes a negative square."""
+    return np.sqrt((a1 - d1) ** 2 + 4 * a1 * d1 * np.sin(theta / 2) ** 2)
+
+
+def _mechanism(part: str, load_mass: Any, a1: Any, d1: Any, l2: Any, spring: Any = 1.0) -> tuple[Any, Any, Any, Any]:
+    """m2, a1, d1, l2 as arrays, checked, of shapes that go with the spring's."""
+    lengths = {"link_pin_distance": a1, "base_pin_distance": d1, "link_length": l2}
+    m2, a1, d1, l2, _ = numbers(part, above_zero="load_mass", load_mass=load_mass, **lengths, stiffness=spring)
     return m2, a1, d1, l2
-
-
-def _require_positive(part: str, *, zero_too: bool = False, **values: Any) -> None:
-    for name, value in values.items():
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            raise ArmDesignError(f"{part}: {name}", f"{value!r} is no number", "give numbers in SI units") from None
-        wrong = ~np.isfinite(array) | ((array < 0) if zero_too else (array <= 0))
-        if np.any(wrong):
-            interval = "[0, ∞)" if zero_too else "(0, ∞)"
-            raise ArmDesignError(
-                f"{part}: {name}", f"{array[wrong].flat[0]:g} is not allowed", f"give it in {interval}"
-            )
 
 
 def _hertz(squared: Any) -> Any:

@@ -313,6 +313,11 @@ class Inspection:
         section = self.machine.section
         for name in set(section.frozen) & set(section.joints):
             yield Finding(part=f"frozen.{name}", words="is not used: the joint is a coordinate")
+        for name in section.cylinder:
+            if joints := self.machine.idle.get(name):
+                still = f"joint {joints[0]} is" if len(joints) == 1 else f"joints {', '.join(joints)} are"
+                words = f"idle: {still} frozen, so that it moves nothing and no requirement counts for it"
+                yield Finding(part=f"cylinder.{name}", words=words)
         fluid, (low, high) = self.machine.fluid, BULK_MODULUS
         if not low <= fluid.bulk_modulus <= high:
             yield Finding(

@@ -30,6 +30,12 @@ OF_FOUR_BAR = ("pivot", "lug", *BARS)
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
 
+def key_of(place: str) -> str:
+    """Key of a linkage's place in its cylinder's table of the machine file."""
+    key = f"{place}_mm" if place in BARS else f"{place}.at_mm"
+    return f"four_bar.{key}" if place in OF_FOUR_BAR else key
+
+
 @dataclass(frozen=True, kw_only=True)
 class Pin:
     """A pin of a link, at [m] in the link's frame."""
@@ -78,6 +84,11 @@ class Linkage:
         assert far is not None
         ends = [far.link, self.base.link]
         return tuple(sorted({j for end in ends for j, _ in self.arm.path(self._observer, end)}))
+
+    @property
+    def all_pins(self) -> list[Pin]:
+        """Every pin on a link: the base, and the rod end or both ends of the four-bar."""
+        return [pin for pin in map(self.pin, PINS) if pin is not None]
 
     @property
     def _observer(self) -> str:

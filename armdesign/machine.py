@@ -20,15 +20,18 @@ from numpy.typing import ArrayLike
 from armdesign import foreign, machine_file, parts
 from armdesign.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
+from armdesign.causes import Cause, cause_of
 from armdesign.cylinder import Actuator, Cylinder, Fluid, Motor, Supply
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError, choose
 from armdesign.jets import VectorJet
 from armdesign.linkage import Gear, Linkage, Pin
 from armdesign.parts import Payload
+from armdesign.places import Places, lines_of
 from armdesign.poses import Poses, is_singular, static_forces
 from armdesign.ranges import joint_ranges
 from armdesign.schema import MachineSection
 from armdesign.schema import schema as schema_text
+from armdesign.urdf_faults import line_of, parse
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
@@ -41,7 +44,7 @@ class Machine:
     Attributes:
         name: short name, also of files written about it.
         arm: rigid links and joints.
-        cylinders: in the order of the file.
+        cylinders: those that move a joint, in the order of the file.
         linkages: the pins of each cylinder, same order.
         motors: those whose joint is a coordinate, in the order of the file.
         payloads: all load cases, in the order of the file.
@@ -83,9 +86,10 @@ class Machine:
         Raises:
             MachineFileError: anything in them that no machine can have.
         """
-        machine = cls.unchecked(text, urdf_text, source, arm)
-        for fault in faults_of(machine):
-            raise fault
+        with lines_of(text, source.name):
+            machine = cls.unchecked(text, urdf_text, source, arm)
+            for fault in faults_of(machine):
+                raise fault
         return machine
 
     @classmethod
@@ -145,7 +149,9 @@ class Machine:
             requirements=requirements,
             motors=motors,
         )
-        return cls.from_text(text, urdf_text, path.with_suffix(".toml"))
+        source = path.with_suffix(".toml")
+        with lines_of("", source.name):  # the text is not the caller's
+            return cls.from_text(text, urdf_text, source)
 
     # ------------------------------------------------------------------------------------------------ variants
 
@@ -195,13 +201,14 @@ class Machine:
         if not isinstance(changes, Mapping):
             raise MachineFileError(self.source.name, f"{changes!r} are no changes", "give {key path: value}")
         text = machine_file.write(self.text, dict(changes), self.source.name)
-        section = machine_file.parse(text, self.source.name)
-        same_arm = (section.joints, section.frozen, section.urdf) == (
-            self.section.joints,
-            self.section.frozen,
-            self.section.urdf,
-        )
-        machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
+        with lines_of(self.text, self.source.name):
+            section = machine_file.parse(text, self.source.name)
+            same_arm = (section.joints, section.frozen, section.urdf) == (
+                self.section.joints,
+                self.section.frozen,
+                self.section.urdf,
+            )
+            machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
         return machine.loaded_like(self)
 
     def save(self, path: str | Path) -> Path:
@@ -229,6 +236,10 @@ class Machine:
 
     # --------------------------------------------------------------------------------------------------- poses
 
+    def line_of(self, path: str) -> int | None:
+        """Line of its file in which a key path stands, or the nearest table above it that the file has."""
+        return Places(self.text).line_of(path)
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Joint names in the order of q."""
@@ -240,6 +251,13 @@ class Machine:
         return (*self.cylinders, *self.motors)
 
     @cached_property
+    def idle(self) -> dict[str, list[str]]:
+        """Cylinders and motors of the file that stand still, each with the frozen joints that hold it."""
+        at_work = {motor.name for motor in self.motors}
+        motors = {name: [motor.joint or name] for name, motor in self.section.motor.items() if name not in at_work}
+        return parts.idle_cylinders(self.section, self.arm) | motors
+
+    @cached_property
     def drives(self) -> tuple[Linkage | Gear, ...]:
         """How each function moves the joints."""
         return (*self.linkages, *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors))
@@ -247,11 +265,12 @@ class Machine:
     @cached_property
     def ranges(self) -> Array:
         """Joint ranges (nq, 2) [rad, m]: what the strokes allow, cut by the URDF's limits."""
-        return joint_ranges(self.arm, self.linkages, self.cylinders, 0.0, self.source.name)
+        return self.range_within(0.0)
 
     def range_within(self, end_margin: float) -> Array:
         """Joint ranges (nq, 2) in which every cylinder keeps a share of its stroke free at both ends."""
-        return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, self.source.name)
+        with lines_of(self.text, self.source.name):
+            return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, self.source.name)
 
     @cached_property
     def idle_joints(self) -> frozenset[int]:
@@ -465,8 +484,9 @@ def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
     """
     path = find(path_or_name)
     text = machine_file.read_text(path)
-    section = machine_file.parse(text, path.name)
-    urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
+    with lines_of(text, path.name):
+        section = machine_file.parse(text, path.name)
+        urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
     return Machine.from_text(text, urdf_text, path)
 
 
@@ -511,14 +531,16 @@ def find(path_or_name: str | Path) -> Path:
 
 def _assemble(section: MachineSection, arm: Arm, *, text: str, urdf_text: str, source: Path) -> Machine:
     unknown = parts.unknown_links(section, arm.links, source.name)
-    for fault in unknown + parts.unknown_joints(section, arm.all_joints, source.name):
+    for fault in unknown + parts.unknown_joints(section, arm.all_joints, arm.movable_joints, source.name):
         raise fault
     payloads = parts.payloads(section)
+    idle = parts.idle_cylinders(section, arm)
+    cylinders = {name: table for name, table in section.cylinder.items() if name not in idle}
     return Machine(
         name=section.name,
         arm=arm,
-        cylinders=tuple(parts.cylinder(name, cylinder) for name, cylinder in section.cylinder.items()),
-        linkages=tuple(parts.linkage(cylinder, arm) for cylinder in section.cylinder.values()),
+        cylinders=tuple(parts.cylinder(name, table) for name, table in cylinders.items()),
+        linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
         motors=parts.motors(section),
         payloads=payloads,
         payload=payloads[0],
@@ -573,7 +595,7 @@ def _faults_of_ranges(machine: Machine) -> Iterator[MachineFileError]:
             try:
                 joint_ranges(machine.arm, tuple(k for k, _ in own), tuple(c for _, c in own), 0.0, source)
             except MachineFileError as error:
-                yield error
+                yield from _with_cause(machine, j, own, error)
         return
     if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
         yield MachineFileError(
@@ -581,10 +603,38 @@ def _faults_of_ranges(machine: Machine) -> Iterator[MachineFileError]:
         )
 
 
+def _with_cause(
+    machine: Machine, j: int, own: list[tuple[Linkage, Cylinder]], error: MachineFileError
+) -> Iterator[MachineFileError]:
+    """Why a joint has no range: with its likely cause in one, or after that where it is the URDF's."""
+    cause = cause_of(machine.arm, j, own, faulty=True)
+    if cause is None:
+        yield error
+    elif cause.in_urdf:
+        part, line = place_in_urdf(machine, j, cause)
+        yield MachineFileError(part, f"{cause.words}; now {error.problem}", cause.remedy, line)
+        yield error
+    else:
+        problem, remedy = f"{cause.words}: {error.problem}", f"{cause.remedy}, or {error.remedy}"
+        yield MachineFileError(f"{machine.source.name}: {cause.path}", problem, remedy)
+
+
+def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | None]:
+    """Part and line of a cause that lies in the URDF: a joint's axis or limits, or the whole of it."""
+    source, name = machine.section.urdf, machine.joints[j]
+    if cause.path == "urdf":
+        return source, None
+    joint = next(at for at in parse(machine.urdf_text, source).findall("joint") if at.get("name") == name)
+    element = joint.find({"axis": "axis", "limits": "limit"}[cause.path])
+    return f"{source}: joint {name}", line_of(joint if element is None else element)
+
+
 def _fault_of_four_bar(where: str, linkage: Linkage) -> MachineFileError | None:
     bars, arm = linkage.four_bar, linkage.arm
     assert bars is not None
     path = arm.path(bars.pivot.link, bars.lug.link)
+    if not path and arm.frozen_between([bars.pivot.link, bars.lug.link]):
+        return None  # it stands still: its knee is a pin of the pivot's link
     if len(path) != 1 or not arm.joints[path[0][0]].revolute:
         return MachineFileError(
             f"{where}.four_bar",

@@ -17,11 +17,13 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import tomlkit
-from annotated_types import MinLen
+from annotated_types import MaxLen, MinLen
 from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
+from armdesign.likely import USUAL, bare_point, comma_in, list_meant, meant, number_meant, usual, with_point
+from armdesign.places import Places, lines_of
 from armdesign.schema import (
     ONE_LINE,
     CylinderSection,
@@ -31,6 +33,8 @@ from armdesign.schema import (
     ValveSection,
     allowed,
     annotation,
+    bounds,
+    unit_of,
 )
 from armdesign.valve import RELIEF_SHARE
 
@@ -136,12 +140,13 @@ def parse(text: str, source: str) -> MachineSection:
         MachineFileError: not TOML, or a key that is missing, unknown, of a wrong type or out of its range.
     """
     data = _toml(text, source)
-    try:
-        section = MachineSection.model_validate(data)
-    except ValidationError as error:
-        raise _explain(error, source) from None
-    for fault in _faults_of_sense(section, source):
-        raise fault
+    with lines_of(text, source):
+        try:
+            section = MachineSection.model_validate(data)
+        except ValidationError as error:
+            raise _explain(error, source, Places(text)) from None
+        for fault in _faults_of_sense(section, source):
+            raise fault
     return section
 
 
@@ -162,6 +167,7 @@ def problems(text: str, source: str) -> tuple[MachineSection | None, list[Machin
         return None, [error], set()
     faults: list[MachineFileError] = []
     wrong: set[str] = set()
+    places = Places(text)
     for _ in range(MENDING):
         try:
             section = MachineSection.model_validate(data)
@@ -171,7 +177,7 @@ def problems(text: str, source: str) -> tuple[MachineSection | None, list[Machin
             first_pass = not faults
             for fault in found:
                 if first_pass:
-                    faults.append(_explained(fault, source))
+                    faults.append(_explained(fault, source, places))
                 location = _location(fault)
                 wrong.add(".".join(map(str, location)))
                 _mend(data, location)
@@ -276,11 +282,28 @@ def _toml(text: str, source: str) -> dict[str, Any]:
         words = str(error).removesuffix("(at end of document)").strip()
         if isinstance(error, RecursionError):
             words = "nested too deeply"
+        if number := _ill_written(text, words):
+            raise MachineFileError(source, *number) from None
         if not re.search(r"\(at line \d+, column \d+\)$", words):
             words += f" (at {_place(text, error)})"
         xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
         remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
         raise MachineFileError(source, f"not valid TOML: {words}", remedy) from None
+
+
+def _ill_written(text: str, words: str) -> tuple[str, str] | None:
+    """Problem and remedy where the line that the parser does not like has a number with a comma, or a bare point."""
+    place = re.search(r"\(at line (\d+), column \d+", words)
+    lines = text.splitlines()
+    line = lines[int(place[1]) - 1] if place and int(place[1]) <= len(lines) else ""
+    if place is None:
+        return None
+    if point := bare_point(line):
+        return f"not valid TOML: no digit on one side of a point {place[0]})", point
+    if (comma := comma_in(line)) is None:
+        return None
+    at = f"(at line {place[1]}, column {comma.start(1) + comma[1].index(',') + 1})"
+    return f"not valid TOML: a decimal comma in {comma[1]} {at}", with_point(comma[1])
 
 
 def _place(text: str, error: Exception) -> str:
@@ -350,19 +373,19 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
 # ----------------------------------------------------------------------------------------------------------- messages
 
 
-def _explain(error: ValidationError, source: str) -> MachineFileError:
+def _explain(error: ValidationError, source: str, places: Places) -> MachineFileError:
     faults = error.errors(include_url=False)
     # an unknown key next to a missing one is most likely a misspelling: say the one that holds the remedy
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
-    return _explained(fault, source, f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else "")
+    return _explained(fault, source, places, f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else "")
 
 
 def _location(fault: Any) -> tuple[Any, ...]:
     return tuple(part for part in fault["loc"] if part != "[key]")
 
 
-def _explained(fault: Any, source: str, more: str = "") -> MachineFileError:
-    """One fault of the schema in the package's words."""
+def _explained(fault: Any, source: str, places: Places, more: str = "") -> MachineFileError:
+    """One fault of the schema in the package's words, the most likely cause first."""
     location = _location(fault)
     path = ".".join(str(part) for part in location)
     where, may_be = f"{source}: {path}", allowed(location)
@@ -377,9 +400,29 @@ def _explained(fault: Any, source: str, more: str = "") -> MachineFileError:
         return MachineFileError(
             where, "is not a usable name", "start with a letter, then letters, digits, _ or -" + more
         )
-    return MachineFileError(
-        where, f"{_shown(fault['input'])} is not allowed", f"give {may_be or 'another value'}{more}"
-    )
+    problem, remedy = f"{_shown(fault['input'])} is not allowed", f"give {may_be or 'another value'}{more}"
+    cause, mended = _likely(fault, location, places.written(path))
+    if cause:
+        problem, remedy = f"{cause}: {problem}", f"{mended}; {remedy}"
+    return MachineFileError(where, problem, remedy)
+
+
+def _likely(fault: Any, location: tuple[Any, ...], written: str) -> tuple[str, str]:
+    """What a value that is not allowed was most likely meant to be, and what to write; both "" if that is not plain."""
+    value, unit = fault["input"], unit_of(location).strip()
+    kind, constraints = annotation(location)
+    if kind in (int, float) and isinstance(value, str):
+        return number_meant(value, unit)
+    if isinstance(value, list) and get_origin(kind) is list:
+        most = next((c.max_length for c in constraints if isinstance(c, MaxLen)), 0)
+        points = list_meant(written, most) if written else ""
+        return ("decimal commas", f"write {points}") if points else ("", "")
+    known, lower, upper = usual(location), *bounds(location)
+    if kind is float and (
+        found := meant(location, value, known if location[-1] in USUAL else lambda x: lower < x < upper)
+    ):
+        return f"looks like {found.unit}", found.remedy
+    return "", ""
 
 
 def _shown(value: Any) -> str:
@@ -476,7 +519,13 @@ def _check_requirements(machine: MachineSection, refuse: Any) -> None:
 
 
 def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
-    if cylinder.rod_mm >= cylinder.bore_mm:
+    bore, rod, closed = cylinder.bore_mm, cylinder.rod_mm, cylinder.closed_length_mm
+    slender = bore < closed / 40  # as no barrel is
+    unit = meant(("cylinder", path, "bore_mm"), bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x)
+    if rod >= bore and unit:
+        problem = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
+        refuse(f"{path}.bore_mm", problem, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm")
+    elif rod >= bore:
         refuse(
             f"{path}.rod_mm",
             f"{cylinder.rod_mm:g} mm does not fit the bore",

@@ -238,10 +238,12 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     held = [workspace.holds(case.payload) for case in cases]
     for case, flags in zip(cases, held, strict=True):
         if not flags.any():
+            path = f"payload.{case.payload.name}.pitch_deg"
             raise PoseError(
-                f"{machine.source.name}: payload.{case.payload.name}.pitch_deg",
+                f"{machine.source.name}: {path}",
                 f"link {case.payload.link} has that pitch at no pose of the workspace",
                 "widen it, or remove the load case",
+                machine.line_of(path),
             )
     ends = np.cumsum([0, *(flags.sum() for flags in held)])
     names = _columns(machine)
@@ -375,8 +377,9 @@ def _modes(case: Machine, poses: Poses) -> Modes:
     try:
         return natural_modes(poses)
     except PoseError as error:
-        where = f"{case.source.name}: payload.{case.payload.name}"
-        raise PoseError(where, f"the {error.part} {error.problem}", error.remedy) from None
+        path = f"payload.{case.payload.name}"
+        words = f"the {error.part} {error.problem}"
+        raise PoseError(f"{case.source.name}: {path}", words, error.remedy, case.line_of(path)) from None
 
 
 def _columns(machine: Machine) -> list[str]:

@@ -150,6 +150,17 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
     )
 
 
+def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
+    """Cylinders that stand still because every joint between their pins is frozen, each with those joints."""
+    found = {}
+    for name, table in section.cylinder.items():
+        made = linkage(table, arm)
+        between = arm.frozen_between(at.link for at in made.all_pins)
+        if between and not made.joints:
+            found[name] = sorted(between, key=arm.movable_joints.index)
+    return found
+
+
 def motors(section: MachineSection) -> tuple[Motor, ...]:
     """Motors of the joints that are coordinates; those of frozen joints stand still."""
     made = (_motor(name, motor) for name, motor in section.motor.items())
@@ -203,10 +214,12 @@ def unknown_links(section: MachineSection, links: Collection[str], source: str) 
     ]
 
 
-def unknown_joints(section: MachineSection, joints: Collection[str], source: str) -> list[MachineFileError]:
-    """A fault for every motor on a joint that the URDF does not have."""
+def unknown_joints(
+    section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have; those that can move are offered instead."""
     return [
-        MachineFileError(f"{source}: motor.{name}.joint", f'no joint "{joint}" in the URDF', choose(joint, joints))
+        MachineFileError(f"{source}: motor.{name}.joint", f'no joint "{joint}" in the URDF', choose(joint, movable))
         for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
         if joint not in joints
     ]

@@ -13,6 +13,7 @@ from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.foreign import FLUID, SUPPLY
 from armdesign.machine import Machine, faults_of, find, load
 from armdesign.parts import linkage, unknown_joints, unknown_links
+from armdesign.places import Places, tell_line
 from armdesign.schema import MachineSection
 from armdesign.workspace import Workspace
 
@@ -33,6 +34,15 @@ def problems(path_or_name: str | Path, *, allow_outside: bool = False) -> list[A
         text = machine_file.read_text(path)
     except ArmDesignError as error:
         return [error]
+    found = _all(path, text, allow_outside)
+    places = Places(text)
+    for fault in found:
+        tell_line(fault, places, path.name)
+    return list({str(fault): fault for fault in found}.values())
+
+
+def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
+    """Every fault, in the order in which they are looked for."""
     section, faults, wrong = machine_file.problems(text, path.name)
     found: list[ArmDesignError] = [*faults]
     if section is None or "urdf" in wrong or any(fault.part.endswith(": urdf") for fault in faults):
@@ -69,7 +79,7 @@ def _unknown_names(section: MachineSection, urdf_text: str, source: str, wrong: 
     links, joints = ([str(part.get("name")) for part in robot.findall(kind)] for kind in ("link", "joint"))
     stand_ins = wrong | {f"{key}.{name}" for key in wrong for name in ("link", "joint")}
     faults = unknown_links(section, links, source) if links else []
-    faults += unknown_joints(section, joints, source) if joints else []
+    faults += unknown_joints(section, joints, urdf_faults.movable_joints(robot), source) if joints else []
     return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
 
 

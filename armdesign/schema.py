@@ -6,6 +6,7 @@ Also what the schema says at a key path, in words: for messages and for editors 
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -54,6 +55,7 @@ UNITS = {  # by the end of the key, longer ends first
     "N": "N",
     "l": "l",
 }
+UNIT_END = re.compile(rf"_({'|'.join(UNITS)})$")
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
     "title": "name for people",
@@ -95,8 +97,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "per metering edge",
     "overlap_percent": "of full spool stroke; negative: underlap",
-    "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders together",
-    "tank_leakage_l_per_min_per_bar": "from each chamber to the tank, all parallel cylinders together",
+    "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders or motors together",
+    "tank_leakage_l_per_min_per_bar": "from each chamber to the tank, all parallel cylinders or motors together",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
     "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
     "preload_bar": "of the chamber without load while the valve is shut and tight; default: return pressure",
@@ -143,6 +145,16 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "pin_radius_mm": "of the pins, with what must surround them",
     "clearance": "parts of links that barrels keep clear of, by name",
     "distance_mm": "between barrel and part, at least",
+}
+IN_SECTION = {  # where a key means something else than in most tables
+    "MotorSection": {
+        "count": "equal motors in parallel on one joint",
+        "hose": "the share of the trapped volume that lies in hoses",
+    },
+    "PinBoxSection": {
+        "base": "of the barrel's pin: how far each of its coordinates may move [mm]",
+        "rod_end": "of the rod's pin: how far each of its coordinates may move [mm]",
+    },
 }
 ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # tables of these keys are written in one line
 
@@ -431,9 +443,10 @@ class MachineSection(Section):
 def schema() -> str:
     """The file's JSON Schema for editors, as text: ``machine.schema.json`` in the package is this."""
     document = MachineSection.model_json_schema()
-    sections = {"": document, **document["$defs"]}
-    for section in sections.values():
+    classes = {kind.__name__: kind for kind in Section.__subclasses__()}
+    for name, section in {MachineSection.__name__: document, **document["$defs"]}.items():
         section.pop("title", None)
+        special = IN_SECTION.get(name, {})
         for key, value in section.get("properties", {}).items():
             value.pop("title", None)
             if {"type": "null"} in value.get("anyOf", []):  # TOML has no null: the key is left out
@@ -441,7 +454,8 @@ def schema() -> str:
                 value.pop("default", None)
             if isinstance(value.get("default"), dict):  # that of a table is in its keys
                 value.pop("default")
-            words = [DESCRIPTIONS.get(key, ""), *([f"[{unit_of((key,)).strip()}]"] if unit_of((key,)) else [])]
+            unit = _named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
+            words = [special.get(key, DESCRIPTIONS.get(key, "")), f"[{unit}]" if unit else ""]
             if description := " ".join(word for word in words if word):
                 value["description"] = description
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "armdesign machine file"}
@@ -507,10 +521,30 @@ def allowed(location: tuple[Any, ...]) -> str:
     return f"a table with {', '.join(required)}" if required else "a table"
 
 
+def bounds(location: tuple[Any, ...]) -> tuple[float, float]:
+    """Least and largest number that may stand at a key path."""
+    low, high = -math.inf, math.inf
+    for bound in annotation(location)[1]:
+        low = bound.gt if isinstance(bound, Gt) else bound.ge if isinstance(bound, Ge) else low  # type: ignore[assignment]
+        high = bound.lt if isinstance(bound, Lt) else bound.le if isinstance(bound, Le) else high  # type: ignore[assignment]
+    return low, high
+
+
 def unit_of(location: tuple[Any, ...]) -> str:
-    """Unit of a number, which its key names, with a space before it."""
-    for key in reversed(location[-2:]):  # the key itself, or that of its list or table
-        found = re.search(rf"_({'|'.join(UNITS)})$", str(key))
-        if found:
-            return f" {UNITS[found[1]]}"
-    return ""
+    """Unit of a number, with a space before it: its key names it, or else that of the list or table that it is in."""
+    kind: Any = MachineSection
+    unit = ""
+    for key in location:
+        if isinstance(kind, type) and issubclass(kind, Section) and key in kind.model_fields:
+            kind, _ = unwrap(kind.model_fields[key].annotation)
+            unit = _named_unit(key, kind) or unit
+        elif get_origin(kind) in (dict, list):  # the names of entries are the author's: a joint may be called arm_mm
+            kind, _ = unwrap(get_args(kind)[-1])
+    return f" {unit}" if unit else ""
+
+
+def _named_unit(key: str, kind: Any) -> str:
+    """The unit that a key names; none for a table whose own keys name theirs, such as four_bar."""
+    found = UNIT_END.search(key)
+    fields = kind.model_fields if isinstance(kind, type) and issubclass(kind, Section) else {}
+    return UNITS[found[1]] if found and not any(map(UNIT_END.search, fields)) else ""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.urdf_faults import faults_of, numbers, parse
+from armdesign.urdf_faults import faults_of, movable_joints, numbers, parse
 
 _DEFAULTS = {  # numbers that Pinocchio reads, by element and attribute
     "origin": {"xyz": "0 0 0", "rpy": "0 0 0"},
@@ -40,12 +40,16 @@ class Joint:
 
 @dataclass(frozen=True)
 class Link:
-    """A link rides on a joint (−1: the root): its frame in that joint's frame."""
+    """A link rides on a joint (−1: the root): its frame in that joint's frame.
+
+    ``frozen`` names the joints between root and link that could move but do not.
+    """
 
     name: str
     joint: int
     rotation: Array
     translation: Array
+    frozen: tuple[str, ...] = ()
 
 
 def read_urdf(
@@ -65,14 +69,15 @@ def read_urdf(
     robot = parse(text, source)
     for fault in faults_of(robot, joints, frozen, source):
         raise fault
+    still = [name for name in movable_joints(robot) if name not in joints]
     for joint in robot.findall("joint"):
         name = str(joint.get("name"))
-        if joint.get("type") != "fixed" and name not in joints:
+        if name in still:
             _fix(joint, frozen.get(name, 0.0))
         elif joint.get("type") != "fixed":
             _limit(joint)
     _write_plainly(robot)
-    moving, links = _tree(robot, joints)
+    moving, links = _tree(robot, joints, still)
     return ET.tostring(robot, encoding="unicode"), moving, links
 
 
@@ -139,7 +144,7 @@ def _words(values: Array) -> str:
     return " ".join(repr(float(x)) for x in values)
 
 
-def _tree(robot: ET.Element, joints: list[str]) -> tuple[tuple[Joint, ...], dict[str, Link]]:
+def _tree(robot: ET.Element, joints: list[str], still: list[str]) -> tuple[tuple[Joint, ...], dict[str, Link]]:
     """Walk from the root: the moving joints in the order of q, and every link with the joint that carries it."""
     children: dict[str, list[tuple[ET.Element, str]]] = {str(link.get("name")): [] for link in robot.findall("link")}
     carried = set()
@@ -163,6 +168,7 @@ def _tree(robot: ET.Element, joints: list[str]) -> tuple[tuple[Joint, ...], dict
                 ends = _bounds(element)
                 moving[name] = Joint(name, revolute, index, rotation, translation, _axis(element), *ends)
                 index, rotation, translation = joints.index(name), np.eye(3), np.zeros(3)
-            links[child] = Link(child, index, rotation, translation)
+            frozen = (*before.frozen, name) if name in still else before.frozen
+            links[child] = Link(child, index, rotation, translation, frozen)
             waiting.append(links[child])
     return tuple(moving[name] for name in joints), links

@@ -108,7 +108,7 @@ BAD = [
     ({"cylinders": {"boom": {"bore": 1}}}, "cylinder.boom.bore: unknown key"),
     ({"cylinders": {"boom": {**DATA["cylinder"]["boom"], "bore_mm": object()}}}, "cylinder.boom.bore_mm: cannot hold"),
     ({"joints": ["bom"]}, "joint bom: is not in the URDF"),
-    ({"joints": ["boom"], "frozen": {"stick": -1}}, "cylinder.stick: no joint lies between its pins"),
+    ({"joints": ["boom", "slide"], "frozen": {"stick": -1}}, "joint slide: is not in the URDF (named in joints)"),
     ({"tool": {"link": "none", "at_mm": [0, 0, 0]}}, 'tool.link: no link "none" in the URDF'),
     ({"payloads": {"full": {"mass_kg": 5}}}, "payload.full.link: missing: a mass must sit somewhere"),
     ({"fluid": {"beta": 5}}, "fluid.beta: unknown key"),

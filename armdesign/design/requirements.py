@@ -5,7 +5,7 @@ The settings alone, in SI; ``conditions.py`` says what each means for a design, 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -155,8 +155,10 @@ class Requirements:
 
     @classmethod
     def of(cls, machine: Machine) -> Requirements:
-        """The requirements that the machine's file states."""
-        section = machine.section.requirements
+        """The requirements that the machine's file states; of cylinders that stand still none."""
+        section, at_work = machine.section.requirements, _at_work(machine)
+        speeds = [_speed(machine, name, speed) for name, speed in section.speed.items()]
+        clearances = [_clearance(name, clearance, at_work) for name, clearance in section.clearance.items()]
         return cls(
             end_margin=section.end_margin,
             holding_share=section.holding_share,
@@ -165,19 +167,19 @@ class Requirements:
             thrust_share=section.thrust_share,
             moment_arm_share=section.moment_arm_share,
             transmission=section.transmission_deg * deg,
-            digging=tuple(section.digging.cylinders) if section.digging else (),
+            digging=tuple(filter(at_work, section.digging.cylinders)) if section.digging else (),
             digging_share=section.digging.share if section.digging else 0.95,
-            digging_force={name: force * kN for name, force in section.digging_kN.items()},
+            digging_force={name: force * kN for name, force in section.digging_kN.items() if at_work(name)},
             buckling_share=section.buckling_share,
             buckling_factor=section.buckling_factor,
             buckling_column=section.buckling_column,
             pin_box=None if section.pin_box_mm is None else section.pin_box_mm * mm,
-            pin_boxes=_pin_boxes(section),
+            pin_boxes={name: boxes for name, boxes in _pin_boxes(section).items() if at_work(name)},
             cylinder_mass=section.cylinder_mass_kg,
-            speeds=tuple(_speed(machine, name, speed) for name, speed in section.speed.items()),
+            speeds=tuple(speed for speed in speeds if speed.joints or speed.cylinders),
             lifts=tuple(_lift(machine, name, lift) for name, lift in section.lift.items()),
             outlines=tuple(_outline(link, outline) for link, outline in section.outline.items()),
-            clearances=tuple(_clearance(name, clearance) for name, clearance in section.clearance.items()),
+            clearances=tuple(clearance for clearance in clearances if clearance.cylinders),
         )
 
     def box(self, machine: Machine, workspace: Workspace) -> float:
@@ -227,6 +229,11 @@ def _one_of(name: str, word: str, known: tuple[str, ...]) -> None:
         )
 
 
+def _at_work(machine: Machine) -> Callable[[str], bool]:
+    """Whether a cylinder of the file moves a joint; true of a name that the file does not have, which is a fault."""
+    return lambda name: name not in machine.idle
+
+
 def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:
     """Every number within settings, with its path."""
     if isinstance(value, float | int) and not isinstance(value, bool):
@@ -260,6 +267,7 @@ def _joints(
                     f"{machine.source.name}: requirements.{path}",
                     f'"{name}" {kind}, so nothing of it is in {key}',
                     f"give it in {other}",
+                    machine.line_of(f"requirements.{path}"),
                 )
     return {name: value * deg for name, value in turning.items()} | {n: value * mm for n, value in sliding.items()}
 
@@ -268,7 +276,7 @@ def _speed(machine: Machine, name: str, section: SpeedSection) -> Speed:
     return Speed(
         name=name,
         joints=_joints(machine, f"speed.{name}", section.joint_deg_per_s, section.joint_mm_per_s),
-        cylinders={cylinder: value * mm for cylinder, value in section.cylinder_mm_per_s.items()},
+        cylinders={name: value * mm for name, value in section.cylinder_mm_per_s.items() if _at_work(machine)(name)},
         at=section.at,
     )
 
@@ -294,10 +302,10 @@ def _outline(link: str, section: OutlineSection) -> Outline:
     return Outline(link=link, points=_outlined(section.points_mm), pin_radius=section.pin_radius_mm * mm)
 
 
-def _clearance(name: str, section: ClearanceSection) -> Clearance:
+def _clearance(name: str, section: ClearanceSection, at_work: Callable[[str], bool]) -> Clearance:
     return Clearance(
         name=name,
-        cylinders=tuple(section.cylinders),
+        cylinders=tuple(filter(at_work, section.cylinders)),
         link=section.link,
         points=_outlined(section.points_mm),
         distance=section.distance_mm * mm,

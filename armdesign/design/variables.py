@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.linkage import BARS, OF_FOUR_BAR, PINS
+from armdesign.linkage import BARS, PINS, key_of
 from armdesign.machine import Machine
 
 WORDS = {
@@ -36,12 +36,6 @@ class Variable:
     axis: int
     lower: float
     upper: float
-
-
-def key_of(place: str) -> str:
-    """Key of a linkage's place in its cylinder's table of the machine file."""
-    key = f"{place}_mm" if place in BARS else f"{place}.at_mm"
-    return f"four_bar.{key}" if place in OF_FOUR_BAR else key
 
 
 def variables(machine: Machine, vary: Sequence[str], box: float, largest_area: float) -> list[Variable]:
@@ -78,6 +72,9 @@ def chosen(machine: Machine, vary: Sequence[str]) -> set[str]:
     """
     if not vary or isinstance(vary, str):
         raise ArmDesignError("vary", f"{vary!r} is not allowed", f"give some of {', '.join(WORDS)} and key paths")
+    if not machine.cylinders:
+        remedy = "make a joint that a cylinder moves a coordinate"
+        raise ArmDesignError("vary", "no cylinder of the machine moves: nothing can vary", remedy)
     known = _known(machine)
     found: set[str] = set()
     for word in vary:
@@ -126,6 +123,10 @@ def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
 
 def _unknown(machine: Machine, word: str, known: list[str]) -> ArmDesignError:
     """What to say of a word or path that nothing varies by."""
+    for name, frozen in machine.idle.items():
+        if f"{word}.".startswith(f"cylinder.{name}."):
+            problem = f"the {name} cylinder stands still: joint {', '.join(frozen)} is frozen"
+            return ArmDesignError(f"vary {word}", problem, "vary another one, or make the joint a coordinate")
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         places = [f"cylinder.{cylinder.name}.{key_of(place)}" for place in (*PINS, *BARS) if linkage.place(place)]
         if len(linkage.joints) > 1 and any(
