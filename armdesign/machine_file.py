@@ -6,9 +6,7 @@ answered with file, key path, value, range and remedy. Writing changes leaf valu
 
 from __future__ import annotations
 
-import contextlib
 import difflib
-import errno
 import os
 import re
 import tomllib
@@ -74,31 +72,6 @@ def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
         return read_text(path.parent / urdf)
     except MachineFileError as error:
         raise MachineFileError(f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy) from None
-
-
-def write_files(texts: dict[Path, str]) -> None:
-    """Write files whole or not at all: each beside its place first, then all of them moved there.
-
-    Raises:
-        MachineFileError: a file or folder that cannot be written.
-    """
-    waiting = {path: path.with_name(f".writing-{path.name}") for path in texts}
-    path = next(iter(texts))
-    try:
-        for path, text in texts.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if path.is_dir():
-                raise IsADirectoryError(errno.EISDIR, "is a folder")
-            waiting[path].write_bytes(text.encode())
-        for path, written in waiting.items():
-            written.replace(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MachineFileError(str(path), f"cannot be written ({reason})", "name another place") from None
-    finally:
-        for written in waiting.values():
-            with contextlib.suppress(OSError, ValueError):
-                written.unlink(missing_ok=True)
 
 
 def parse(text: str, source: str) -> MachineSection:

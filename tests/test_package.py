@@ -14,10 +14,10 @@ PACKAGE = ROOT / "armdesign"
 
 # From the ground up: a module may import those above it in this list only.
 ORDER = [
-    *("units", "errors", "arrays"),
+    *("units", "errors", "folders", "transaction", "arrays"),
     *("fluid", "valve", "cylinder", "column", "formulas"),
     *("urdf_faults", "urdf", "jets", "arm", "linkage"),
-    *("schema", "machine_file", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
+    *("schema", "machine_file", "saving", "scaffold", "foreign", "poses", "ranges", "parts", "machine", "modes"),
     *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),
