@@ -6,6 +6,7 @@ Every command computes first and writes at the end, all files or none. Bad input
 from __future__ import annotations
 
 import dataclasses
+import signal
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -16,15 +17,18 @@ import typer
 
 from armdesign.errors import ArmDesignError
 from armdesign.output import (
+    changed,
     check_out,
     outputs,
     progress,
+    say,
     show,
     write_csv,
     write_design,
     write_heatmaps,
     write_validations,
 )
+from armdesign.transaction import as_interrupt
 from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -281,7 +285,7 @@ def check(
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
     if faults:
         for fault in faults:
-            print(f"armdesign: {fault}", file=sys.stderr)
+            say(f"armdesign: {fault}", sys.stderr)
         raise typer.Exit(2)
     show(sheets)
 
@@ -338,7 +342,7 @@ def new(
     with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
-    print(f"next: armdesign map {folder / f'{name}.toml'}")
+    say(f"next: armdesign map {folder / f'{name}.toml'}")
 
 
 @app.command()
@@ -460,16 +464,21 @@ def _numbers(text: str) -> list[float] | None:
 
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
-    try:
-        sys.exit(app(standalone_mode=False))
-    except ArmDesignError as error:
-        print(f"armdesign: {error}", file=sys.stderr)
-    except _UsageError as error:
-        message = error.format_message().replace("Value error, ", "")
-        print(message if message.startswith("Usage") else f"armdesign: {message}", file=sys.stderr)
-    except (KeyboardInterrupt, typer.Abort):
-        print("armdesign: interrupted; nothing was written", file=sys.stderr)
-        sys.exit(130)
+    changed.clear()
+    with as_interrupt() as came:
+        try:
+            sys.exit(app(standalone_mode=False))
+        except ArmDesignError as error:
+            say(f"armdesign: {error}", sys.stderr)
+        except _UsageError as error:
+            message = error.format_message().replace("Value error, ", "")
+            for line in message.splitlines() if message.startswith("Usage") else [f"armdesign: {message}"]:
+                say(line, sys.stderr)
+        except (KeyboardInterrupt, typer.Abort) as error:
+            if isinstance(error.__cause__, EOFError):  # which typer takes for Ctrl-D; nobody is asked anything here
+                raise error.__cause__ from None
+            say(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
+            sys.exit(128 + (came or [signal.SIGINT])[-1])
     sys.exit(2)
 
 

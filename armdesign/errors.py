@@ -3,8 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+
+# C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of surrogate pairs
+CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    r"""A text in one line that no terminal takes for commands: control characters as Python writes them, ``\x1b``."""
+    return CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
+
+
+def _line(text: str) -> str:
+    return " ".join(printable(text).split())
 
 
 class ArmDesignError(Exception):
@@ -26,7 +39,7 @@ class ArmDesignError(Exception):
         """Say in which line of the file it stands, or that this is not known."""
         self.line = line
         text = f"{self.part}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
-        self.args = (" ".join(text.split()) + (f" (line {line})" if line else ""),)
+        self.args = (_line(text) + (f" (line {line})" if line else ""),)
 
     def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, str, str, int | None]]:
         """Travel whole between processes."""
@@ -93,7 +106,7 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
         raise different[0]
     if different:
         first, *others = different
-        told = "; also: ".join([str(first).removeprefix(f"{first.part}: "), *map(str, others)])
+        told = "; also: ".join([str(first).removeprefix(_line(f"{first.part}: ") + " "), *map(str, others)])
         raise type(first)(first.part, told)
 
 

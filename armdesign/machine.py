@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign import foreign, machine_file, parts
+from armdesign import foreign, machine_file, parts, saving, transaction
 from armdesign.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.causes import Cause, cause_of
@@ -211,28 +211,47 @@ class Machine:
             machine = Machine.from_text(text, self.urdf_text, self.source, self.arm if same_arm else None)
         return machine.loaded_like(self)
 
-    def save(self, path: str | Path) -> Path:
-        """Write machine file and URDF; the comments of the original stay. Returns the path of the machine file.
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write machine file and URDF, both or none; the comments of the original stay.
 
         A URDF from outside the machine file's folder is copied beside the new file, and so is the JSON Schema that a
         ``#:schema`` line names.
+
+        Args:
+            path: of the machine file.
+            overwrite: whether files may be replaced that this package did not make.
+
+        Returns:
+            The path of the machine file.
+
+        Raises:
+            ArmDesignError: a place that cannot be written, or holds a file of somebody else.
         """
+        target, urdf, text = self._files(path)
+        if urdf == target:
+            raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
+        if not overwrite:
+            saving.refuse_foreign(target, text)
+            if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
+                raise ArmDesignError(
+                    str(urdf), "another URDF of this name exists", "save into another folder, or give overwrite=True"
+                )
+        text, schema = saving.schema_beside(text)
+        place = target.parent / schema
+        beside = {place: schema_text()} if schema and not place.exists() else {}
+        saving.write_files({target: text, urdf: self.urdf_text} | beside)
+        return target
+
+    def _files(self, path: str | Path) -> tuple[Path, Path, str]:
+        """Where machine file and URDF would be saved, and the text of the former."""
         target = _path(path)
         if target.suffix != ".toml":
             raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
-        text, urdf = self.text, target.parent / self.section.urdf
         if any(machine_file.leads_out(file.parent, self.section.urdf) for file in (self.source, target)):
-            urdf = target.parent / Path(self.section.urdf).name
-            text = machine_file.write(text, {"urdf": urdf.name}, self.source.name)
-        if urdf == target:
-            raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
-        if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
-            raise ArmDesignError(str(urdf), "another URDF of this name exists", "save into another folder")
-        text, schema = machine_file.schema_beside(text)
-        place = target.parent / schema
-        beside = {place: schema_text()} if schema and not place.exists() else {}
-        machine_file.write_files({urdf: self.urdf_text, target: text} | beside)
-        return target
+            name = Path(self.section.urdf).name
+            text = machine_file.write(self.text, {"urdf": name}, self.source.name)
+            return target, target.parent / name, text
+        return target, target.parent / self.section.urdf, self.text
 
     # --------------------------------------------------------------------------------------------------- poses
 
@@ -517,6 +536,7 @@ def find(path_or_name: str | Path) -> Path:
         MachineFileError: no such machine.
     """
     path, names = _path(path_or_name), shipped()
+    transaction.mend(path if path.is_dir() else path.parent)
     own = path / f"{path.resolve().name if path.is_dir() else path.name}.toml"
     if own.is_file():
         return own

@@ -6,9 +6,7 @@ answered with file, key path, value, range and remedy. Writing changes leaf valu
 
 from __future__ import annotations
 
-import contextlib
 import difflib
-import errno
 import os
 import re
 import tomllib
@@ -38,8 +36,6 @@ from armdesign.schema import (
 )
 from armdesign.valve import RELIEF_SHARE
 
-MADE = "Made by armdesign"  # how the first comment of a file begins that a design has written
-DIRECTIVE = "#:schema"  # names an editor's JSON Schema, in the first line
 MENDING = 8  # passes in which tables that stand in for others are filled
 COLUMNS = ("payload", "tool_x_m", "tool_y_m", "tool_z_m", "cylinder", "mode", "linear_hz", "identified_hz", "deviation")
 
@@ -90,43 +86,6 @@ def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
         return read_text(path.parent / urdf)
     except MachineFileError as error:
         raise MachineFileError(f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy) from None
-
-
-def write_files(texts: dict[Path, str]) -> None:
-    """Write files whole or not at all: each beside its place first, then all of them moved there.
-
-    Raises:
-        MachineFileError: a file or folder that cannot be written.
-    """
-    waiting = {path: path.with_name(f".writing-{path.name}") for path in texts}
-    path = next(iter(texts))
-    try:
-        for path, text in texts.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if path.is_dir():
-                raise IsADirectoryError(errno.EISDIR, "is a folder")
-            waiting[path].write_bytes(text.encode())
-        for path, written in waiting.items():
-            written.replace(path)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MachineFileError(str(path), f"cannot be written ({reason})", "name another place") from None
-    finally:
-        for written in waiting.values():
-            with contextlib.suppress(OSError, ValueError):
-                written.unlink(missing_ok=True)
-
-
-def schema_beside(text: str) -> tuple[str, str]:
-    """The text with the JSON Schema that its ``#:schema`` line names beside it, and the schema's file name.
-
-    The name is empty where the line is missing, or names an address or an absolute path, which hold anywhere.
-    """
-    line = re.search(rf"(?m)^{DIRECTIVE}[ \t]+(\S+)", text)
-    if line is None or "://" in line[1] or Path(line[1]).is_absolute():
-        return text, ""
-    name = Path(line[1]).name
-    return f"{text[: line.start(1)]}./{name}{text[line.end(1) :]}", name
 
 
 def parse(text: str, source: str) -> MachineSection:

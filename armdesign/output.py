@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
-from armdesign.errors import ArmDesignError
+from armdesign import transaction
+from armdesign.errors import ArmDesignError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from armdesign.maps import FrequencyMap
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.validation import Validation
+
+changed: list[Path] = []  # folders that this process has written into
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
@@ -70,7 +72,7 @@ def write_validations(validations: dict[str, Validation], folder: Path, label: s
 
 
 def check_out(out: Path) -> None:
-    """Raise if nothing can be written there."""
+    """Raise if nothing can be written there; what a killed run left half done there is ended."""
     try:
         there = next(place for place in (out, *out.absolute().parents) if place.exists())
     except OSError as error:
@@ -79,31 +81,39 @@ def check_out(out: Path) -> None:
         ) from None
     if not there.is_dir() or not os.access(there, os.W_OK):
         raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
+    transaction.mend(out)
 
 
 @contextmanager
 def outputs(out: Path) -> Iterator[Path]:
-    """A folder to write into; its files move to ``out`` only when all of them are there."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as temporary:
-            yield Path(temporary)
-            written = sorted(p.relative_to(temporary) for p in Path(temporary).rglob("*") if p.is_file())
-            for name in written:
-                (out / name).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(Path(temporary) / name, out / name)
-    except OSError as error:
-        raise ArmDesignError(f"--out {out}", f"cannot be written ({error.strerror})", "name another folder") from None
-    print(f"wrote {', '.join(map(str, written))} to {out}/")
+    """A folder to write into; its files move to ``out`` when all of them are there, all or none."""
+    with ExitStack() as told:
+        try:
+            with transaction.staged(out) as folder:
+                yield folder
+                written = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+                told.enter_context(transaction.undisturbed())
+        except OSError as error:
+            words = f"cannot be written ({error.strerror})"
+            raise ArmDesignError(f"--out {out}", words, "name another folder") from None
+        changed.append(out)
+        say(f"wrote {', '.join(written)} to {out}/")
+
+
+def say(text: str, file: TextIO | None = None) -> None:
+    """A line in the terminal: on stdout, or on a stream that is given."""
+    print(printable(text), file=file)
 
 
 @contextmanager
 def progress(text: str) -> Iterator[Callable[[str], None]]:
     """A progress display on stderr that leaves no trace; call what it yields to change the text."""
+    from rich.text import Text
+
     from armdesign.arrays import terminal
 
-    with terminal().status(text) as status:
-        yield lambda words: status.update(words)
+    with terminal().status(Text(printable(text))) as status:
+        yield lambda words: status.update(Text(printable(words)))
 
 
 def show(items: Sequence[Sheet | str]) -> None:
@@ -117,10 +127,10 @@ def show(items: Sequence[Sheet | str]) -> None:
         console.width = 100
     for item in items:
         if isinstance(item, str):
-            console.print(item, highlight=False, markup=False)
+            console.print(printable(item), highlight=False, markup=False, emoji=False)
             continue
-        console.print(item.title, style="bold", highlight=False, markup=False)
+        console.print(item.title, style="bold", highlight=False, markup=False, emoji=False)
         if item.rows:
             console.print(rich_table(item), highlight=False)
         if item.note:
-            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False)
+            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False, emoji=False)

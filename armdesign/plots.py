@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import sys
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
@@ -10,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign import folders
 from armdesign.arrays import Array
 from armdesign.workspace import nearest
 
@@ -32,12 +36,26 @@ STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # of cur
 
 def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[Any, Any]:
     """Figure with one row of axes, drawn without a display."""
+    _give_matplotlib_a_folder()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     fig = Figure(figsize=(width * columns, height), layout="constrained")
     FigureCanvasAgg(fig)
     return fig, fig.subplots(1, columns, squeeze=False)[0]
+
+
+def _give_matplotlib_a_folder() -> None:
+    """A folder that stays, where the user's home cannot be written; else matplotlib complains and starts anew."""
+    home = Path(os.path.expanduser(os.environ.get("XDG_CONFIG_HOME") or "~/.config"))
+    there = next((place for place in (home, *home.parents) if place.is_dir()), home)
+    if "matplotlib" in sys.modules or "MPLCONFIGDIR" in os.environ or (home.is_absolute() and folders.writable(there)):
+        return
+    for place in folders.temporary():
+        with contextlib.suppress(OSError):
+            if folders.made(place / "matplotlib") and folders.writable(place / "matplotlib"):
+                os.environ["MPLCONFIGDIR"] = str(place / "matplotlib")
+                return
 
 
 def save(fig: Any, path: Path) -> Path:

@@ -14,22 +14,11 @@ PACKAGE = ROOT / "armdesign"
 
 # From the ground up: a module may import those above it in this list only.
 ORDER = [
-    *("units", "errors", "arrays", "arguments"),
+    *("units", "errors", "folders", "transaction", "arrays", "arguments"),
     *("fluid", "valve", "cylinder", "column", "formulas"),
     *("urdf_faults", "urdf", "jets", "arm", "linkage"),
-    *(
-        "places",
-        "schema",
-        "likely",
-        "machine_file",
-        "scaffold",
-        "foreign",
-        "poses",
-        "ranges",
-        "parts",
-        "machine",
-        "modes",
-    ),
+    *("places", "schema", "likely", "machine_file", "saving", "scaffold", "foreign", "poses", "ranges", "parts"),
+    *("machine", "modes"),
     *("workspace", "maps", "bands", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),

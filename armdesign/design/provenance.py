@@ -17,8 +17,9 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable
 
-from armdesign import machine_file
+from armdesign import machine_file, saving
 from armdesign.design.requirements import Requirements
+from armdesign.errors import printable
 from armdesign.machine import Machine
 from armdesign.schema import NAME_LENGTH
 
@@ -108,7 +109,7 @@ def _with_head(text: str, head: list[str]) -> str:
     lines = text.splitlines(keepends=True)
     end = "\r\n" if lines and lines[0].endswith("\r\n") else "\n"
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
-    schema = [line for line in lines[:first] if line.startswith(machine_file.DIRECTIVE)]
+    schema = [line for line in lines[:first] if line.startswith(saving.DIRECTIVE)]
     return "".join([*schema, *(f"# {line}".rstrip() + end for line in head), end, *lines[first:]])
 
 
@@ -116,7 +117,7 @@ def _head(today: Machine, requirements: Requirements, command: str) -> list[str]
     """Lines of the new head."""
     source = today.source.name
     paragraphs = [
-        f"{machine_file.MADE} {version('armdesign')} on {date.today().isoformat()} from {source}: "
+        f"{saving.MADE} {version('armdesign')} on {date.today().isoformat()} from {source}: "
         f"{today.section.title or today.name}.",
         f"Command: {command}",
         f"Requirements: {_stated(today, requirements)}.",
@@ -140,5 +141,6 @@ def _stated(today: Machine, requirements: Requirements) -> str:
 
 def _wrapped(words: str) -> list[str]:
     """Lines that a comment can hold: nothing in them ends the line but their end."""
-    clean = "".join(c if c.isprintable() else repr(c)[1:-1] for c in words)
-    return textwrap.wrap(clean, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return textwrap.wrap(
+        printable(words), WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )

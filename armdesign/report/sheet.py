@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armdesign.cylinder import Cylinder
+from armdesign.errors import printable
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -26,13 +27,23 @@ MANY = 9  # columns stand closer together
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """A titled table of words; the first column is text, the others are numbers. ``bold`` rows stand out."""
+    """A titled table of words, made printable; the first column is text, the others are numbers.
+
+    ``bold`` rows stand out.
+    """
 
     title: str
     columns: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     bold: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Words of a machine file may hold control characters; no reader shall take them for commands."""
+        words = {name: printable(getattr(self, name)) for name in ("title", "note")}
+        columns, rows = tuple(map(printable, self.columns)), tuple(tuple(map(printable, row)) for row in self.rows)
+        for name, value in {**words, "columns": columns, "rows": rows}.items():
+            object.__setattr__(self, name, value)
 
 
 def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
@@ -60,8 +71,8 @@ def dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:
 def rich_table(sheet: Sheet) -> Table:
     """A sheet for the terminal, but for its title and note, which are wider than some tables."""
     from rich import box
-    from rich.markup import escape  # a unit in brackets looks like markup
     from rich.table import Table
+    from rich.text import Text  # a unit in brackets looks like markup
 
     table = Table(
         box=box.SIMPLE_HEAD,
@@ -72,12 +83,12 @@ def rich_table(sheet: Sheet) -> Table:
     for index, column in enumerate(sheet.columns or ("", "")):
         words = index == 0 or not sheet.columns or column == "where"
         table.add_column(
-            escape(column.replace(" [", "\n[")),
+            Text(column.replace(" [", "\n[")),
             justify="left" if words else "right",
             no_wrap=column != "where" and bool(sheet.columns),
         )
     for index, row in enumerate(sheet.rows):
-        table.add_row(*map(escape, row), style="bold" if index in sheet.bold else None)
+        table.add_row(*map(Text, row), style="bold" if index in sheet.bold else None)
     return table
 
 
@@ -90,4 +101,6 @@ def html(title: str, lead: str, sheets: Sequence[Sheet], pictures: Sequence[tupl
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
-    return environment.from_string(template).render(title=title, lead=lead, sheets=sheets, images=images)
+    return environment.from_string(template).render(
+        title=printable(title), lead=printable(lead), sheets=sheets, images=images
+    )

@@ -1,0 +1,252 @@
+"""Several files of one folder that change as one: all of them or none, whatever happens on the way.
+
+New files are written into a folder of their own beside their places, ``.writing-`` with ``new`` and ``old`` in it. When
+all are whole, and every place is free, the files that they replace are kept in ``old`` and the journal ``moving`` names
+them all; then each is moved. If a move fails, the journal becomes ``undoing`` and the old files return. Where a process
+is killed on the way, the next one that reads or writes there ends what the journal says. That the other is dead, and
+not at work, is told by a lock that ends with its process. Until then a reader may find new files beside old ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import re
+import shutil
+import signal
+import stat
+import tempfile
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: nothing is waited for, and nothing left behind is touched
+    fcntl = None  # type: ignore[assignment]
+
+PREFIX = ".writing-"
+STAGE = re.compile(re.escape(PREFIX) + r"[a-z0-9_]{8}")  # as tempfile names them
+ENDS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+@contextlib.contextmanager
+def staged(place: Path) -> Iterator[Path]:
+    """A folder to write into; when the block ends its files move to ``place``, all of them or none.
+
+    Raises:
+        OSError: one that cannot be written, or whose place is taken; all is then as it was.
+    """
+    fresh = [folder for folder in (place, *place.absolute().parents) if not folder.exists()]
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with _stage(place) as stage:
+            yield stage.new
+            with undisturbed(), _locked(place):
+                _mend(place)
+                stage.move()
+    except BaseException:
+        for folder in fresh:  # the innermost first
+            with contextlib.suppress(OSError):  # not there, or not empty
+                folder.rmdir()
+        raise
+
+
+def mend(place: Path) -> None:
+    """End what killed processes left half done in a folder, and remove what they left behind."""
+    with contextlib.suppress(OSError):
+        if any(STAGE.fullmatch(name) for name in os.listdir(place)):
+            with undisturbed(), _locked(place):
+                _mend(place)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """What would end the program meanwhile, Ctrl-C or a signal, does so after the block."""
+    if threading.current_thread() is not threading.main_thread():  # Python runs handlers in that one alone
+        yield
+        return
+    came: list[int] = []
+    before = {number: signal.getsignal(number) for number in ENDS}
+    known = {number: handler for number, handler in before.items() if handler is not None}  # None: not Python's own
+    for number in known:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in known.items():
+            signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
+
+
+@contextlib.contextmanager
+def as_interrupt() -> Iterator[list[int]]:
+    """What else ends the program ends it as Ctrl-C does: SIGTERM, a closed terminal. Yields the signals that came."""
+    came: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    left = [number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL]  # not those that nohup ignores
+    for number in left:
+        signal.signal(number, end)
+    try:
+        yield came
+    finally:
+        for number in left:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """Files on the way to their places; ``files`` and those of them that replace ``old`` ones are paths within both."""
+
+    root: Path
+    place: Path
+
+    @property
+    def new(self) -> Path:
+        return self.root / "new"
+
+    @property
+    def old(self) -> Path:
+        return self.root / "old"
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether some files may have moved and others not."""
+        return any((self.root / journal).exists() for journal in ("moving", "undoing"))
+
+    def move(self) -> None:
+        """Move all files from ``new`` to their places, or none."""
+        files = sorted(str(path.relative_to(self.new)) for path in self.new.rglob("*") if not path.is_dir())
+        for file in files:
+            self._check(file)
+        replaced = [file for file in files if os.path.lexists(self.place / file)]
+        for file in replaced:
+            self._keep(file)
+        (self.root / "journal").write_text(json.dumps({"files": files, "replaced": replaced}), encoding="utf-8")
+        os.replace(self.root / "journal", self.root / "moving")
+        self._finish()
+
+    def recover(self) -> None:
+        """End what a killed process began."""
+        if (self.root / "moving").exists():
+            self._finish()
+        elif (self.root / "undoing").exists():
+            self._undo()
+
+    def _check(self, file: str) -> None:
+        target = self.place / file
+        for folder in reversed(target.relative_to(self.place).parents[:-1]):
+            if (there := self.place / folder).exists() and not there.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, f"{folder} is not a folder", str(there))
+        if target.is_dir() and not target.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, f"a folder named {file} is in the way", str(target))
+
+    def _keep(self, file: str) -> None:
+        """The old file under a second name; a copy where the file system has no such names."""
+        kept = self.old / file
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.link(self.place / file, kept, follow_symlinks=False)
+        except OSError:
+            shutil.copy2(self.place / file, kept, follow_symlinks=False)
+
+    def _journal(self, name: str) -> tuple[list[str], list[str]]:
+        journal = json.loads((self.root / name).read_text(encoding="utf-8"))
+        files, replaced = list(journal["files"]), list(journal["replaced"])
+        if any(Path(file).is_absolute() or ".." in Path(file).parts for file in files):
+            raise ValueError("leads out of the folder")
+        return files, replaced
+
+    def _finish(self) -> None:
+        files, _ = self._journal("moving")
+        try:
+            for file in files:
+                if os.path.lexists(self.new / file):
+                    (self.place / file).parent.mkdir(parents=True, exist_ok=True)
+                    os.replace(self.new / file, self.place / file)
+        except BaseException:
+            os.rename(self.root / "moving", self.root / "undoing")
+            self._undo()
+            raise
+        (self.root / "moving").unlink()
+
+    def _undo(self) -> None:
+        """Old files return; where there was none, the new one goes back. What cannot be is left to the next run."""
+        files, replaced = self._journal("undoing")
+        for file in files:
+            if os.path.lexists(self.old / file):
+                os.rename(self.old / file, self.place / file)
+            elif file not in replaced and not os.path.lexists(self.new / file):
+                (self.place / file).unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # other files are in it
+                    (self.place / file).parent.rmdir()
+        (self.root / "undoing").unlink()
+
+
+@contextlib.contextmanager
+def _stage(place: Path) -> Iterator[_Stage]:
+    """A folder beside the places of new files, locked while this process lives."""
+    with contextlib.ExitStack() as held:
+        with _locked(place):  # until it has its own lock it looks like one left behind
+            _mend(place)
+            stage = _Stage(Path(tempfile.mkdtemp(dir=place, prefix=PREFIX)), place)
+            held.enter_context(_locked(stage.root))
+        try:
+            stage.new.mkdir()
+            stage.old.mkdir()
+            yield stage
+        finally:
+            if not stage.unfinished:
+                shutil.rmtree(stage.root, ignore_errors=True)
+
+
+def _mend(place: Path) -> None:
+    """As ``mend``, with the folder's lock held."""
+    for root in sorted(path for path in place.iterdir() if STAGE.fullmatch(path.name)):
+        with contextlib.suppress(OSError, ValueError, KeyError), _locked(root, wait=False) as dead:
+            if dead and _is_private(root):
+                stage = _Stage(root, place)
+                stage.recover()
+                shutil.rmtree(root, ignore_errors=True)
+
+
+def _is_private(root: Path) -> bool:
+    """Whether a folder can have been made by this user alone."""
+    found = root.lstat()
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not stat.S_IMODE(found.st_mode) & 0o077
+
+
+@contextlib.contextmanager
+def _locked(folder: Path, wait: bool = True) -> Iterator[bool]:
+    """Whether the folder's lock could be had; it ends with the block, or with the process."""
+    opened = _lock(folder, wait)
+    try:
+        yield opened is not None
+    finally:
+        if opened is not None:
+            os.close(opened)
+
+
+def _lock(folder: Path, wait: bool) -> int | None:
+    if fcntl is None:
+        return None
+    try:
+        opened = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BaseException as error:  # held by another, or no locks on this file system; or the user will not wait
+        os.close(opened)
+        if isinstance(error, OSError):
+            return None
+        raise
+    return opened
