@@ -22,6 +22,7 @@ worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -344,11 +345,15 @@ class Dual:
         return [(bar.cylinder, bar.worth(rigid, weights[used], squared)) for bar in self.bars]
 
     def bounded(self, prices: Prices, maxima: Sequence[Maximum]) -> float:
-        """The upper bound on ω², over the reference, that prices and the most of every share give."""
+        """The upper bound on ω², over the reference, that prices and the most of every share give.
+
+        Infinite where a share has none, or no design at all: one is at hand, so something is not known.
+        """
         driven = {d.cylinder for d in self.drives}
         worths = [(i, worth) for i, worth in self._worths(prices) if i not in driven]
         held = sum(bar.most(worth) for bar in self.bars for i, worth in worths if i == bar.cylinder)
-        return max(self.near, (prices.constant + held + sum(m.upper for m in maxima)) / prices.light)
+        found = (prices.constant + held + sum(m.upper for m in maxima)) / prices.light
+        return max(self.near, found) if math.isfinite(found) else math.inf
 
     def branched(self, prices: Prices, tolerance: float) -> list[Maximum]:
         """The most that each share can be, all together to within a tolerance [of the reference]."""

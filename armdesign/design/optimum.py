@@ -6,6 +6,7 @@ back and judged by ``check``, which knows nothing of the optimiser.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,7 +23,7 @@ from armdesign.design.check import Check, slacks, static_loads
 from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
-from armdesign.design.rounding import rounded
+from armdesign.design.rounding import rounded, worst_on_poses
 from armdesign.design.searching import STARTS, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError
@@ -146,26 +147,29 @@ class Design:
         """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find.
 
         With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary, or own masses with
-        the sizes: what no sizes at all exceed, so none of the catalogue either.
+        the sizes: what no sizes at all exceed, so none of the catalogue either. Refused where this design exceeds it.
         """
         if self.selection is None or self.problem.own is not None:  # sizes were chosen with masses held
             free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-            return upper_bound(free.softened, self.x, self.watched)
-        return Bound(
-            frequency=max(self.selection.bound, self.unrounded),  # the same number, found in two ways
-            held=(),
-            assumptions=("today's workspace and load cases", "today's pins", "sizes of the catalogue"),
-        )
+            found = upper_bound(free.softened, self.x, self.watched)
+        else:
+            words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
+            refused = "" if math.isfinite(self.selection.bound) else "the one of all combinations lies below the best"
+            found = Bound(frequency=self.selection.bound, held=(), assumptions=words, refused=refused)
+        return found and found.above(max(self.unrounded, worst_on_poses(self.machine, self.problem)))
 
     @property
     def bound(self) -> float | None:
         """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None: none is known."""
-        return self.certificate.frequency if self.certificate else None
+        known = self.certificate is not None and math.isfinite(self.certificate.frequency)
+        return self.certificate.frequency if self.certificate and known else None
 
     @property
     def gap(self) -> float | None:
         """Share by which the bound exceeds the optimum before rounding; None where no bound is known."""
-        return None if self.bound is None else self.bound / self.unrounded - 1
+        if self.bound is None:
+            return None
+        return self.bound / self.unrounded - 1 if self.unrounded > 0 else math.inf
 
     @property
     def slacks(self) -> dict[str, float]:

@@ -27,7 +27,7 @@ class OwnLimits:
 
     Attributes:
         shape: the cylinder's, at the angles where requirements are looked at.
-        area: least and largest areas (2, 2: ends, sides) [m²].
+        area: least and largest areas (2, 2: ends, sides) [m²], > 0.
         volume: largest swept volumes (2,) [m³].
         dead_length: least closed length less stroke [m].
         arm: least moment arm [m/rad] at the first ``ranged`` angles of the shape, which stand for the joint's range.
@@ -53,13 +53,14 @@ class OwnLimits:
     def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
         """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, 5, 2) around their volumes.
 
-        Boxes (m, 5) say also between which ends the volumes lie.
+        Boxes (m, 5) say also between which ends the volumes lie. A box is left out only where nothing can be allowed,
+        so never for what is not a number.
         """
         kept = np.arange(len(low))
         scale = Interval(low[:, 2], high[:, 2])
         if self.shape.boxes is not None:
             scale = self.shape.boxes.scales(low[:, :2], high[:, :2], scale)
-            kept = np.flatnonzero(scale.low <= scale.high)
+            kept = np.flatnonzero(~(scale.low > scale.high))
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
         scale = self._long_enough(e, scale[kept])
         least = self._least_volumes(e, scale)
@@ -69,7 +70,7 @@ class OwnLimits:
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
         if low.shape[1] > 3:
             least, most = np.maximum(least, low[kept, 3:]), np.minimum(most, high[kept, 3:])
-        left = np.all(least <= most, axis=1) & (scale.low <= scale.high)
+        left = ~(np.any(least > most, axis=1) | (scale.low > scale.high))
         vertices, possible = _vertices(least[left], most[left], slender[left] * scale.low[left] ** 1.5)
         left = np.flatnonzero(left)[possible]
         return kept[left], scale[left], vertices
@@ -81,7 +82,7 @@ class OwnLimits:
         with np.errstate(divide="ignore", invalid="ignore"):
             needed = self.dead_length / spare
         if self.dead_length > 0:
-            return Interval(np.where(spare > 0, np.maximum(low, needed), np.inf), scale.high)
+            return Interval(np.where(spare <= 0, np.inf, np.maximum(low, needed)), scale.high)
         return Interval(low, np.where(spare < 0, np.minimum(scale.high, needed), scale.high))
 
     def _least_volumes(self, e: Enclosure, scale: Interval) -> Array:
@@ -114,7 +115,7 @@ def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
     (low, floor), high = least.T, most[:, 0]
     low = np.maximum(low, cap_for(floor))
     top = np.minimum(most[:, 1], high - slender * np.sqrt(high))
-    possible = (low <= high) & (floor <= top)
+    possible = ~((low > high) | (floor > top))
     low, floor, high, top, slender = (part[possible] for part in (low, floor, high, top, slender))
     knee = np.clip(cap_for(top), low, high)
     corner = np.clip(low - slender * np.sqrt(low), floor, top)

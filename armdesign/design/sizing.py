@@ -17,6 +17,7 @@ from armdesign.arrays import Array
 from armdesign.errors import InfeasibleError
 
 PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
+MISLAID = 1e-4  # share by which a bound may lie below a design that misses requirements by as little as a search may
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +126,11 @@ def lifted(found: float, reached: float, weights: Array, light: Array) -> float:
     never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light`` (n, nq, nq), the identity where M does not hang on x.
     """
     return reached + max(found - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
+
+
+def contradicted(bound: float, reached: float) -> bool:
+    """Whether a bound is none: not a number, or below what an allowed design reaches, both in Hz or both as ω²."""
+    return not bound >= reached - MISLAID * abs(reached)
 
 
 def _solve(problem: Any) -> None:

@@ -75,9 +75,11 @@ def _bands(design: Design) -> Sheet:
 
 
 def _bound(design: Design) -> str:
-    """What no other design exceeds, in words; nothing where no bound is known."""
+    """What no other design exceeds, in words; nothing where no bound is known, and why where one is refused."""
     if design.certificate is None:
         return ""
+    if design.bound is None:
+        return f"; no bound is known: {design.certificate.refused}"
     none = "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
     if design.selection is not None:
