@@ -27,7 +27,7 @@ from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
-from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
+from armdesign.design.searching import MISSED, Starts, finished, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -51,7 +51,7 @@ def least(
     frequency: float,
     of: str = "oil",
     vary: Sequence[str] = ("areas", "pins"),
-    starts: int = STARTS,
+    starts: int | None = None,
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
@@ -94,7 +94,7 @@ def least(
         free = hunt.least(hunt.free(starts, seed, workers))
         return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
     search, selection = hunt.selected(sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection)
+    return Design.of(search, Starts((selection.frequency,)), selection)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
@@ -110,16 +110,16 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``reached`` by the starts of the first."""
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; what the ``starts`` of the first came to."""
 
     problem: Problem
     of: str
     frequency: float
-    reached: tuple[float, ...] = ()
+    starts: Starts = Starts()
 
-    def free(self, starts: int, seed: int, workers: int) -> Search:
+    def free(self, starts: int | None, seed: int, workers: int) -> Search:
         """The best design under today's amount, with any sizes."""
-        search, self.reached = multistart(self._under(self.problem, self._today), starts, seed, workers)
+        search, self.starts = multistart(self._under(self.problem, self._today), starts, seed, workers)
         return search
 
     def least(self, search: Search) -> Search:
@@ -198,7 +198,7 @@ class _Hunt:
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
             try:
-                design = Design.of(self._search(amount * (1 + more), search) if more else search, self.reached)
+                design = Design.of(self._search(amount * (1 + more), search) if more else search, self.starts)
             except InfeasibleError:  # no room to round in
                 continue
             worst = worst_on_poses(design.machine, design.problem)

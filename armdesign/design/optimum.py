@@ -24,7 +24,7 @@ from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import rounded, worst_on_poses
-from armdesign.design.searching import STARTS, met, multistart, posed
+from armdesign.design.searching import Starts, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError
 from armdesign.machine import Machine
@@ -50,7 +50,8 @@ class Design:
         at_margin: the same if it were what the first of that 1 % buys (its multiplier), before another limit is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
             was made for [Hz].
-        starts: worst frequency that each start of the search reached [Hz].
+        starts: worst frequency that each start of the search reached [Hz], without those that failed.
+        failed_starts: of every start that failed why, in words.
         workspace: today's workspace.
         problem: the problem that was solved.
         x: the optimum before rounding.
@@ -66,6 +67,7 @@ class Design:
     at_margin: dict[str, float]
     unrounded: float
     starts: tuple[float, ...]
+    failed_starts: tuple[str, ...]
     workspace: Workspace
     problem: Problem
     x: Array
@@ -73,8 +75,8 @@ class Design:
     selection: Selection | None = None
 
     @classmethod
-    def of(cls, search: Search, starts: tuple[float, ...], selection: Selection | None = None) -> Design:
-        """The rounded design of a search, with the attributes ``starts`` and ``selection``.
+    def of(cls, search: Search, starts: Starts, selection: Selection | None = None) -> Design:
+        """The rounded design of a search, with what its starts came to, and the attribute ``selection``.
 
         Raises:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
@@ -91,7 +93,8 @@ class Design:
             worth={name: w.gain for name, w in worth.items()},
             at_margin={name: w.at_margin for name, w in worth.items()},
             unrounded=hertz(search.squared),
-            starts=starts,
+            starts=starts.reached,
+            failed_starts=starts.failed,
             workspace=problem.workspace,
             problem=problem,
             x=search.x,
@@ -204,7 +207,7 @@ def optimize(
     requirements: Requirements | None = None,
     vary: Sequence[str] = ("areas", "pins"),
     *,
-    starts: int = STARTS,
+    starts: int | None = None,
     seed: int = 0,
     workers: int = 1,
     start: Design | None = None,
@@ -220,6 +223,7 @@ def optimize(
         vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of the machine file
             ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar", "cylinder.stick.base.at_mm.0").
         starts: how many starts the search makes; the first is today's machine, the others are drawn in the pin box.
+            None: 3, or 6 where four-bars move.
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
@@ -281,7 +285,7 @@ def size_cylinders(
     if catalogue is not None:
         return _of_catalogue(problem, catalogue)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
-    return Design.of(search, (hertz(search.squared),))
+    return Design.of(search, Starts((hertz(search.squared),)))
 
 
 def _names(machine: Machine) -> tuple[str, ...]:
@@ -291,4 +295,4 @@ def _names(machine: Machine) -> tuple[str, ...]:
 
 def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]]) -> Design:
     search, selection = sizes_for_pins(problem, sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection)
+    return Design.of(search, Starts((selection.frequency,)), selection)

@@ -65,7 +65,13 @@ class StepProgramme:
         self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
 
     def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
-        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``."""
+        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``.
+
+        Raises:
+            InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
+        """
+        if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
+            raise InfeasibleError("design step", "stiffness or a requirement is not finite here", "start elsewhere")
         a, b = self._pairs
         frame = _levelled(base)
         turned = np.swapaxes(frame, 1, 2)
