@@ -370,11 +370,14 @@ def _joined(some: Columns, more: Columns) -> Columns:
 
 
 def _allowed(drive: Drive, k: int, designs: Array) -> Columns:
-    """Columns of the designs (m, 3) that are allowed, each with five choices of swept volumes."""
+    """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
     kept, _, volume = drive.limits.allowed(designs, designs)
     kept, volume = kept[:KEPT], volume[:KEPT]
+    choices = volume.shape[1]
     return Columns(
-        drive=np.full(5 * len(kept), k), design=np.repeat(designs[kept], 5, axis=0), volume=volume.reshape(-1, 2)
+        drive=np.full(choices * len(kept), k),
+        design=np.repeat(designs[kept], choices, axis=0),
+        volume=volume.reshape(-1, 2),
     )
 
 
