@@ -13,7 +13,7 @@ from armdesign.design.catalogue import Sizes, offered
 from armdesign.design.choices import TOLERANCE, choices
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
-from armdesign.design.searching import MISSED, finished, met, multistart
+from armdesign.design.searching import MISSED, Starts, finished, met, multistart
 from armdesign.design.selection import Selection, select
 from armdesign.design.sizing import StepProgramme
 from armdesign.errors import ArmDesignError, InfeasibleError
@@ -36,9 +36,14 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
 
 
 def sizes_and_pins(
-    problem: Problem, sizes: Sizes, starts: int, seed: int, workers: int, start: tuple[Array, Taken] | None = None
-) -> tuple[Search, tuple[float, ...]]:
-    """Sizes of a catalogue and the pins for them; and what each start reached with free sizes [Hz].
+    problem: Problem,
+    sizes: Sizes,
+    starts: int | None,
+    seed: int,
+    workers: int,
+    start: tuple[Array, Taken] | None = None,
+) -> tuple[Search, Starts]:
+    """Sizes of a catalogue and the pins for them; and what each start came to with free sizes.
 
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
@@ -47,8 +52,8 @@ def sizes_and_pins(
         InfeasibleError: no design meets the requirements, whatever its sizes.
     """
     refuse_fixed(problem)
-    best, reached = multistart(problem, starts, seed, workers, start and start[0])
-    return with_sizes(met(best), sizes, start), reached
+    best, came_to = multistart(problem, starts, seed, workers, start and start[0])
+    return with_sizes(met(best), sizes, start), came_to
 
 
 def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None = None) -> Search:

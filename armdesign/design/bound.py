@@ -12,7 +12,7 @@ stiffer arm.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from armdesign.arrays import Array
 from armdesign.bands import Bands
 from armdesign.design.codesign import Search, hertz
 from armdesign.design.duality import Dual, drives
-from armdesign.design.limits import SLACK
+from armdesign.design.limits import SLACK, limits
 from armdesign.design.own_bounds import barred
 from armdesign.design.problem import Problem
+from armdesign.design.sizing import contradicted
 from armdesign.errors import InfeasibleError
 
 ROUNDS, AIRY = 6, 2  # of branching, without and with air in the oil, which makes two more numbers of every cylinder
@@ -36,14 +37,26 @@ class Bound:
     """No design within boxes and requirements has a worst frequency above ``frequency`` [Hz].
 
     Attributes:
-        frequency: on the poses and load cases of the problem [Hz].
+        frequency: on the poses and load cases of the problem [Hz]; infinite where nothing is proved.
         held: cylinders that it takes as rigid, because nothing is known about all of their designs.
         assumptions: what it takes for granted, in words.
+        refused: why nothing is proved, in words; else empty.
     """
 
     frequency: float
     held: tuple[str, ...]
     assumptions: tuple[str, ...]
+    refused: str = ""
+
+    def above(self, reached: float) -> Bound:
+        """The bound as it may be stated beside an allowed design of worst frequency ``reached`` [Hz].
+
+        Never below it: raised to it, where only rounding lies between; where more does, the proof is wrong.
+        """
+        if not contradicted(self.frequency, reached):
+            return replace(self, frequency=max(self.frequency, reached))
+        words = f"the one found, {self.frequency:.3f} Hz, lies below {reached:.3f} Hz, which a design reaches"
+        return replace(self, frequency=math.inf, refused=words)
 
 
 def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
@@ -55,8 +68,16 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
         rows: rows that may enter, such as those that a search has watched.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder has a joint to
-    itself and pins that ``shapes`` knows.
+    itself and pins that ``shapes`` knows. A bound that x exceeds, though it is allowed, is refused.
     """
+    found = _found(problem, x, rows)
+    if found is None or limits(problem, x).values.min() < -SLACK:
+        return found
+    return found.above(hertz(float(problem.frequencies(x).min())))
+
+
+def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
+    """The bound, whatever x reaches."""
     moving = any(v.pin is not None for v in problem.variables)
     known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
     if known is not None:

@@ -93,11 +93,12 @@ class Share:
     own: Sequence[float] = (0.0, 0.0)  # what barrel and rod add per bore and rod area, at most [1/m²]
 
     def upper(self, low: Array, high: Array) -> Boxes:
-        """Upper bounds over boxes; boxes in which nothing is allowed are left out."""
+        """Upper bounds over boxes, infinite where not known; boxes in which nothing is allowed are left out."""
         kept, scale, vertices = self.limits.allowed(low, high)
         low, high = low[kept], high[kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
         bound, spread, known = self.enclosed(e, vertices, self._costs(e.stroke * scale))
+        bound = np.where(np.isnan(bound), np.inf, bound)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
         added = self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best])
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
@@ -116,7 +117,8 @@ class Share:
 
     def _costs(self, stroke: Interval) -> Array:
         """Least price of the swept volumes (m, 2): that of oil, less what barrel and rod of these strokes (m,) add."""
-        barrel, rod = (worth / (stroke.low if worth > 0 else stroke.high) for worth in self.own)
+        with np.errstate(divide="ignore"):  # a stroke of nothing
+            barrel, rod = (worth / (stroke.low if worth > 0 else stroke.high) for worth in self.own)
         return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
 
     def enclosed(self, e: Enclosure, volume: Array, costs: Array) -> tuple[Array, Array, Flags]:
@@ -269,11 +271,12 @@ def _together(some: Boxes, more: Boxes) -> Boxes:
 
 
 def _better(share: Share, best: Maximum, boxes: Boxes) -> Maximum:
-    """The best of the boxes' middles, if better: a box of no width is one design."""
+    """The best of the boxes' middles that is known, if better: a box of no width is one design."""
     promising = np.argsort(-boxes.bound)[:TRIALS]
     promising = promising[boxes.bound[promising] > best.value]
     middle = (boxes.low[promising] + boxes.high[promising]) / 2
     designs = share.upper(middle, middle)
+    designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
         return best
     k = int(designs.bound.argmax())

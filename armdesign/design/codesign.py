@@ -25,6 +25,7 @@ SPREAD = 1200  # and about so many all over it
 STEPS = 60
 NEAR = 0.05  # how far from the optimum limits and stiffness are taken as linear, to price requirements
 PRICED = 1e-6  # gain in frequency below which a requirement has no price
+NEARLY = 1e-3  # by which a search that is not at its end may miss a requirement, and still meet it there
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
 
 
@@ -87,8 +88,16 @@ class Search:
     @property
     def violation(self) -> float:
         """Largest amount by which a requirement is missed."""
-        return float(np.maximum(-self.limits.values, 0.0).max())
+        return float(_amounts(self.limits).max())
 
+    @property
+    def missed(self) -> list[str]:
+        """Requirements that are missed by more than a search may miss them on its way, the worst first."""
+        amounts = _amounts(self.limits)
+        order = np.argsort(-amounts, kind="stable")[: int((amounts > NEARLY).sum())]
+        return list(dict.fromkeys(self.limits.names[k] for k in order))
+
+    @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
         """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
         self.look()
@@ -322,9 +331,14 @@ class Search:
         return self.rows[chosen]
 
 
+def _amounts(at: Limits) -> Array:
+    """What each requirement is missed by; infinite where that is not known."""
+    return np.where(np.isnan(at.values), np.inf, np.maximum(-at.values, 0.0))
+
+
 def _missed(at: Limits) -> float:
     """Sum of what requirements are missed by."""
-    return float(np.maximum(-at.values, 0.0).sum())
+    return float(_amounts(at).sum())
 
 
 def _padded(value: Array, jacobian: Array, count: int = 0) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ worth more at its prices join, until none is left (Dantzig and Wolfe, Oper. Res.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -345,11 +346,15 @@ class Dual:
         return [(bar.cylinder, bar.worth(rigid, weights[used], squared)) for bar in self.bars]
 
     def bounded(self, prices: Prices, maxima: Sequence[Maximum]) -> float:
-        """The upper bound on ω², over the reference, that prices and the most of every share give."""
+        """The upper bound on ω², over the reference, that prices and the most of every share give.
+
+        Infinite where a share has none, or no design at all: one is at hand, so something is not known.
+        """
         driven = {d.cylinder for d in self.drives}
         worths = [(i, worth) for i, worth in self._worths(prices) if i not in driven]
         held = sum(bar.most(worth) for bar in self.bars for i, worth in worths if i == bar.cylinder)
-        return max(self.near, (prices.constant + held + sum(m.upper for m in maxima)) / prices.light)
+        found = (prices.constant + held + sum(m.upper for m in maxima)) / prices.light
+        return max(self.near, found) if math.isfinite(found) else math.inf
 
     def branched(self, prices: Prices, tolerance: float) -> list[Maximum]:
         """The most that each share can be, all together to within a tolerance [of the reference]."""
@@ -366,11 +371,14 @@ def _joined(some: Columns, more: Columns) -> Columns:
 
 
 def _allowed(drive: Drive, k: int, designs: Array) -> Columns:
-    """Columns of the designs (m, 3) that are allowed, each with five choices of swept volumes."""
+    """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
     kept, _, volume = drive.limits.allowed(designs, designs)
     kept, volume = kept[:KEPT], volume[:KEPT]
+    choices = volume.shape[1]
     return Columns(
-        drive=np.full(5 * len(kept), k), design=np.repeat(designs[kept], 5, axis=0), volume=volume.reshape(-1, 2)
+        drive=np.full(choices * len(kept), k),
+        design=np.repeat(designs[kept], choices, axis=0),
+        volume=volume.reshape(-1, 2),
     )
 
 

@@ -28,7 +28,7 @@ from armdesign.design.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
-from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
+from armdesign.design.searching import MISSED, Starts, finished, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -52,7 +52,7 @@ def least(
     frequency: float,
     of: str = "oil",
     vary: Sequence[str] = ("areas", "pins"),
-    starts: int = STARTS,
+    starts: int | None = None,
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
@@ -105,7 +105,7 @@ def least(
         free = hunt.least(hunt.free(starts, seed, workers))
         return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
     search, selection = hunt.selected(sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection, command=command)
+    return Design.of(search, Starts((selection.frequency,)), selection, command=command)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
@@ -121,7 +121,7 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``reached`` by the starts of the first.
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; what the ``starts`` of the first came to.
 
     ``command`` is what asked for it.
     """
@@ -130,11 +130,11 @@ class _Hunt:
     of: str
     frequency: float
     command: str
-    reached: tuple[float, ...] = ()
+    starts: Starts = Starts()
 
-    def free(self, starts: int, seed: int, workers: int) -> Search:
+    def free(self, starts: int | None, seed: int, workers: int) -> Search:
         """The best design under today's amount, with any sizes."""
-        search, self.reached = multistart(self._under(self.problem, self._today), starts, seed, workers)
+        search, self.starts = multistart(self._under(self.problem, self._today), starts, seed, workers)
         return search
 
     def least(self, search: Search) -> Search:
@@ -214,7 +214,7 @@ class _Hunt:
         for more in ROOM:
             try:
                 near = self._search(amount * (1 + more), search) if more else search
-                design = Design.of(near, self.reached, command=self.command)
+                design = Design.of(near, self.starts, command=self.command)
             except InfeasibleError:  # no room to round in
                 continue
             worst = worst_on_poses(design.machine, design.problem)

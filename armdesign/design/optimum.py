@@ -6,6 +6,7 @@ back and judged by ``check``, which knows nothing of the optimiser.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,8 +24,8 @@ from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements import Requirements
-from armdesign.design.rounding import rounded
-from armdesign.design.searching import STARTS, met, multistart, posed
+from armdesign.design.rounding import rounded, worst_on_poses
+from armdesign.design.searching import Starts, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError
 from armdesign.machine import Machine
@@ -50,7 +51,8 @@ class Design:
         at_margin: the same if it were what the first of that 1 % buys (its multiplier), before another limit is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
             was made for [Hz].
-        starts: worst frequency that each start of the search reached [Hz].
+        starts: worst frequency that each start of the search reached [Hz], without those that failed.
+        failed_starts: of every start that failed why, in words.
         workspace: today's workspace.
         problem: the problem that was solved.
         x: the optimum before rounding.
@@ -66,6 +68,7 @@ class Design:
     at_margin: dict[str, float]
     unrounded: float
     starts: tuple[float, ...]
+    failed_starts: tuple[str, ...]
     workspace: Workspace
     problem: Problem
     x: Array
@@ -73,10 +76,8 @@ class Design:
     selection: Selection | None = None
 
     @classmethod
-    def of(
-        cls, search: Search, starts: tuple[float, ...], selection: Selection | None = None, *, command: str
-    ) -> Design:
-        """The rounded design of a search, with the attributes ``starts`` and ``selection``.
+    def of(cls, search: Search, starts: Starts, selection: Selection | None = None, *, command: str) -> Design:
+        """The rounded design of a search, with what its starts came to, and the attribute ``selection``.
 
         Its file says that ``command`` made it.
 
@@ -95,7 +96,8 @@ class Design:
             worth={name: w.gain for name, w in worth.items()},
             at_margin={name: w.at_margin for name, w in worth.items()},
             unrounded=hertz(search.squared),
-            starts=starts,
+            starts=starts.reached,
+            failed_starts=starts.failed,
             workspace=problem.workspace,
             problem=problem,
             x=search.x,
@@ -155,26 +157,29 @@ class Design:
         """What no design of this kind can exceed, and what that assumes; where pins vary it takes seconds to find.
 
         With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary, or own masses with
-        the sizes: what no sizes at all exceed, so none of the catalogue either.
+        the sizes: what no sizes at all exceed, so none of the catalogue either. Refused where this design exceeds it.
         """
         if self.selection is None or self.problem.own is not None:  # sizes were chosen with masses held
             free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-            return upper_bound(free.softened, self.x, self.watched)
-        return Bound(
-            frequency=max(self.selection.bound, self.unrounded),  # the same number, found in two ways
-            held=(),
-            assumptions=("today's workspace and load cases", "today's pins", "sizes of the catalogue"),
-        )
+            found = upper_bound(free.softened, self.x, self.watched)
+        else:
+            words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
+            refused = "" if math.isfinite(self.selection.bound) else "the one of all combinations lies below the best"
+            found = Bound(frequency=self.selection.bound, held=(), assumptions=words, refused=refused)
+        return found and found.above(max(self.unrounded, worst_on_poses(self.machine, self.problem)))
 
     @property
     def bound(self) -> float | None:
         """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz]; None: none is known."""
-        return self.certificate.frequency if self.certificate else None
+        known = self.certificate is not None and math.isfinite(self.certificate.frequency)
+        return self.certificate.frequency if self.certificate and known else None
 
     @property
     def gap(self) -> float | None:
         """Share by which the bound exceeds the optimum before rounding; None where no bound is known."""
-        return None if self.bound is None else self.bound / self.unrounded - 1
+        if self.bound is None:
+            return None
+        return self.bound / self.unrounded - 1 if self.unrounded > 0 else math.inf
 
     @property
     def slacks(self) -> dict[str, float]:
@@ -209,7 +214,7 @@ def optimize(
     requirements: Requirements | None = None,
     vary: Sequence[str] = ("areas", "pins"),
     *,
-    starts: int = STARTS,
+    starts: int | None = None,
     seed: int = 0,
     workers: int = 1,
     start: Design | None = None,
@@ -225,6 +230,7 @@ def optimize(
         vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of the machine file
             ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar", "cylinder.stick.base.at_mm.0").
         starts: how many starts the search makes; the first is today's machine, the others are drawn in the pin box.
+            None: 3, or 6 where four-bars move.
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
@@ -289,7 +295,7 @@ def size_cylinders(
     if catalogue is not None:
         return _of_catalogue(problem, catalogue, command)
     search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
-    return Design.of(search, (hertz(search.squared),), command=command)
+    return Design.of(search, Starts((hertz(search.squared),)), command=command)
 
 
 def _names(machine: Machine) -> tuple[str, ...]:
@@ -299,4 +305,4 @@ def _names(machine: Machine) -> tuple[str, ...]:
 
 def _of_catalogue(problem: Problem, catalogue: str | Iterable[Sequence[float]], command: str) -> Design:
     search, selection = sizes_for_pins(problem, sizes_of(catalogue))
-    return Design.of(search, (selection.frequency,), selection, command=command)
+    return Design.of(search, Starts((selection.frequency,)), selection, command=command)

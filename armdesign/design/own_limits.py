@@ -27,8 +27,9 @@ class OwnLimits:
 
     Attributes:
         shape: the cylinder's, at the angles where requirements are looked at.
-        area: least and largest areas (2, 2: ends, sides) [m²].
+        area: least and largest areas (2, 2: ends, sides) [m²], > 0.
         volume: largest swept volumes (2,) [m³].
+        rod: area [m²] of a rod that stays while its bore varies; 0 where it varies too, or neither does.
         dead_length: least closed length less stroke [m].
         arm: least moment arm [m/rad] at the first ``ranged`` angles of the shape, which stand for the joint's range.
         ranged: how many.
@@ -41,6 +42,7 @@ class OwnLimits:
     shape: Shape
     area: Array
     volume: Array
+    rod: float
     dead_length: float
     arm: float
     ranged: int
@@ -51,15 +53,16 @@ class OwnLimits:
     back: float
 
     def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
-        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, 5, 2) around their volumes.
+        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, v, 2) around their volumes.
 
-        Boxes (m, 5) say also between which ends the volumes lie.
+        Boxes (m, 5) say also between which ends the volumes lie; each on its own, so that a rod that stays is let go.
+        A box is left out only where nothing can be allowed, so never for what is not a number.
         """
         kept = np.arange(len(low))
         scale = Interval(low[:, 2], high[:, 2])
         if self.shape.boxes is not None:
             scale = self.shape.boxes.scales(low[:, :2], high[:, :2], scale)
-            kept = np.flatnonzero(scale.low <= scale.high)
+            kept = np.flatnonzero(~(scale.low > scale.high))
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
         scale = self._long_enough(e, scale[kept])
         least = self._least_volumes(e, scale)
@@ -69,8 +72,12 @@ class OwnLimits:
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
         if low.shape[1] > 3:
             least, most = np.maximum(least, low[kept, 3:]), np.minimum(most, high[kept, 3:])
-        left = np.all(least <= most, axis=1) & (scale.low <= scale.high)
-        vertices, possible = _vertices(least[left], most[left], slender[left] * scale.low[left] ** 1.5)
+        left = ~(np.any(least > most, axis=1) | (scale.low > scale.high))
+        least, most, slender = least[left], most[left], slender[left] * scale.low[left] ** 1.5
+        if self.rod > 0 and low.shape[1] == 3:
+            vertices, possible = _around_rod(least, most, slender, (e.stroke * scale)[left] * self.rod)
+        else:
+            vertices, possible = _vertices(least, most, slender)
         left = np.flatnonzero(left)[possible]
         return kept[left], scale[left], vertices
 
@@ -81,7 +88,7 @@ class OwnLimits:
         with np.errstate(divide="ignore", invalid="ignore"):
             needed = self.dead_length / spare
         if self.dead_length > 0:
-            return Interval(np.where(spare > 0, np.maximum(low, needed), np.inf), scale.high)
+            return Interval(np.where(spare <= 0, np.inf, np.maximum(low, needed)), scale.high)
         return Interval(low, np.where(spare < 0, np.minimum(scale.high, needed), scale.high))
 
     def _least_volumes(self, e: Enclosure, scale: Interval) -> Array:
@@ -114,12 +121,26 @@ def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
     (low, floor), high = least.T, most[:, 0]
     low = np.maximum(low, cap_for(floor))
     top = np.minimum(most[:, 1], high - slender * np.sqrt(high))
-    possible = (low <= high) & (floor <= top)
+    possible = ~((low > high) | (floor > top))
     low, floor, high, top, slender = (part[possible] for part in (low, floor, high, top, slender))
     knee = np.clip(cap_for(top), low, high)
     corner = np.clip(low - slender * np.sqrt(low), floor, top)
     cap = np.stack([low, low, knee, high, high], axis=1)
     return np.stack([cap, np.stack([floor, corner, top, top, floor], axis=1)], axis=2), possible
+
+
+def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tuple[Array, Flags]:
+    """As ``_vertices`` (k, 6, 2), with v1 − v2 the volume (k,) of a rod that stays, which must be ≥ slender √v1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stout = np.fmin(np.inf, (rod.high / slender) ** 2)
+    a, b = np.maximum(least[:, 0], least[:, 1] + rod.low), np.minimum(most[:, 0], most[:, 1] + rod.high)
+    b = np.minimum(b, stout)
+    c, d = np.maximum(least[:, 1], a - rod.high), np.minimum(most[:, 1], b - rod.low)
+    possible = ~((a > b) | (c > d))
+    a, b, c, d, thin, thick = (part[possible] for part in (a, b, c, d, rod.low, rod.high))
+    cap = np.stack([a, a, np.minimum(b, d + thin), b, b, np.minimum(b, c + thick)], axis=1)
+    annulus = np.stack([c, np.minimum(d, a - thin), d, d, np.maximum(c, b - thick), c], axis=1)
+    return np.stack([cap, annulus], axis=2), possible
 
 
 def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimits | None:
@@ -137,6 +158,7 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
     if shape is None:
         return None
     low, high = (problem.areas(end)[i] / today for end in problem.bounds)  # an annulus may follow its bore
+    bore_varies, rod_varies = problem.resized[i]
     high = np.minimum(high, [r.thrust_share, np.inf])
     hold = np.pad(
         np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2), ((0, 0), (2 + len(ranged), 0))
@@ -145,6 +167,7 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
         volume=r.oil_each_share * today * cylinder.stroke * more,
+        rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
         dead_length=cylinder.dead_length - SLACK * cylinder.stroke,
         arm=r.moment_arm_share * float(arms.min()) / more,
         ranged=2 + len(ranged),

@@ -18,7 +18,6 @@ from armdesign.bands import Bands
 from armdesign.design.catalogue import sizes_of
 from armdesign.design.optimum import Design, optimize
 from armdesign.design.requirements import Requirements
-from armdesign.design.searching import STARTS
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
@@ -94,7 +93,7 @@ def pareto(
     values: Sequence[float] | None = None,
     vary: Sequence[str] = ("areas", "pins"),
     *,
-    starts: int = STARTS,
+    starts: int | None = None,
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
@@ -112,6 +111,7 @@ def pareto(
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
         starts: how many starts each point has: its tighter neighbour, today's machine and drawn ones, in this order.
+            As in ``optimize`` if None.
         seed: of the drawn starts.
         workers: processes that share the starts.
         bands: as in ``optimize``: every design is made for the worst within them.

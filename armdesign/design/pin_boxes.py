@@ -38,8 +38,8 @@ class PinBoxes:
         nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
         farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=1)
         near, far = _distances(self.base)
-        with np.errstate(divide="ignore"):
-            left = Interval(np.maximum(scale.low, near / farthest), np.minimum(scale.high, far / nearest))
+        with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 says nothing
+            left = Interval(np.fmax(scale.low, near / farthest), np.minimum(scale.high, far / nearest))
         base = np.stack([np.maximum(near, left.low * nearest), np.minimum(far, left.high * farthest)])
         centre, first, last = self._between(base, np.stack([left.low, left.high]))
         possible = (left.low <= left.high) & _directions_meet(low, high, centre, first, last)

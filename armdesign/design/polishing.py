@@ -23,17 +23,24 @@ ITERATIONS = 100
 FAILED = -10.0  # value of every constraint at a design that cannot be built
 
 
+@np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
 def polish(search: Search, tolerance: float = 1e-5) -> None:
-    """Take a search to the better design that lies near, if one is found."""
+    """Take a search to the better design that lies near, if one is found.
+
+    With the rows that are lowest there it goes on from where a round led, as long as others come to be lowest. Where
+    four-bars move, which bend most, also as long as a round ends only because it may go no farther.
+    """
     rows = np.empty(0, dtype=int)
     best = trial = search
+    stopped = False
     for _ in range(ROUNDS):
         known, rows = rows, np.union1d(rows, _lowest(trial))
-        if len(rows) == len(known):
+        if len(rows) == len(known) and not stopped:
             break
         x = _climbed(trial, rows)
         if not search.problem.closes(x):
             break
+        stopped = search.problem.bends and bool(np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6))
         before, trial = trial.merit, replace(trial, x=x)
         trial.look()
         best = max(best, trial, key=lambda s: s.merit)

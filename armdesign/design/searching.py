@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.bands import Bands
-from armdesign.design.codesign import Search, hertz
+from armdesign.design.codesign import NEARLY, Search, hertz
 from armdesign.design.conflict import Conflict, sentence
 from armdesign.design.polishing import polish
 from armdesign.design.problem import Problem
@@ -20,9 +21,11 @@ from armdesign.errors import InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
-STARTS = 3
+STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
+POLISHED = 4  # times at most, where four-bars move
+GAINED = 1e-5  # of today's lowest ω², by the last of them
 MISSED = 1e-5  # by which a search may miss a requirement
-NEARLY = 1e-3  # by which a search that is not at its end may miss one, and still meet it there
+NAMED = 3  # requirements, of a start that failed
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
@@ -53,17 +56,46 @@ def posed(
     )
 
 
-def multistart(
-    problem: Problem, starts: int, seed: int, workers: int, given: Array | None = None
-) -> tuple[Search, tuple[float, ...]]:
-    """The best of several starts, finished; and what each start reached [Hz].
+@dataclass(frozen=True)
+class Starts:
+    """What the starts of a search came to: worst frequencies [Hz] of those that ended where all requirements are met.
 
-    They are the one ``given``, if any, today's machine and random pins. Every start is followed roughly; those that
-    come near the best are polished and finished.
+    And of every other one why it failed, in words.
+    """
+
+    reached: tuple[float, ...] = ()
+    failed: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, searches: Sequence[Search]) -> Starts:
+        """Of searches that are finished, or were left because others are better."""
+        return cls(
+            tuple(hertz(s.squared) for s in searches if not _failure(s)),
+            tuple(_failure(s) for s in searches if _failure(s)),
+        )
+
+
+def _failure(search: Search) -> str:
+    """Why a search ended in no design, in words; empty where it did in one."""
+    if missed := search.missed:
+        more = f" and {len(missed) - NAMED} more" if len(missed) > NAMED else ""
+        return f"no way found to meet {', '.join(missed[:NAMED])}{more}"
+    return "" if search.squared > 0 else "the arm gives way at its worst pose (ω² ≤ 0)"
+
+
+def multistart(
+    problem: Problem, starts: int | None, seed: int, workers: int, given: Array | None = None
+) -> tuple[Search, Starts]:
+    """The best of several starts, finished; and what each start came to.
+
+    They are the one ``given``, if any, today's machine and random pins; as many as told, or more where four-bars move.
+    Every start is followed roughly; those that come near the best are polished and finished.
     """
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.variables])
     searches = [] if given is None else [Search(problem=problem, x=given)]
+    if starts is None:
+        starts = BENDING if problem.bends else STARTS
     for k in range((max(starts, 1) if problem.moving else 1) - len(searches)):
         x = problem.start.copy()
         x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
@@ -75,7 +107,8 @@ def multistart(
     near = max(s.merit for s in searches) - NEAR
     _run([s for s in searches if s.merit >= near], workers, curved=True, trust=0.05, tolerance=1e-5)
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
-    return _with_least_moves(best), tuple(hertz(s.squared) for s in searches)
+    came_to = Starts.of(searches)
+    return _with_least_moves(best), came_to
 
 
 def finished(search: Search, trust: float) -> Search:
@@ -106,12 +139,16 @@ def _run(searches: list[Search], workers: int, **settings: Any) -> None:
 
 
 def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
-    """Run a search; first along what bends, if ``curved`` and nothing is in its way."""
-    if curved:
+    """Run a search; first along what bends, if ``curved`` and nothing is in its way. In turn, where four-bars move."""
+    for _ in range(POLISHED if curved and search.problem.bends else 1):
         search.look()
-        if search.violation < NEARLY:
+        before = search.merit
+        if curved and search.violation < NEARLY:
             polish(search)
-    return search.run(**settings)
+        search.run(**settings)
+        if search.merit < before + GAINED:
+            break
+    return search
 
 
 def _outcome(

@@ -26,7 +26,7 @@ from armdesign.cylinder import Fluid, Supply
 from armdesign.design.catalogue import Sizes
 from armdesign.design.choices import Choices
 from armdesign.design.codesign import hertz
-from armdesign.design.sizing import certificate, programme
+from armdesign.design.sizing import certificate, contradicted, programme
 from armdesign.errors import InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
@@ -46,7 +46,8 @@ class Selection:
     Attributes:
         sizes: bore and rod of every cylinder [m].
         frequency: its worst frequency on the workspace's poses [Hz].
-        bound: worst frequency that no combination exceeds [Hz]; equal to ``frequency`` where it is proved the best.
+        bound: worst frequency that no combination exceeds [Hz]; equal to ``frequency`` where it is proved the best,
+            infinite where nothing is proved.
         below: of what ``least`` chose: worst frequency that no combination exceeds which needs less [Hz]; it is proved
             the least where that is lower than the one asked for. None for the others.
     """
@@ -151,7 +152,10 @@ class _Hunt:
     oil: list[Array] = field(init=False)  # of each cylinder (sizes, low poses)
 
     def best(self) -> tuple[float, float, Array]:
-        """Lowest λ of the best combination, the bound on all others, and its sizes (nc,)."""
+        """Lowest λ of the best combination, the bound on all others, and its sizes (nc,).
+
+        The bound is infinite where the best exceeds what the multipliers say of all.
+        """
         worth, rows = self._relaxed()
         self.low = self.loads[rows]
         self.oil = self._oil(self.low)
@@ -168,7 +172,7 @@ class _Hunt:
             raise InfeasibleError(
                 self.frame.name, f"none of {self._count} combinations is allowed, as far as tried", "offer other sizes"
             )
-        return reached, max(reached, missed), chosen
+        return reached, math.inf if contradicted(worth.bound, reached) else max(reached, missed), chosen
 
     # -------------------------------------------------------------------------------------------------- relaxation
 

@@ -17,6 +17,7 @@ from armdesign.arrays import Array
 from armdesign.errors import InfeasibleError
 
 PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
+MISLAID = 1e-4  # share by which a bound may lie below a design that misses requirements by as little as a search may
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,13 @@ class StepProgramme:
         self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
 
     def solve(self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array) -> Step:
-        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``."""
+        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``.
+
+        Raises:
+            InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
+        """
+        if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
+            raise InfeasibleError("design step", "stiffness or a requirement is not finite here", "start elsewhere")
         a, b = self._pairs
         frame = _levelled(base)
         turned = np.swapaxes(frame, 1, 2)
@@ -125,6 +132,11 @@ def lifted(found: float, reached: float, weights: Array, light: Array) -> float:
     never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light`` (n, nq, nq), the identity where M does not hang on x.
     """
     return reached + max(found - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
+
+
+def contradicted(bound: float, reached: float) -> bool:
+    """Whether a bound is none: not a number, or below what an allowed design reaches, both in Hz or both as ω²."""
+    return not bound >= reached - MISLAID * abs(reached)
 
 
 def _solve(problem: Any) -> None:

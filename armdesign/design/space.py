@@ -109,6 +109,11 @@ class DesignSpace:
         return {index: (v.pin, v.axis) for index, v in enumerate(self.variables) if v.cylinder == i and v.pin}
 
     @cached_property
+    def bends(self) -> bool:
+        """Whether something of a four-bar moves."""
+        return any(v.pin in OF_FOUR_BAR for v in self.variables)
+
+    @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
         """For each function, whether its bore and whether its rod may change, in ``sizes`` too."""
         free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.functions)]]

@@ -22,6 +22,7 @@ WORDS = {
 }
 SIZES = ("bore_mm", "rod_mm")
 IN_PLANE = (0, 2)
+LEAST = 0.1  # an area, over today's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,9 @@ def variables(machine: Machine, vary: Sequence[str], box: float, largest_area: f
     for i, function in enumerate(machine.functions):
         bore, rod = (f"cylinder.{function.name}.{key}" in asked for key in SIZES)
         for axis, free in ((0, bore), (1, rod)):
-            low, high = (0.1, max(2.0, largest_area)) if free else (1.0, 1.0)
+            low, high = (LEAST, max(2.0, largest_area)) if free else (1.0, 1.0)
+            if axis == 0 and bore and not rod:  # the annulus is what the bore leaves around today's rod
+                low = 1 - (1 - LEAST) * function.annulus_area / function.bore_area
             made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
     for i in range(len(machine.cylinders)) if box > 0 else ():
         for path, (place, axis) in _coordinates(machine, i).items():

@@ -40,9 +40,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     note += "" if design.problem.bands == Bands() else "; in the worst of the bands"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     note += _bound(design)
-    if len(design.starts) > 1:
-        free = " with free sizes" if design.catalogue else ""
-        note += f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}"
+    note += _starts(design)
     return Sheet(
         title=f"{design.today.section.title or design.today.name}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
@@ -50,6 +48,19 @@ def _gain(design: Design, units: Units) -> Sheet:
         note=note,
         bold=(2,),
     )
+
+
+def _starts(design: Design) -> str:
+    """What the starts of the search reached and which failed, in words; nothing where there was but one."""
+    count = len(design.starts) + len(design.failed_starts)
+    if count < 2:
+        return ""
+    free = " with free sizes" if design.catalogue else ""
+    words = f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}" if design.starts else ""
+    if design.failed_starts:
+        whys = "; ".join(dict.fromkeys(design.failed_starts))
+        words += f"; {len(design.failed_starts)} of {count} starts failed: {whys}"
+    return words
 
 
 def _bands(design: Design) -> Sheet:
@@ -74,9 +85,11 @@ def _bands(design: Design) -> Sheet:
 
 
 def _bound(design: Design) -> str:
-    """What no other design exceeds, in words; nothing where no bound is known."""
+    """What no other design exceeds, in words; nothing where no bound is known, and why where one is refused."""
     if design.certificate is None:
         return ""
+    if design.bound is None:
+        return f"; no bound is known: {design.certificate.refused}"
     none = "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
     if design.selection is not None:
