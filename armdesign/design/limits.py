@@ -130,6 +130,8 @@ def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
         moves = np.any(room.imag != 0, axis=0)  # what no variable moves, no rounding changes either
         room = room - np.where(moves, np.concatenate(drawn_in, axis=1), 0.0)
     names = [c.name for c in found for _ in range(c.room.shape[1])]
+    if problem.ease:
+        room = room + np.array([problem.ease.get(name, 0.0) for name in names]) * easing
     kept = np.array([problem.reserve.get(name, 0.0) for name in names])
     return Limits(names, room[0].real - kept, room.imag.T / STEP, 0.01 * easing[0].real)
 

@@ -49,6 +49,7 @@ class Problem(DesignSpace):
 
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
     reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
+    ease: Mapping[str, float] = field(default_factory=dict)  # share by which named limits are relaxed
     bands: Bands = field(default_factory=Bands)  # the worst within them counts; requirements are judged without
 
     # ------------------------------------------------------------------------------------------------------------- rows
@@ -90,6 +91,10 @@ class Problem(DesignSpace):
     def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
         """The same problem with room kept at named limits."""
         return self._like(dataclasses.replace(self, reserve=reserve))
+
+    def eased(self, ease: Mapping[str, float]) -> Problem:
+        """The same problem with named limits relaxed by a share."""
+        return self._like(dataclasses.replace(self, ease=ease))
 
     @property
     def softened(self) -> Problem:
