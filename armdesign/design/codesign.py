@@ -24,7 +24,8 @@ MEMORY = 300  # lowest poses watched between looks at the whole workspace,
 SPREAD = 1200  # and about so many all over it
 STEPS = 60
 RELAXED = 0.01  # share by which a requirement is relaxed to price it
-PRICING, FINE = 0.05, 1e-7  # trust and tolerance with which that is solved again
+PRICING = 0.05  # trust with which that is solved again,
+FINE, ENOUGH = 1e-7, 0.01  # until a step promises less than this of ω², or than this share of what is expected
 PRICED = 1e-6  # gain in frequency below which a requirement has no price
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
 
@@ -70,6 +71,7 @@ class Search:
     problem: Problem
     x: Array
     programme: StepProgramme | None = None
+    strictness: float = 1.0  # how many times dearer a missed requirement is than usual
     squared: float = 0.0
     limits: Limits = field(init=False)
     reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
@@ -83,7 +85,7 @@ class Search:
     @property
     def merit(self) -> float:
         """Lowest ω² over the problem's scale, less the price of missed requirements: for comparing searches."""
-        return self.squared / self.problem.scale - PRICE * _missed(self.limits)
+        return self.squared / self.problem.scale - PRICE * self.strictness * _missed(self.limits)
 
     @property
     def violation(self) -> float:
@@ -224,11 +226,11 @@ class Search:
         if trial.merit - here.merit > 0.1 * promised or trial is none:
             return trial
         base = self.problem.scaled(trial.x, model.rows, here.x, float(here.squared.min())) / self.reference
+        kept = self.strictness * trial.limits.values[model.keep]
         bent = replace(
             model,
             base=base - np.einsum("vnij,v->nij", model.slopes, change),
-            value=np.pad(trial.limits.values[model.keep], (0, len(model.value) - len(model.keep)), constant_values=1.0)
-            - model.jacobian @ change,
+            value=np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0) - model.jacobian @ change,
         )
         try:
             again = here.x + self._solve(bent, *box).change
@@ -238,13 +240,14 @@ class Search:
         return max(trial, corrected, key=lambda t: t.merit)
 
     def _merit(self, squared: float, at: Limits) -> float:
-        return squared / self.reference - PRICE * _missed(at)
+        return squared / self.reference - PRICE * self.strictness * _missed(at)
 
     def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
         base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
         keep = _nearest_limits(here.limits, low, high, 100)
-        value, jacobian = _padded(here.limits.values[keep], here.limits.jacobian[keep])
+        at = here.limits.values[keep], here.limits.jacobian[keep]
+        value, jacobian = _padded(*(self.strictness * part for part in at))
         return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)
 
     def _solve(self, model: _Model, low: Array, high: Array) -> Step:
@@ -265,9 +268,9 @@ class Search:
         """
         here = replace(self, x=self.x, squared=self.squared)
         here.bounds, here.reference = self.bounds, self.reference
-        here.run(PRICING, FINE, looks=2)
+        here.run(PRICING, 10 * FINE, looks=2)
         return {
-            name: Worth(at_margin=gain, gain=here._gain(name) if gain > PRICED else gain)
+            name: Worth(at_margin=gain, gain=here._gain(name, gain) if gain > PRICED else gain)
             for name, gain in here._at_margin().items()
         }
 
@@ -283,7 +286,7 @@ class Search:
             return {}
         scale = 0.5 * self.reference / float(here.squared.min())  # f ~ sqrt(λ)
         multipliers = np.zeros(len(self.limits.values))
-        multipliers[model.keep] = step.multipliers[: len(model.keep)]
+        multipliers[model.keep] = self.strictness * step.multipliers[: len(model.keep)]
         # a limit that no variable moves has no price, whatever the solver's multiplier says
         multipliers[~np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)] = 0.0
         at_end = np.where(high < PRICING, step.high_multipliers, 0) + np.where(low > -PRICING, step.low_multipliers, 0)
@@ -302,13 +305,13 @@ class Search:
         cylinders = self.problem.machine.cylinders
         return [f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else "" for v in self.problem.variables]
 
-    def _gain(self, name: str) -> float:
+    def _gain(self, name: str, expected: float) -> float:
         """Relative gain in frequency that is found from here with a requirement relaxed by 1 %."""
         eased = replace(self, problem=self.problem.eased({name: RELAXED}), x=self.x)
         low, high = self.bounds
         more = RELAXED * high * (np.array(self._boxes) == name)
         eased.bounds, eased.reference = (low - more, high + more), self.reference
-        eased.run(PRICING, FINE, looks=2)
+        eased.run(PRICING, max(FINE, ENOUGH * expected), looks=2)
         return math.sqrt(max(eased.squared / self.squared, 1.0)) - 1
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:

@@ -21,8 +21,9 @@ from armdesign.design.catalogue import sizes_of
 from armdesign.design.check import Check, slacks, static_loads
 from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
+from armdesign.design.refusal import not_written
 from armdesign.design.requirements import Requirements
-from armdesign.design.rounding import rounded
+from armdesign.design.rounding import written
 from armdesign.design.searching import STARTS, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError
@@ -79,9 +80,11 @@ class Design:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
         """
         search = met(search)
-        worth = {} if selection else search.worth()
-        machine, checks = rounded(search)
-        problem = search.problem
+        found = written(search)
+        if found is None:
+            raise not_written(search)
+        machine, checks = found
+        problem, worth = search.problem, {} if selection else search.worth()
         return cls(
             machine=machine,
             today=problem.machine,
