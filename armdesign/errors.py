@@ -64,8 +64,14 @@ class Concession:
         unit: SI, of all that follows.
         limit: that cannot be kept.
         at_least: whether that is a lower one.
-        together: what it gives where all of the conflict give so that the largest share is least.
-        alone: what it gives where no other does; None where that does not help.
+        together: what it gives where all of the conflict give so that the largest share is least, with what rounding to
+            a drawing's grid or a catalogue's sizes takes; 0 where it stands in the way and need not, or cannot, give.
+        alone: what it gives where no other of its part does; None where that does not help.
+        part: which of several conflicts that have nothing in common it belongs to; all of them must give.
+        setting: key under ``[requirements]`` that states the limit; empty where none does. ``speed.NAME`` stands for
+            all speeds of a motion.
+        value: of the setting that gives what is needed together, in the key's unit, as a factor for speeds; None where
+            it gives nothing. ``Requirements.granting`` makes requirements of the values of a conflict.
     """
 
     name: str
@@ -75,15 +81,18 @@ class Concession:
     at_least: bool
     together: float
     alone: float | None
+    part: int = 0
+    setting: str = ""
+    value: float | None = None
 
 
 class InfeasibleError(ArmDesignError):
     """No design meets the requirements.
 
     Attributes:
-        conflict: requirements that cannot be met together, though without any one of them the others can; those that
-            the nearest sizes on a drawing's grid miss, where there are some off the grid that miss none; empty where
-            none was found.
+        conflict: requirements that cannot be met together, though without any one of them the others can; of several
+            such sets that have nothing in common all, see ``Concession.part``. What each gives ``together`` is enough
+            for a design, if all of them give it.
     """
 
     def __init__(self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()) -> None:

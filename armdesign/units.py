@@ -56,6 +56,17 @@ def _joined(number: str, unit: str) -> str:
     return f"{number}{'' if unit == '°' else ' '}{unit}".rstrip()
 
 
+def outward(value: float, digits: int, up: bool) -> float:
+    """A number with so many significant digits, rounded up or down; as it is where it has no more."""
+    if value == 0:
+        return value
+    step = 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)
+    nearest = round(value / step)
+    if abs(value / step - nearest) > 1e-6:
+        nearest = math.ceil(value / step) if up else math.floor(value / step)
+    return float(f"{nearest * step:.{digits + 1}g}")
+
+
 WORKSHOP = Units(
     {
         "m": (mm, "mm", 1),

@@ -23,8 +23,8 @@ ORDER = [
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),
     *("design.variables", "design.space", "design.still", "design.problem"),
-    *("design.limits", "design.conflict", "design.sizing"),
-    *("design.codesign", "design.polishing", "design.settling", "design.rounding"),
+    *("design.limits", "design.grid", "design.elastic", "design.conflict", "design.sizing"),
+    *("design.codesign", "design.polishing", "design.settling", "design.rounding", "design.refusal"),
     *("design.choices", "design.selection"),
     *(
         "design.intervals",

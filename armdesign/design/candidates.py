@@ -38,6 +38,7 @@ class Condition:
         easing: room per 100 % of the limit (b, k), or the same for all.
         care: how many times its share rounding may cost of the limit.
         rounding: room that rounding of pins to the grid may cost besides.
+        setting: key under ``[requirements]`` that states the limit; empty where none does.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Condition:
     easing: Array | float
     care: float = 1.0
     rounding: float = 0.0
+    setting: str = ""
 
     @property
     def slack(self) -> Array:
@@ -75,6 +77,7 @@ def bounded(
     easing: Array | None = None,
     care: float = 1.0,
     rounding: float = 0.0,
+    setting: str = "",
 ) -> Condition:
     """A condition whose room is the distance to the limit over ``scale`` (its size if None)."""
     value = value[:, None] if value.ndim == 1 else value
@@ -93,6 +96,7 @@ def bounded(
         easing=abs(limit) / scale if easing is None else easing,
         care=care,
         rounding=rounding,
+        setting=setting,
     )
 
 

@@ -36,6 +36,7 @@ class Check:
     slack: float
     words: str
     at_least: bool = False
+    setting: str = ""
 
     @classmethod
     def of(cls, condition: Condition) -> Check:
@@ -50,6 +51,7 @@ class Check:
             slack=float(slack[worst]),
             words=condition.words,
             at_least=condition.at_least,
+            setting=condition.setting,
         )
 
     def sentence(self, worth: float, at_margin: float, units: Units) -> str:

@@ -21,7 +21,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
 from armdesign.design.check import Check, check, slacks, static_loads
-from armdesign.design.conflict import concession, sentence
+from armdesign.design.conflict import concessions, remedy, sentence
 from armdesign.design.requirements import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -265,23 +265,26 @@ def _undominated(points: Array) -> Array:
 
 
 def _refusal(judge: Judge, options: list[list[Cylinder]], sums: _Sums) -> InfeasibleError:
-    """The error that names the fewest requirements that exclude each other, and what they must give."""
+    """The error that names requirements that exclude each other, and what they must give: an allowed combination."""
     every = np.flatnonzero(sums.touched.any(axis=0))
-    columns = _conflicting(sums, every)
+    parts = _conflicts(sums, every)
+    columns = np.concatenate(parts)
     others = np.setdiff1d(every, columns)
-    together, settles = sums.nearest(columns, others), True
-    if together is None:
-        others = NONE
-        together, settles = sums.nearest(columns, others), False
-    assert together is not None  # nothing has to be met
-    checks, given = _checks(judge, options, together), []
-    for column in columns:
-        only = sums.nearest(np.array([column]), np.union1d(others, columns[columns != column]))
-        c = checks[column]
-        alone = None if only is None else _missed(_checks(judge, options, only)[column])
-        given.append(concession(c, _missed(c), alone))
-    words = sentence(given, settles, "no sizes of the catalogue meet")
-    return InfeasibleError(judge.frame.name, words, "loosen them or offer other sizes", tuple(given))
+    together = sums.nearest(columns, others)
+    assert together is not None  # what is left can be met
+    checks = _checks(judge, options, together)
+    alone: dict[str, float | None] = {}
+    for part in parts:
+        for column in part:
+            kept = np.union1d(others, part[part != column])
+            only = sums.nearest(np.setdiff1d(columns, part[part != column]), kept)
+            c = checks[column]
+            alone[c.name] = None if only is None else _missed(_checks(judge, options, only)[column])
+    names = [tuple(checks[column].name for column in part) for part in parts]
+    amounts = {checks[column].name: _missed(checks[column]) for column in columns}
+    given = concessions(judge.requirements, names, {c.name: c for c in checks}, amounts, alone)
+    words = sentence(given, none_meets="no sizes of the catalogue meet")
+    return InfeasibleError(judge.frame.name, words, remedy(given, " or offer other sizes"), given)
 
 
 def _checks(judge: Judge, options: list[list[Cylinder]], combination: Array) -> tuple[Check, ...]:
@@ -293,6 +296,15 @@ def _checks(judge: Judge, options: list[list[Cylinder]], combination: Array) -> 
 def _missed(c: Check) -> float:
     """By how much, in its unit."""
     return abs(c.value - c.limit) if c.slack < 0 else 0.0
+
+
+def _conflicts(sums: _Sums, columns: Array) -> list[Array]:
+    """Conflicts that have no requirement in common, until what they leave can be met."""
+    found, left = [], columns
+    while sums.possible(left) is None:
+        found.append(_conflicting(sums, left))
+        left = np.setdiff1d(left, found[-1])
+    return found
 
 
 def _conflicting(sums: _Sums, columns: Array) -> Array:

@@ -23,7 +23,9 @@ ACTIVE = 24  # poses in one programme
 MEMORY = 300  # lowest poses watched between looks at the whole workspace,
 SPREAD = 1200  # and about so many all over it
 STEPS = 60
-NEAR = 0.05  # how far from the optimum limits and stiffness are taken as linear, to price requirements
+RELAXED = 0.01  # share by which a requirement is relaxed to price it
+PRICING = 0.05  # trust with which that is solved again,
+FINE, ENOUGH = 1e-7, 0.01  # until a step promises less than this of ω², or than this share of what is expected
 PRICED = 1e-6  # gain in frequency below which a requirement has no price
 NEARLY = 1e-3  # by which a search that is not at its end may miss a requirement, and still meet it there
 PRICE = 30.0  # of ω² (relative) per unit of violated requirement when steps are compared
@@ -70,6 +72,7 @@ class Search:
     problem: Problem
     x: Array
     programme: StepProgramme | None = None
+    strictness: float = 1.0  # how many times dearer a missed requirement is than usual
     squared: float = 0.0
     limits: Limits = field(init=False)
     reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
@@ -83,7 +86,7 @@ class Search:
     @property
     def merit(self) -> float:
         """Lowest ω² over the problem's scale, less the price of missed requirements: for comparing searches."""
-        return self.squared / self.problem.scale - PRICE * _missed(self.limits)
+        return self.squared / self.problem.scale - PRICE * self.strictness * _missed(self.limits)
 
     @property
     def violation(self) -> float:
@@ -232,11 +235,11 @@ class Search:
         if trial.merit - here.merit > 0.1 * promised or trial is none:
             return trial
         base = self.problem.scaled(trial.x, model.rows, here.x, float(here.squared.min())) / self.reference
+        kept = self.strictness * trial.limits.values[model.keep]
         bent = replace(
             model,
             base=base - np.einsum("vnij,v->nij", model.slopes, change),
-            value=np.pad(trial.limits.values[model.keep], (0, len(model.value) - len(model.keep)), constant_values=1.0)
-            - model.jacobian @ change,
+            value=np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0) - model.jacobian @ change,
         )
         try:
             again = here.x + self._solve(bent, *box).change
@@ -246,13 +249,14 @@ class Search:
         return max(trial, corrected, key=lambda t: t.merit)
 
     def _merit(self, squared: float, at: Limits) -> float:
-        return squared / self.reference - PRICE * _missed(at)
+        return squared / self.reference - PRICE * self.strictness * _missed(at)
 
     def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
         base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
         keep = _nearest_limits(here.limits, low, high, 100)
-        value, jacobian = _padded(here.limits.values[keep], here.limits.jacobian[keep])
+        at = here.limits.values[keep], here.limits.jacobian[keep]
+        value, jacobian = _padded(*(self.strictness * part for part in at))
         return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)
 
     def _solve(self, model: _Model, low: Array, high: Array) -> Step:
@@ -268,12 +272,22 @@ class Search:
     def worth(self) -> dict[str, Worth]:
         """Relative gains in the worst frequency from relaxing each requirement by 1 %.
 
-        At the margin by its multiplier; the whole 1 % by the same programme solved with that much more room, where
-        another limit may soon be met.
+        At the margin by its multiplier; the whole 1 % by solving again from here: another limit may soon be met, and
+        designs of nearly the same frequency may lie far apart, so that no box around this one holds the answer.
         """
+        here = replace(self, x=self.x, squared=self.squared)
+        here.bounds, here.reference = self.bounds, self.reference
+        here.run(PRICING, 10 * FINE, looks=2)
+        return {
+            name: Worth(at_margin=gain, gain=here._gain(name, gain) if gain > PRICED else gain)
+            for name, gain in here._at_margin().items()
+        }
+
+    def _at_margin(self) -> dict[str, float]:
+        """Relative gain in the worst frequency per 1 % of each requirement, by its multiplier."""
         here = self._trial(self.x, self.limits)
         low_x, high_x = self.bounds
-        low, high = np.maximum(low_x - self.x, -NEAR), np.minimum(high_x - self.x, NEAR)
+        low, high = np.maximum(low_x - self.x, -PRICING), np.minimum(high_x - self.x, PRICING)
         model = self._model(here, self.active(here.squared), low, high)
         try:
             step = self._solve(model, low, high)
@@ -281,27 +295,18 @@ class Search:
             return {}
         scale = 0.5 * self.reference / float(here.squared.min())  # f ~ sqrt(λ)
         multipliers = np.zeros(len(self.limits.values))
-        multipliers[model.keep] = step.multipliers[: len(model.keep)]
+        multipliers[model.keep] = self.strictness * step.multipliers[: len(model.keep)]
         # a limit that no variable moves has no price, whatever the solver's multiplier says
         multipliers[~np.any(self.limits.jacobian[:, high_x > low_x] != 0, axis=1)] = 0.0
-        names, boxes = np.array(self.limits.names), self._boxes
-        at_end = np.where(high < NEAR, step.high_multipliers, 0) + np.where(low > -NEAR, step.low_multipliers, 0)
+        at_end = np.where(high < PRICING, step.high_multipliers, 0) + np.where(low > -PRICING, step.low_multipliers, 0)
         gains: dict[str, float] = {}
         for name, gain in (
             *zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True),
-            *zip(boxes, 0.01 * high_x * at_end * scale, strict=True),
+            *zip(self._boxes, RELAXED * high_x * at_end * scale, strict=True),
         ):
             gains[name] = gains.get(name, 0.0) + float(gain)
         gains.pop("", None)
-        found = {}
-        for name, gain in gains.items():
-            whole = gain
-            if gain > PRICED:
-                value, more = model.value.copy(), 0.01 * high_x * (np.array(boxes) == name)
-                value[: len(model.keep)] += (self.limits.relaxation * (names == name))[model.keep]
-                whole = min(gain, self._gain(replace(model, value=value), low - more, high + more, step))
-            found[name] = Worth(at_margin=gain, gain=whole)
-        return found
+        return gains
 
     @property
     def _boxes(self) -> list[str]:
@@ -309,14 +314,14 @@ class Search:
         cylinders = self.problem.machine.cylinders
         return [f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else "" for v in self.problem.variables]
 
-    def _gain(self, eased: _Model, low: Array, high: Array, step: Step) -> float:
-        """Relative gain in frequency that an eased programme promises over the ``step`` of the programme as it is."""
-        try:
-            other = self._solve(eased, low, high)
-        except InfeasibleError:  # the solver gave up: the multiplier has to do
-            return math.inf
-        reached, now = (s.value - PRICE * s.violation for s in (other, step))
-        return math.sqrt(max(reached / now, 1.0)) - 1 if now > 0 else math.inf
+    def _gain(self, name: str, expected: float) -> float:
+        """Relative gain in frequency that is found from here with a requirement relaxed by 1 %."""
+        eased = replace(self, problem=self.problem.eased({name: RELAXED}), x=self.x)
+        low, high = self.bounds
+        more = RELAXED * high * (np.array(self._boxes) == name)
+        eased.bounds, eased.reference = (low - more, high + more), self.reference
+        eased.run(PRICING, max(FINE, ENOUGH * expected), looks=2)
+        return math.sqrt(max(eased.squared / self.squared, 1.0)) - 1
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""

@@ -36,11 +36,16 @@ def _oil(new: Candidate, frame: Frame) -> Iterator[Condition]:
         volume, today = (c.areas[:, :count, side] * c.stroke[:, :count] for c in (new, old))
         total = float(today.sum())
         limit = requirements.oil_total_share * total
-        yield bounded(f"oil.{label}.total", f"oil of all {label} sides", "m³", volume.sum(axis=1), limit, scale=total)
+        yield bounded(
+            f"oil.{label}.total", f"oil of all {label} sides", "m³", volume.sum(axis=1), limit, scale=total,
+            setting="oil_total_share",
+        )  # fmt: skip
         for i, cylinder in enumerate(frame.today.cylinders):
             own, words = float(today[0, i]), f"oil of the {cylinder.name} cylinder's {label} side"
             limit = requirements.oil_each_share * own
-            yield bounded(f"oil.{label}.{cylinder.name}", words, "m³", volume[:, i], limit, scale=own)
+            yield bounded(
+                f"oil.{label}.{cylinder.name}", words, "m³", volume[:, i], limit, scale=own, setting="oil_each_share"
+            )
 
 
 def _strength(new: Candidate, frame: Frame) -> Iterator[Condition]:
@@ -50,7 +55,10 @@ def _strength(new: Candidate, frame: Frame) -> Iterator[Condition]:
         name, today = cylinder.name, float(frame.old.areas[0, i, 0])
         thrust = pressure * new.areas[:, i, 0]
         limit = requirements.thrust_share * pressure * today
-        yield bounded(f"thrust.{name}", f"thrust of the {name} cylinder", "N", thrust, limit, scale=pressure * today)
+        yield bounded(
+            f"thrust.{name}", f"thrust of the {name} cylinder", "N", thrust, limit, scale=pressure * today,
+            setting="thrust_share",
+        )  # fmt: skip
         dead = new.closed[:, i] - new.stroke[:, i]
         yield bounded(
             f"dead_length.{name}", f"closed length less stroke, {name}", "m", dead, cylinder.dead_length,
@@ -97,6 +105,7 @@ def _buckling(
     return bounded(
         name, words, "", safety, least, at_least=True,
         room=((rod_area - needed) / today)[:, None], easing=(0.5 * needed / today)[:, None], care=4.0,
+        setting="buckling_factor" if name.startswith("buckling_factor.") else "buckling_share",
     )  # fmt: skip
 
 
@@ -116,6 +125,7 @@ def _moment_arms(new: Candidate, frame: Frame) -> Iterator[Condition]:
         yield bounded(
             f"moment_arm.{name}", f"smallest moment arm of the {name} cylinder", "m/rad", arm,
             requirements.moment_arm_share * float(today.min()), at_least=True, scale=float(today.min()),
+            setting="moment_arm_share",
         )  # fmt: skip
         if name in requirements.digging:
             samples = np.arange(arm.shape[1])
@@ -123,7 +133,9 @@ def _moment_arms(new: Candidate, frame: Frame) -> Iterator[Condition]:
             own = pressure * float(frame.old.areas[0, i, 0] * once[0])
             torque = pressure * new.areas[:, i, 0] * most
             words, limit = f"digging torque of the {name} cylinder", requirements.digging_share * own
-            yield bounded(f"digging.{name}", words, "N m", torque, limit, at_least=True, scale=own)
+            yield bounded(
+                f"digging.{name}", words, "N m", torque, limit, at_least=True, scale=own, setting="digging.share"
+            )
 
 
 def _transmissions(new: Candidate, frame: Frame) -> Iterator[Condition]:
@@ -140,7 +152,7 @@ def _transmissions(new: Candidate, frame: Frame) -> Iterator[Condition]:
             f"transmission.{cylinder.name}", f"rocker–coupler angle, {cylinder.name}", "rad",
             np.arccos(np.minimum(np.abs(cosine.real), 1.0)), least, at_least=True,
             room=(math.cos(least) - cosine * np.sign(cosine.real)) / (math.sin(least) * least or 1.0),
-            easing=np.ones(1),
+            easing=np.ones(1), setting="transmission_deg",
         )  # fmt: skip
 
 
@@ -161,7 +173,7 @@ def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[C
         words = f"static load of the {function.name} {kind(function)} over what the supply gives"
         yield bounded(
             f"holding.{function.name}", words, "", ratio, share,
-            room=(share * held - used) / scale, easing=share * held / scale,
+            room=(share * held - used) / scale, easing=share * held / scale, setting="holding_share",
         )  # fmt: skip
 
 

@@ -77,7 +77,7 @@ def flows(new: Candidate, frame: Frame, speed: Speed) -> Array:
 def _speed(new: Candidate, frame: Frame, speed: Speed) -> Condition:
     return bounded(
         f"speed.{speed.name}", f"flow of the motion {speed.name}", "m³/s", flows(new, frame, speed),
-        new.machine.supply.flow,
+        new.machine.supply.flow, setting=f"speed.{speed.name}",
     )  # fmt: skip
 
 
@@ -97,6 +97,7 @@ def _lift(new: Candidate, frame: Frame, at: LiftPose) -> Condition:
     return bounded(
         f"lift.{at.lift.name}", f"mass that the lift {at.lift.name} could be", "kg", mass, at.lift.mass,
         at_least=True, room=room, easing=at.lift.mass * steepness,
+        setting=f"lift.{at.lift.name}.mass_kg",
     )  # fmt: skip
 
 
@@ -147,7 +148,7 @@ def _digging_force(new: Candidate, frame: Frame) -> Iterator[Condition]:
                 "leave it out",
             )
         yield bounded(f"digging_force.{name}", f"digging force of the {name} cylinder", "N", found[name], limit,
-                       at_least=True)  # fmt: skip
+                       at_least=True, setting=f"digging_kN.{name}")  # fmt: skip
 
 
 def _outlines(new: Candidate, frame: Frame) -> Iterator[Condition]:
@@ -165,6 +166,7 @@ def _outlines(new: Candidate, frame: Frame) -> Iterator[Condition]:
                 yield bounded(
                     f"outline.{whose}.{name}", words, "m", depth(place[:, [0, 2]], polygon), outline.pin_radius,
                     at_least=True, slack_scale=size, rounding=ROUNDING / size,
+                    setting=f"outline.{outline.link}.pin_radius_mm",
                 )  # fmt: skip
 
 
@@ -203,12 +205,13 @@ def _clearances(new: Candidate, frame: Frame) -> Iterator[Condition]:
             yield bounded(
                 f"clearance.{part.name}.{name}", f"clearance of the {name} barrel, {part.name}", "m",
                 free[:, nearest], part.distance, at_least=True, slack_scale=frame.today.cylinders[i].stroke,
-                rounding=2 * ROUNDING / frame.today.cylinders[i].stroke,
+                rounding=2 * ROUNDING / frame.today.cylinders[i].stroke, setting=f"clearance.{part.name}.distance_mm",
             )  # fmt: skip
 
 
 def _mass(new: Candidate, limit: float) -> Condition:
-    return bounded("cylinder_mass", "estimated mass of all cylinders", "kg", estimated_masses(new), limit)
+    words = "estimated mass of all cylinders"
+    return bounded("cylinder_mass", words, "kg", estimated_masses(new), limit, setting="cylinder_mass_kg")
 
 
 def estimated_masses(new: Candidate) -> Array:

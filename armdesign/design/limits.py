@@ -123,15 +123,21 @@ class Stepped:
 def limits(problem: Problem, x: Array, holding: Array | None = None) -> Limits:
     """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
     found = list(conditions_at(problem, x, holding))
-    room = np.concatenate([c.room for c in found], axis=1)
+    room = np.concatenate([c.room - drawn_in(problem, c) for c in found], axis=1)
     easing = np.concatenate([np.broadcast_to(c.easing, c.room.shape) for c in found], axis=1)
-    if problem.tightening:
-        drawn_in = [np.broadcast_to(problem.tightening * c.care * c.easing + c.rounding, c.room.shape) for c in found]
-        moves = np.any(room.imag != 0, axis=0)  # what no variable moves, no rounding changes either
-        room = room - np.where(moves, np.concatenate(drawn_in, axis=1), 0.0)
     names = [c.name for c in found for _ in range(c.room.shape[1])]
+    if problem.ease:
+        room = room + np.array([problem.ease.get(name, 0.0) for name in names]) * easing
     kept = np.array([problem.reserve.get(name, 0.0) for name in names])
     return Limits(names, room[0].real - kept, room.imag.T / STEP, 0.01 * easing[0].real)
+
+
+def drawn_in(problem: Problem, condition: Condition) -> Array | float:
+    """Room (b, k) by which the problem's tightening draws a condition in; what no variable moves, no rounding moves."""
+    if not problem.tightening:
+        return 0.0
+    whole = problem.tightening * condition.care * condition.easing + condition.rounding
+    return np.where(np.any(condition.room.imag != 0, axis=0), np.broadcast_to(whole, condition.room.shape), 0.0)
 
 
 def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> Iterator[Condition]:

@@ -23,8 +23,9 @@ from armdesign.design.check import Check, slacks, static_loads
 from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.problem import Problem
 from armdesign.design.provenance import call, documented
+from armdesign.design.refusal import not_written
 from armdesign.design.requirements import Requirements
-from armdesign.design.rounding import rounded, worst_on_poses
+from armdesign.design.rounding import worst_on_poses, written
 from armdesign.design.searching import Starts, met, multistart, posed
 from armdesign.design.selection import Selection
 from armdesign.errors import ArmDesignError
@@ -85,9 +86,11 @@ class Design:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
         """
         search = met(search)
-        worth = {} if selection else search.worth()
-        machine, checks = rounded(search)
-        problem = search.problem
+        found = written(search)
+        if found is None:
+            raise not_written(search)
+        machine, checks = found
+        problem, worth = search.problem, {} if selection else search.worth()
         return cls(
             machine=documented(machine, problem.machine, problem.requirements, command),
             today=problem.machine,

@@ -19,6 +19,7 @@ from armdesign.arrays import Array, remembered
 from armdesign.bands import Bands, scaled_links
 from armdesign.cylinder import stiffness
 from armdesign.design.own_masses import Loads, summed
+from armdesign.design.requirements import Requirements
 from armdesign.design.space import STEP, DesignSpace, Geometry
 from armdesign.design.still import Still, inverse_root, lowest
 from armdesign.machine import Machine
@@ -49,6 +50,7 @@ class Problem(DesignSpace):
 
     tightening: float = 0.0  # share by which limits are drawn in, to leave room for rounding
     reserve: Mapping[str, float] = field(default_factory=dict)  # room that named limits keep, for rounding too
+    ease: Mapping[str, float] = field(default_factory=dict)  # share by which named limits are relaxed
     bands: Bands = field(default_factory=Bands)  # the worst within them counts; requirements are judged without
 
     # ------------------------------------------------------------------------------------------------------------- rows
@@ -90,6 +92,17 @@ class Problem(DesignSpace):
     def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
         """The same problem with room kept at named limits."""
         return self._like(dataclasses.replace(self, reserve=reserve))
+
+    def under(self, requirements: Requirements) -> Problem:
+        """The same problem under other requirements that leave the pin boxes as they are."""
+        other = self._like(dataclasses.replace(self, requirements=requirements))
+        for name in ("_asked", "variables"):  # the areas' ends hang on the thrust
+            vars(other).pop(name, None)
+        return other
+
+    def eased(self, ease: Mapping[str, float]) -> Problem:
+        """The same problem with named limits relaxed by a share."""
+        return self._like(dataclasses.replace(self, ease=ease))
 
     @property
     def softened(self) -> Problem:

@@ -5,19 +5,34 @@ The settings alone, in SI; ``conditions.py`` says what each means for a design, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError, MachineFileError, choose
+from armdesign.errors import ArmDesignError, Concession, MachineFileError, choose
 from armdesign.machine import Machine
 from armdesign.schema import ClearanceSection, LiftSection, OutlineSection, RequirementsSection, SpeedSection
 from armdesign.units import deg, kN, mm
 from armdesign.workspace import Workspace
 
 Outlined = tuple[tuple[float, float], ...]
+
+_NUMBERS = {  # keys of a machine file that state one number: attribute and unit
+    **{f"{name}_share": (f"{name}_share", 1.0) for name in ("holding", "thrust", "moment_arm", "buckling")},
+    **{f"oil_{name}_share": (f"oil_{name}_share", 1.0) for name in ("total", "each")},
+    "digging.share": ("digging_share", 1.0),
+    "buckling_factor": ("buckling_factor", 1.0),
+    "transmission_deg": ("transmission", deg),
+    "cylinder_mass_kg": ("cylinder_mass", 1.0),
+}
+_LISTS = {  # tables of a machine file, one for each name: attribute; key in it, attribute and unit
+    "lift": ("lifts", "mass_kg", "mass", 1.0),
+    "outline": ("outlines", "pin_radius_mm", "pin_radius", mm),
+    "clearance": ("clearances", "distance_mm", "distance", mm),
+}
+_NAMED = {"outlines": "link"}  # by what the entries of a list are told apart, if not by their name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +51,11 @@ class Speed:
     joints: Mapping[str, float] = field(default_factory=dict)
     cylinders: Mapping[str, float] = field(default_factory=dict)
     at: Literal["mean", "every"] = "mean"
+
+    def times(self, factor: float) -> Speed:
+        """The same motion at a multiple of its speed."""
+        joints, cylinders = ({k: factor * v for k, v in part.items()} for part in (self.joints, self.cylinders))
+        return replace(self, joints=joints, cylinders=cylinders)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,6 +201,51 @@ class Requirements:
             outlines=tuple(_outline(link, outline) for link, outline in section.outline.items()),
             clearances=tuple(clearance for clearance in clearances if clearance.cylinders),
         )
+
+    def setting(self, path: str) -> float:
+        """A number by its key under ``[requirements]`` of a machine file, in that key's unit; see ``with_setting``."""
+        head, *rest = path.split(".", 1)
+        if head == "speed":
+            return 1.0
+        if head in _LISTS:
+            own, key, attribute, unit = _LISTS[head]
+            name = rest[0].removesuffix(f".{key}")
+            found = next(one for one in getattr(self, own) if getattr(one, _NAMED.get(own, "name")) == name)
+            return float(getattr(found, attribute) / unit)
+        if head == "digging_kN":
+            return float(self.digging_force[rest[0]] / kN)
+        attribute, unit = _NUMBERS[path]
+        return float(getattr(self, attribute) / unit)
+
+    def with_setting(self, path: str, value: float) -> Requirements:
+        """The requirements with a number changed by its key under ``[requirements]``, in that key's unit.
+
+        ``speed.NAME`` stands for all speeds of a motion; ``value`` is then a factor on them.
+        """
+        head, *rest = path.split(".", 1)
+        if head == "speed":
+            return replace(self, speeds=tuple(s.times(value) if s.name == rest[0] else s for s in self.speeds))
+        if head in _LISTS:
+            own, key, attribute, unit = _LISTS[head]
+            name, named = rest[0].removesuffix(f".{key}"), _NAMED.get(own, "name")
+            ones = (
+                replace(one, **{attribute: value * unit}) if getattr(one, named) == name else one
+                for one in getattr(self, own)
+            )
+            return replace(self, **{own: tuple(ones)})
+        if head == "digging_kN":
+            return replace(self, digging_force={**self.digging_force, rest[0]: value * kN})
+        attribute, unit = _NUMBERS[path]
+        changes: dict[str, Any] = {attribute: value * unit}
+        return replace(self, **changes)
+
+    def granting(self, conflict: Iterable[Concession]) -> Requirements:
+        """The requirements that give what a conflict says, all of it: settings as ``Concession.value`` has them."""
+        changed = self
+        for concession in conflict:
+            if concession.value is not None:
+                changed = changed.with_setting(concession.setting, concession.value)
+        return changed
 
     def box(self, machine: Machine, workspace: Workspace) -> float:
         """How far pin coordinates may move where no box of their own is given [m]."""

@@ -20,18 +20,18 @@ from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import size_in_mm
 from armdesign.design.check import Check, check, meets, static_loads
 from armdesign.design.codesign import Search
-from armdesign.design.conflict import concession, nearest
+from armdesign.design.elastic import Elastic
+from armdesign.design.grid import GRID, diameters, neighbours
 from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
 from armdesign.design.variables import SIZES
-from armdesign.errors import Concession, InfeasibleError
 from armdesign.linkage import BARS, key_of
 from armdesign.machine import Machine
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
 from armdesign.workspace import Workspace
 
-GRID = 0.1  # [mm] what a drawing can say
+DEPTHS = (2e-3, 3e-4)  # shares by which limits are drawn in where a machine as far inside as can be is sought
 COMBINATIONS = 128  # of rounded bores and rods that are tried
 TUNED = 3  # sizes whose pins are tuned in earnest
 TIGHTENING = 1e-4  # share by which limits are drawn in for that
@@ -41,13 +41,13 @@ TOLERANCE = 1e-9  # of a slack
 Judged: TypeAlias = tuple[Machine, tuple[Check, ...]]
 
 
-def rounded(search: Search) -> Judged:
+def written(search: Search) -> Judged | None:
     """The best machine near the optimum that can be written and meets every requirement; today's if none is better.
 
     Where pins vary, bores and rods, the coarser ones, are rounded first and the pins follow, see ``_tuned``. Where that
     fails, or no pin varies, limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made
     to cover the joint ranges, and of the bores and rods around it the best that pass are taken; if none passes, the
-    limits are drawn in more.
+    limits are drawn in more. At last frequency is left aside, see ``_inmost``. None where all of that fails.
     """
     today = search.problem.machine
     passed = [judged for judged in (_judged(machine, search) for machine in _tuned(search)) if not _failed(judged)]
@@ -60,15 +60,29 @@ def rounded(search: Search) -> Judged:
                 break
         if passed:
             break
+    if not passed:
+        passed = [judged for judged in (_judged(machine, search) for machine in _inmost(search)) if not _failed(judged)]
     if len(passed) > 1:  # of one alone nothing need be known
         passed = [max(passed, key=lambda judged: worst_on_poses(judged[0], search.problem))]
     if passed:
         return _better(passed[0], search)
-    if not _hardly_gained(search):
-        missed = _nearest_misses(search)
-        words = f"no sizes on the 0.1 mm grid meet all requirements{nearest(missed)}"
-        raise InfeasibleError(today.name, words, "loosen them", missed)
-    return _judged(today, search)
+    return _judged(today, search) if _hardly_gained(search) else None
+
+
+def _inmost(search: Search) -> Iterator[Machine]:
+    """Machines as far as can be from every limit, near a search: sizes go to the grid while the rest follows."""
+    problem = search.problem
+    for depth in DEPTHS:
+        elastic = Elastic(problem.tightened(depth), search.x, search.holding)
+        soft = (elastic.names,)
+        found = elastic.on_grid(elastic.least(soft, ()), soft, ())
+        choice = [
+            round(size, 1) for i in range(len(problem.machine.cylinders)) for size in diameters(problem, found.x, i)
+        ]
+        if problem.sizes:
+            choice = _options(search)[1]
+        changes = _weighed(problem, _pin_changes(problem, found.x) | _size_changes(problem, choice, found.x))
+        yield problem.machine.replace(changes)
 
 
 def _judged(machine: Machine, search: Search) -> Judged:
@@ -82,7 +96,7 @@ def _failed(judged: Judged) -> list[Check]:
 
 def _near(search: Search, problem: Problem, x: Array, bounds: tuple[Array, Array]) -> Search:
     """A search of a problem much like that of another, from x within bounds."""
-    other = Search(problem=problem, x=x, programme=search.programme)
+    other = Search(problem=problem, x=x, programme=search.programme, strictness=search.strictness)
     other.rows, other.holding, other.bounds, other.reference = search.rows, search.holding, bounds, search.reference
     return other
 
@@ -176,19 +190,15 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
     return min(float(lowest_frequency(case.evaluate(rigid)).min()) for case, rigid in held if len(rigid) > 0)
 
 
-def _nearest_misses(search: Search) -> tuple[Concession, ...]:
-    """What the sizes on the grid that miss least miss."""
+def nearest_misses(search: Search) -> list[Check]:
+    """The requirements that the sizes on the grid that miss least miss."""
     problem = search.problem
     frame, loads = _placed(search, problem.workspace)
     limits = replace(problem.requirements, pin_box=problem.requirements.box(problem.machine, problem.workspace))
     tried = [_sized(problem, frame, choice) for choice in _choices(search, COMBINATIONS)]
     judged = [check(machine, problem.machine, problem.workspace, limits, loads) for machine in tried]
     failed = [[c for c in checks if c.slack < -TOLERANCE] for checks in judged]
-    least = min(failed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks)))
-    amounts = [abs(c.value - c.limit) for c in least]
-    return tuple(
-        concession(c, amount, amount if len(least) == 1 else None) for c, amount in zip(least, amounts, strict=True)
-    )
+    return min(failed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks)))
 
 
 def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array, Array] | None]:
@@ -237,11 +247,10 @@ def _options(search: Search) -> tuple[list[list[float]], list[float]]:
         chosen = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
         return [[size] for size in chosen], chosen
     options, wanted = [], []
-    pairs = zip(problem.machine.cylinders, problem.areas(search.x), problem.resized, strict=False)  # motors stay
-    for cylinder, (a1, a2), free in pairs:
-        real = [2 * math.sqrt(area / cylinder.count / math.pi) / mm for area in (a1, a1 - a2)]
+    for i, free in enumerate(problem.resized[: len(problem.machine.cylinders)]):  # motors stay
+        real = diameters(problem, search.x, i)
         wanted += real
-        options += [_neighbours(size) if may else [size] for size, may in zip(real, free, strict=True)]
+        options += [neighbours(size) if may else [size] for size, may in zip(real, free, strict=True)]
     return options, wanted
 
 
@@ -269,12 +278,6 @@ def _light_workspace(search: Search) -> Workspace:
     whole = search.problem.workspace
     q = whole.q[np.unique(search.problem.held.pose[search.holding])]
     return Workspace(q, whole.axes, whole.end_margin, whole.machine)
-
-
-def _neighbours(value: float) -> list[float]:
-    """The grid values below and above [mm]."""
-    low = math.floor(value / GRID + 1e-6) * GRID
-    return [round(low, 1), round(low + GRID, 1)]
 
 
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:

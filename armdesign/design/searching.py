@@ -11,20 +11,19 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.bands import Bands
 from armdesign.design.codesign import NEARLY, Search, hertz
-from armdesign.design.conflict import Conflict, sentence
+from armdesign.design.elastic import Elastic
 from armdesign.design.polishing import polish
 from armdesign.design.problem import Problem
+from armdesign.design.refusal import MISSED, kept_within, refusal
 from armdesign.design.requirements import Requirements
 from armdesign.design.settling import settled
 from armdesign.design.variables import chosen
-from armdesign.errors import InfeasibleError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
 STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
 POLISHED = 4  # times at most, where four-bars move
-GAINED = 1e-5  # of today's lowest ω², by the last of them
-MISSED = 1e-5  # by which a search may miss a requirement
+GAINED = 1e-5  # of today's lowest ÏÂ², by the last of them
 NAMED = 3  # requirements, of a start that failed
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
@@ -163,27 +162,13 @@ def met(search: Search) -> Search:
     """The search, on from where all requirements are met if it ended where one is missed.
 
     Raises:
-        InfeasibleError: no design meets them all; names those that conflict.
+        InfeasibleError: no design meets them all; names those that conflict and what they must give.
     """
     if search.violation > MISSED:
-        if error := _conflict_of(search):
+        elastic = Elastic(search.problem, search.x, search.holding)
+        found = elastic.least((), elastic.names)
+        if found.met:
+            kept_within(search, found.x)
+        elif error := refusal(search):
             raise error
-        search.run(trust=0.02, tolerance=1e-5)  # a design that meets them all was found: on from there
-        if search.violation > MISSED:
-            name = search.problem.machine.name
-            raise InfeasibleError(name, "no design was found that meets all requirements", "loosen them")
     return search
-
-
-def _conflict_of(search: Search) -> InfeasibleError | None:
-    """The error that says which requirements conflict; None where a design meets all: ``search`` then stands there."""
-    conflict = Conflict(search.problem, search.x, search.holding)
-    names = conflict.smallest()
-    if not names:
-        search.x = conflict.x
-        return None
-    given, settles = conflict.concessions(names)
-    words, remedy = sentence(given, settles), "loosen them"
-    if search.problem.sizes:
-        words, remedy = f"with the sizes of the catalogue that were tried, {words}", "loosen them or offer other sizes"
-    return InfeasibleError(search.problem.machine.name, words, remedy, given)

@@ -1,0 +1,128 @@
+"""Refusals: why no design can be written, and requirements that give enough for one, tried before they are said.
+
+Conflicts are looked for with limits drawn in by what rounding takes. What they must give is granted, a design is sought
+and rounded near the one that misses least; where that fails, a little more is granted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.candidates import Condition
+from armdesign.design.check import Check
+from armdesign.design.codesign import Search
+from armdesign.design.conflict import Conflict, concessions, nearest, remedy, sentence
+from armdesign.design.rounding import nearest_misses, written
+from armdesign.errors import Concession, InfeasibleError
+
+MISSED = 1e-5  # by which a search may miss a requirement
+STRICT = 30.0  # times dearer a missed requirement is for a search that left the designs that meet all
+DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)  # shares by which limits are drawn in, until there is a conflict
+MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
+GRID = "on the 0.1 mm grid"
+
+
+def kept_within(search: Search, x: Array) -> Search:
+    """The search, on from a design that meets all requirements, without leaving those that do."""
+    search.x = x
+    search.run(trust=0.02, tolerance=1e-5)
+    if search.violation > MISSED:
+        search.x, search.strictness = x, STRICT
+        search.run(trust=0.02, tolerance=1e-5)
+    if search.violation > MISSED:
+        search.x = x
+        search.look()
+    return search
+
+
+def refusal(search: Search) -> InfeasibleError | None:
+    """The error that says what requirements must give; None where a design meets all: ``search`` then stands there."""
+    conflict, parts = _conflict(search, 0.0 if not search.problem.moving else DRAWN_IN[0])
+    if not parts:
+        kept_within(search, conflict.x)
+        return None
+    return _error(search, conflict, parts, "no design meets")
+
+
+def not_written(search: Search) -> InfeasibleError:
+    """The error where designs meet all requirements, but none was found that can be written."""
+    if search.problem.moving:
+        for share in DRAWN_IN:
+            conflict, parts = _conflict(search, share)
+            if parts:
+                return _error(search, conflict, parts, f"no sizes and pins {GRID} meet")
+    missed = nearest_misses(search)
+    names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
+    amounts = {c.name: abs(c.value - c.limit) for c in missed}
+    given = _enough(search, (names,), of, amounts, {}, search.x)
+    words = f"no sizes {GRID} meet all requirements{nearest(given)}"
+    return InfeasibleError(search.problem.machine.name, words, remedy(given), given)
+
+
+def _conflict(search: Search, share: float) -> tuple[Conflict, tuple[tuple[str, ...], ...]]:
+    """Conflicts near a search with limits drawn in by a share."""
+    conflict = Conflict(search.problem.tightened(share), search.x, search.holding)
+    return conflict, conflict.parts()
+
+
+def _error(search: Search, conflict: Conflict, parts: Sequence[Sequence[str]], none_meets: str) -> InfeasibleError:
+    """The error that names conflicts and what they must give, together and alone."""
+    of = {name: condition for name, (condition, _) in conflict.amounts(conflict.x).items()}
+    found = conflict.relaxed(parts)
+    if found is None:  # what they may give is not enough: what misses least says what lacks
+        lacks = {name: amount for name, (_, amount) in conflict.amounts(conflict.x).items() if amount > 0}
+        given, settles = concessions(search.problem.requirements, [tuple(lacks)], of, lacks, {}), False
+    else:
+        alone = _alone(search, conflict, parts, of, found.amounts)
+        given, settles = _enough(search, parts, of, found.amounts, alone, found.x), True
+    words, otherwise = sentence(given, settles, none_meets), ""
+    if search.problem.sizes:
+        words, otherwise = f"with the sizes of the catalogue that were tried, {words}", " or offer other sizes"
+    return InfeasibleError(search.problem.machine.name, words, remedy(given, otherwise), given)
+
+
+def _alone(
+    search: Search,
+    conflict: Conflict,
+    parts: Sequence[Sequence[str]],
+    of: Mapping[str, Condition],
+    together: Mapping[str, float],
+) -> dict[str, float | None]:
+    """What each requirement of a part gives where no other of its part does; None where that does not help."""
+    alone: dict[str, float | None] = {}
+    for part in parts:
+        others = [other for other in parts if other is not part]
+        for name in part if len(part) > 1 else ():
+            alone[name] = None
+            if not of[name].setting or (found := conflict.relaxed([(name,), *others])) is None:
+                continue
+            rest = {other: together[other] for group in others for other in group if other in together}
+            given = _enough(search, [(name,), *others], of, {**rest, name: found.amounts[name]}, {}, found.x)
+            alone[name] = next(c.together for c in given if c.name == name)
+    return alone
+
+
+def _enough(
+    search: Search,
+    parts: Sequence[Sequence[str]],
+    of: Mapping[str, Check | Condition],
+    amounts: Mapping[str, float],
+    alone: Mapping[str, float | None],
+    x: Array,
+) -> tuple[Concession, ...]:
+    """The concessions with which a design near ``x`` is found and can be written; the largest tried if none is."""
+    problem = search.problem
+    for more in MORE:
+        given = {name: amount + more * abs(of[name].limit) for name, amount in amounts.items() if amount > 0}
+        found = concessions(problem.requirements, parts, of, given, alone)
+        granted = problem.under(problem.requirements.granting(found))
+        trial = replace(search, problem=granted, x=np.clip(x, *granted.bounds), strictness=STRICT)
+        trial.look()
+        trial.run(trust=0.05, tolerance=1e-3, looks=2)
+        if trial.violation <= MISSED and written(trial) is not None:
+            break
+    return found
