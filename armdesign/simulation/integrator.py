@@ -239,11 +239,9 @@ class _Front:
         """
         driver, own = self._drivers[self.cases[row]], (self.time, self.step, self.longest, self.low, self.high)
         begin, step, longest, low, high = (float(values[row]) for values in own)
-        if driver is None:
-            return step
         grid = longest / 2
         count = min(max(math.ceil(step / grid), 4), int((self.stop[row] - begin) / grid))
-        seen = [tuple(driver(min(max(begin + k * grid, low), high))) for k in range(count + 1)]
+        seen = [tuple(driver(min(max(begin + k * grid, low), high))) if driver else () for k in range(count + 1)]
         if seen.count(seen[0]) == len(seen):
             return step
         bends = np.abs(np.diff(np.array(seen, dtype=float), 4, axis=0)).max(axis=1)

@@ -293,7 +293,8 @@ def _likely_cause(
     if NO_LIMIT in cause:
         return f"smooth a command that jumps again and again, or slow down {fast}"
     if TOO_MANY in cause:
-        return f"give a coarser tolerance than {tolerance:g} or a shorter duration, or slow down {fast}"
+        remedy = f"give a coarser tolerance than {tolerance:g}, a shorter duration or a smoother command"
+        return f"{remedy}, or slow down {fast}"
     return f"a joint driven out of its range, or {fast}"
 
 

@@ -107,6 +107,56 @@ def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
     assert run.supplied[-1] == pytest.approx(np.trapezoid(supply * into - back * out, run.time), rel=1e-4)
 
 
+@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "branched", "slewing"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: int) -> None:
+    """Struck at random and with open valves, into the stops and back: the balance closes, dissipation never falls."""
+    random = np.random.default_rng(seed)
+    machine = helpers.with_valves(machines.named(name), compliance=float(random.choice([1e-8, 3e-8])))
+    machine = helpers.with_friction(
+        machine, Friction(coulomb=800, static=1000, viscous=3e3) if seed > 1 else Friction()
+    )
+    pose = machines.inner_poses(machine, 1, seed)[0]
+    spools = random.uniform(-1, 1, len(machine.functions)).tolist()
+    velocity = random.uniform(-0.3, 0.3, len(pose))
+    run = simulate(machine, pose, lambda _: spools, duration=0.8, rate=500, velocity=velocity, tolerance=1e-7)
+    assert run.dissipated[-1] > 10
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-7 * run.dissipated[-1]
+
+
+@pytest.mark.parametrize("compliance", [1e-8, 3e-8])
+def test_into_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
+    """At rest on it the stop's spring takes up what the load leaves of the oil's force, and c carries the load alone.
+
+    By definition supply pressure on the bore presses it in by 0.1 % of the stroke.
+    """
+    machine = helpers.with_valves(excavator, compliance=compliance)
+    machine = helpers.with_friction(machine, Friction(viscous=1e5))
+    run = simulate(machine, WORST, {"boom": lambda _: 1.0}, duration=2.5, rate=1000, tolerance=1e-7)
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-9 * run.dissipated[-1]
+    boom = machine.cylinders[0]
+    stop = machine.supply.pressure * boom.bore_area / (1e-3 * boom.stroke)
+    oil = run.pressures[-1, 0] @ [boom.bore_area, -boom.annulus_area]
+    rest = machine.evaluate(machine.rigid_poses(run.q[-1:]))  # statics of its own, R^T F = g
+    load = float(rest.cylinder_forces[0, 0])
+    assert stop * (run.extensions[-1, 0] - boom.stroke) == pytest.approx(oil - load, rel=2e-3)
+    ahead = run.extensions[-1, 0] - (rest.lengths[0, 0] - boom.closed_length)
+    assert ahead == pytest.approx(compliance * load, rel=2e-3)
+
+
+def test_leaks_from_the_tank_bring_its_pressure_along(excavator: Machine) -> None:
+    """Below return pressure oil leaks back in; it does work as any other that the return line gives, none is made."""
+    valve = {f"cylinder.{c.name}.valve.tank_leakage_l_per_min_per_bar": 0.05 for c in excavator.cylinders}
+    machine = excavator.replace(valve | {"supply.return_pressure_bar": 30.0})
+    spool = {"boom": lambda t: -0.1 if t < 0.3 else 0.0}
+    run = simulate(machine, (0.3, -1.2, -1.0), spool, duration=0.6, rate=1000, preloaded=False, tolerance=1e-7)
+    assert (run.pressures < 20 * bar).any()
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-9 * run.dissipated[-1]
+
+
 def test_viscous_friction_dissipates_force_times_speed() -> None:
     machine = helpers.with_friction(machines.named("paper_1dof"), Friction(viscous=2e4))
     run = simulate(machine, [0.0], {"lift": pulse(0.05, 0.2)}, duration=1.0, rate=1000)
