@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import helpers
 import machines
 import numpy as np
 import pytest
@@ -232,19 +231,3 @@ def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
     found = integrate(Toggling(), np.zeros((1, 3)), np.ones(1), np.ones(1, dtype=int), np.zeros(1), 1e-12, 9999)[0]
     assert isinstance(found, GaveUpError)
     assert NO_LIMIT in found.cause
-
-
-def test_a_four_bar_driven_open_is_named() -> None:
-    """The last state is one that still closes: an instant later it does not."""
-    machine = machines.named("four_bar_left").replace({"cylinder.tilt.stroke_mm": 2000.0})
-    machine = helpers.with_valves(machine)
-    pose = machines.inner_poses(machine, 1)[0]
-    found = [simulate_or_error(machine, pose, spool) for spool in (1.0, -1.0)]
-    assert any(isinstance(one, SimulationError) for one in found)
-    for one in found:
-        if isinstance(one, SimulationError):
-            assert "the four-bar of tilt does not close there" in str(one)
-
-
-def simulate_or_error(machine: Machine, pose: np.ndarray, spool: float) -> Simulation | SimulationError:
-    return motion.attempt_all([motion.Case(machine=machine, q=pose, command={"tilt": always(spool)}, duration=2.0)])[0]
