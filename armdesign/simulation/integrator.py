@@ -17,7 +17,6 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +29,7 @@ NOT_FINITE = (
     "the rates beyond are no numbers: a four-bar has opened, or numbers grew without bound, or a command is none"
 )
 NO_LIMIT = "the rates grow, or jump again and again, whatever the step"
+TOO_MANY = "more than"
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 FIRST_STEP = 1e-4  # [s], at most
 INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
@@ -40,9 +40,7 @@ _ROWS = (
     *("cases", "ends", "longest", "most", "needed", "time", "state", "slope", "low", "high", "stop", "step", "size"),
     *("jumps", "landed", "_before"),
 )  # arrays of a ``_Front`` that have a row per case
-STABLE = (
-    0.8  # ω h up to which an undamped oscillation does not grow by itself (the limit is 0.95), though no error shows
-)
+STABLE = 0.8  # ω h at which no undamped oscillation grows by itself (the limit is 0.95), though no error shows
 
 
 class System(Protocol):
@@ -62,8 +60,8 @@ class Breaks(NamedTuple):
         instants: ascending [s]; those outside of the run do not matter.
         complete: whether there are no others. Else steps are held to half the interval between records, so that
             nothing longer than half of that passes unseen, though the case be at rest.
-        driver: what other breaks come from, as a function of time; steps then are held so only where it changes, seen
-            at quarters of the interval. None: unknown, they always are.
+        driver: what other breaks come from, as a function of time; steps then are held so only where it bends, seen at
+            quarters of the interval. None: unknown, they always are.
     """
 
     instants: Sequence[float] = ()
@@ -79,8 +77,7 @@ class GaveUpError(Exception):
         self.time, self.state, self.cause = time, state.copy(), cause
 
 
-@dataclass
-class _Records:
+class _Records(NamedTuple):
     """States at evenly spaced instants of every case, one case below the other."""
 
     states: Array  # (rows, m)
@@ -152,7 +149,7 @@ def integrate(
             if front.drop_finished():
                 break
     for row in front.under_way():
-        front.give_up(row, f"more than {most_steps} steps")
+        front.give_up(row, f"{TOO_MANY} {most_steps} steps")
     return [front.errors.get(case, states) for case, states in enumerate(records.split())]
 
 
@@ -194,7 +191,7 @@ class _Front:
         from scipy.integrate import RK45
 
         self.longest, fastest, swiftest = pace
-        n, self.system, self.tolerance = len(start), system, tolerance
+        n, self.system, self.tolerance, self._drivers = len(start), system, tolerance, drivers
         self.cases, self.ends = np.arange(n), np.array([parts[0].stop for parts in stretches])
         self.errors: dict[int, GaveUpError] = {}
         self.most = STABLE / np.maximum(fastest, STABLE / self.ends)
@@ -206,7 +203,6 @@ class _Front:
         self.step, self.size = np.zeros(n), np.minimum(self.most, FIRST_STEP)  # size: but for the next stop
         self.jumps, self.landed = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
         self._before, self._left, self._asked = self.time.copy(), stretches, Counter[int]()
-        self._drivers = drivers
         weights = [np.ascontiguousarray(RK45.A[stage, :stage]) for stage in range(1, 6)]
         self._stages = [*zip(RK45.C[1:].tolist(), weights, strict=True), (1.0, np.asarray(RK45.B))]
         self._error, self._interpolant = np.asarray(RK45.E), np.asarray(RK45.P)
@@ -226,52 +222,33 @@ class _Front:
     def advance(self, records: _Records) -> None:
         """One step of every case, taken or refused."""
         for row in np.flatnonzero(self.step > self.longest).tolist():
-            self.step[row] = self._unchanged(row)
+            self.step[row] = self._foreseen(row)
         slopes, ahead, at = np.empty((7, *self.state.shape)), np.empty_like(self.state), np.empty_like(self.time)
         slopes[0] = self.slope
         for stage, (share, weights) in enumerate(self._stages, start=1):
             _step_ahead(slopes, weights, self.state, self.step, ahead, share, self.time, self.low, self.high, at)
             slopes[stage] = self.system.rates(at, ahead)
-        halted = _settle(
-            slopes,
-            ahead,
-            self.tolerance,
-            self._error,
-            self._interpolant,
-            self.cases,
-            self.stop,
-            self.most,
-            self.time,
-            self.state,
-            self.slope,
-            self.step,
-            self.size,
-            self.jumps,
-            records.states,
-            records.first,
-            records.last,
-            records.spacing,
-            records.done,
-        )
-        if halted:
+        own = self.stop, self.most, self.time, self.state, self.slope, self.step, self.size, self.jumps
+        if _settle(slopes, ahead, self.tolerance, self._error, self._interpolant, self.cases, *own, *records):
             self._go_on()
 
-    def _unchanged(self, row: int) -> float:
-        """The step, or as much of it as a driver does not change in, but no less than the longest across a change."""
-        driver, begin, step, grid = (
-            self._drivers[self.cases[row]],
-            self.time[row],
-            self.step[row],
-            self.longest[row] / 2,
-        )
-        if driver is None:
-            return float(step)
-        now, number = tuple(driver(float(begin))), math.floor(begin / grid) + 1
-        while number * grid < begin + step and tuple(driver(float(number * grid))) == now:
-            number += 1
-        if number * grid >= begin + step:
-            return float(step)
-        return float(max((number - 1) * grid - begin, self.longest[row]))
+    def _foreseen(self, row: int) -> float:
+        """The step, or as much of it as the driver is smooth in, but no less than the longest across a bend.
+
+        Smooth is what differs from cubics by less than the tolerance, seen at quarters of the interval of records.
+        """
+        driver, own = self._drivers[self.cases[row]], (self.time, self.step, self.longest, self.low, self.high)
+        begin, step, longest, low, high = (float(values[row]) for values in own)
+        grid = longest / 2
+        count = min(max(math.ceil(step / grid), 4), int((self.stop[row] - begin) / grid))
+        seen = [tuple(driver(min(max(begin + k * grid, low), high))) if driver else () for k in range(count + 1)]
+        if seen.count(seen[0]) == len(seen):
+            return step
+        bends = np.abs(np.diff(np.array(seen, dtype=float), 4, axis=0)).max(axis=1)
+        bent = np.flatnonzero(~(bends <= self.tolerance))
+        if len(bends) and not len(bent):
+            return step
+        return max((int(bent[0]) + 3) * grid, longest) if len(bent) and bent[0] else longest
 
     def _go_on(self) -> None:
         """What has come to a break enters the next stretch, what is stuck gives up."""
@@ -305,7 +282,7 @@ class _Front:
         def rates(time: float, at: Array) -> Array:
             self._asked[case] += 1
             if self._asked[case] > most:
-                raise GaveUpError(self.time[row], self.state[row], f"more than {most} evaluations")
+                raise GaveUpError(self.time[row], self.state[row], f"{TOO_MANY} {most} evaluations")
             inside = min(max(time, self.low[row]), self.high[row])
             return alone.rates(np.array([inside]), at[None])[0]
 
@@ -348,16 +325,7 @@ class _Front:
 
 @compiled
 def _step_ahead(
-    slopes: Any,
-    weights: Any,
-    state: Any,
-    step: Any,
-    ahead: Any,
-    share: float,
-    time: Any,
-    low: Any,
-    high: Any,
-    at: Any,
+    slopes: Any, weights: Any, state: Any, step: Any, ahead: Any, share: float, time: Any, low: Any, high: Any, at: Any
 ) -> None:
     """Y + h Σ_k a_k K_k of every case, and its time t + c h within its stretch."""
     n, m = state.shape
@@ -456,7 +424,7 @@ def _implicitly(
     """One case from ``begin`` to ``end`` by LSODA (Petzold 1983), which turns implicit by itself, and back.
 
     Every step is told to ``taken``: its end, the state there and what gives states (m, k) at times within it. Returns
-    whether ``end`` was reached; if not, LSODA has failed, or met a jump that it cannot cross or rates that are no numbers.
+    whether ``end`` was reached; if not, LSODA has failed, or met a jump or rates that are no numbers.
     """
     from scipy.integrate import LSODA
 

@@ -16,7 +16,7 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
 from armdesign.simulation.events import events, pump_events
-from armdesign.simulation.integrator import GaveUpError, integrate
+from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
 from armdesign.simulation.loop import ENERGY, ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
 
@@ -130,9 +130,11 @@ def simulate(
         machine: the machine; every cylinder needs a valve.
         q: joint positions at the start (nq,) [rad, m].
         command: spool commands −1…1 at a time [s], one per cylinder (positive extends); or one function of time per
-            cylinder name, the others shut.
+            cylinder name, the others shut. One that says by an attribute ``breakpoints`` [s], ascending, when it or its
+            slope jumps, as ``Step`` and ``Table`` do, is followed exactly, however short a pulse.
         duration: [s].
-        rate: instants recorded per second.
+        rate: instants recorded per second. A command without ``breakpoints`` is looked at four times as often, and no
+            step longer than half the interval goes across a bend of it: what is shorter than that may be missed.
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder near its place;
             None: no loop.
@@ -241,7 +243,7 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | Simul
     starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
     loop = Loop.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
     return [
-        _failure(loop.picked([row]), states)
+        _failure(loop.picked([row]), states, tolerance)
         if isinstance(states, GaveUpError)
         else _recorded(loop.picked([row]), float(case.duration), states, _unheld(plants[row], case))
         for row, (case, states) in enumerate(zip(cases, _states(loop, cases, tolerance), strict=True))
@@ -273,18 +275,20 @@ def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array |
     return integrate(loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest, loop.breaks)
 
 
-def _failure(loop: Loop, stop: GaveUpError) -> SimulationError:
-    machine, q = loop.plant.machine, loop.plant.split(stop.state[: loop.plant.size])[0]
+def _failure(loop: Loop, stop: GaveUpError, tolerance: float) -> SimulationError:
+    machine, (q, velocity, *_) = loop.plant.machine, loop.plant.split(stop.state[: loop.plant.size])
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     return SimulationError(
         f"{machine.name}: simulation",
         f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
-        _likely_cause(machine, q, loop.asked[0](stop.time + INSTANT)),
+        _likely_cause(machine, q + INSTANT * velocity, loop.asked[0](stop.time + INSTANT), stop.cause, tolerance),
     )
 
 
-def _likely_cause(machine: Machine, q: Array, asked: Sequence[float]) -> str:
-    """What to look at when an integration has stopped at a pose under some commands."""
+def _likely_cause(
+    machine: Machine, q: Array, asked: Sequence[float], cause: str = "", tolerance: float = TOLERANCE
+) -> str:
+    """What to look at when an integration has stopped at a pose under some commands, and said why."""
     for value in asked:
         if not math.isfinite(value):
             return f"the command gives {value:g} there: give −1…1"
@@ -293,7 +297,13 @@ def _likely_cause(machine: Machine, q: Array, asked: Sequence[float]) -> str:
             return f"the four-bar of {cylinder.name} does not close there: command it less far"
         if margin < -FAR_BEYOND:
             return f"{cylinder.name} is {-100 * margin:.0f} % of its stroke beyond a stop: command it less far"
-    return "a joint driven out of its range, or a spool, friction or chamber a thousand times faster than the arm"
+    fast = "a spool, friction or chamber a thousand times faster than the arm"
+    if NO_LIMIT in cause:
+        return f"smooth a command that jumps again and again, or slow down {fast}"
+    if TOO_MANY in cause:
+        remedy = f"give a coarser tolerance than {tolerance:g}, a shorter duration or a smoother command"
+        return f"{remedy}, or slow down {fast}"
+    return f"a joint driven out of its range, or {fast}"
 
 
 def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str]) -> Simulation:

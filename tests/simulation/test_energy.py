@@ -14,6 +14,7 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.fluid import bulk_modulus
 from armdesign.simulation.motion import simulate
+from armdesign.simulation.plant import Plant
 from armdesign.units import bar, l_per_min
 from armdesign.valve import Friction
 
@@ -106,6 +107,58 @@ def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
     power = into * (supply - run.pressures[:, 0, 1]) + out * (run.pressures[:, 0, 0] - back)
     assert run.dissipated[-1] == pytest.approx(np.trapezoid(power, run.time), rel=1e-4)
     assert run.supplied[-1] == pytest.approx(np.trapezoid(supply * into - back * out, run.time), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "branched", "slewing"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: int) -> None:
+    """Struck at random and with open valves, into the stops and back: the balance closes, dissipation never falls."""
+    random = np.random.default_rng(seed)
+    machine = helpers.with_valves(machines.named(name), compliance=float(random.choice([1e-8, 3e-8])))
+    machine = helpers.with_friction(
+        machine, Friction(coulomb=800, static=1000, viscous=3e3) if seed > 1 else Friction()
+    )
+    pose = machines.inner_poses(machine, 1, seed)[0]
+    spools = random.uniform(-1, 1, len(machine.functions)).tolist()
+    velocity = random.uniform(-0.3, 0.3, len(pose))
+    run = simulate(machine, pose, lambda _: spools, duration=0.8, rate=500, velocity=velocity, tolerance=1e-7)
+    assert run.dissipated[-1] > 10
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-7 * run.dissipated[-1]
+
+
+@pytest.mark.parametrize("compliance", [1e-8, 3e-8])
+def test_into_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
+    """By definition the compliance carries what the stop's spring leaves of the oil's force, on the stop and off it.
+
+    Also by definition supply pressure on the bore presses the stop in by 0.1 % of the stroke.
+    """
+    machine = helpers.with_valves(excavator, compliance=compliance)
+    machine = helpers.with_friction(machine, Friction(viscous=1e5))
+    run = simulate(machine, WORST, {"boom": lambda _: 1.0}, duration=2.5, rate=1000, tolerance=1e-7)
+    assert run.energy_error < 1e-5
+    assert np.diff(run.dissipated).min() > -1e-9 * run.dissipated[-1]
+    boom = machine.cylinders[0]
+    stop = machine.supply.pressure * boom.bore_area / (1e-3 * boom.stroke)
+    beyond = np.maximum(run.extensions[:, 0] - boom.stroke, 0)
+    carried = run.pressures[:, 0] @ [boom.bore_area, -boom.annulus_area] - stop * beyond
+    lengths = machine.evaluate(machine.rigid_poses(run.q)).lengths[:, 0]
+    ahead = run.extensions[:, 0] - (lengths - boom.closed_length)
+    assert (stop * beyond).max() > 0.2 * np.abs(carried).max()
+    np.testing.assert_allclose(ahead, compliance * carried, rtol=0, atol=1e-9)
+
+
+def test_leaks_from_the_tank_bring_its_pressure_along(excavator: Machine) -> None:
+    """At 10 bar in all chambers and 30 bar in the return line oil leaks in: K Σ (p − p_r)² is lost, none is made."""
+    tank = 0.05 * l_per_min / bar
+    valve = {f"cylinder.{c.name}.valve.tank_leakage_l_per_min_per_bar": 0.05 for c in excavator.cylinders}
+    plant = Plant(excavator.replace(valve | {"supply.return_pressure_bar": 30.0}))
+    state = plant.rest(WORST, preloaded=False)
+    for part in (plant.spread((0, 0, 1, 0, 0, 0, 0)), plant.spread((0, 0, 0, 1, 0, 0, 0))):
+        state[part == 1] = 10.0
+    powers = plant.evaluate(state[None], np.zeros((1, 3))).powers[0]
+    assert powers[2] == pytest.approx(tank * 6 * (20 * bar) ** 2)
+    assert powers[0] == pytest.approx(tank * 6 * 20 * bar * 30 * bar)
 
 
 def test_viscous_friction_dissipates_force_times_speed() -> None:

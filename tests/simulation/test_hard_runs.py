@@ -12,7 +12,7 @@ from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
 from armdesign.simulation import motion
-from armdesign.simulation.integrator import GaveUpError, integrate
+from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
 from armdesign.simulation.motion import Simulation, simulate
 from armdesign.simulation.plant import Plant
 from armdesign.units import bar, l_per_min
@@ -204,3 +204,30 @@ def test_likely_causes(excavator: Machine) -> None:
     assert "of its stroke beyond a stop" in motion._likely_cause(excavator, np.array([2.0, -1.2, -1.0]), [])
     assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL), [1.0])
     assert "gives inf there" in motion._likely_cause(excavator, np.array(LEVEL), [0.0, np.inf])
+
+
+def test_causes_are_true(excavator: Machine) -> None:
+    """Too many steps, rates that jump without end, a number that is none: each is said, with its own remedy."""
+    level = np.array(LEVEL)
+    said = motion._likely_cause(excavator, level, [0.1], f"{TOO_MANY} 500000 steps", 1e-11)
+    assert "coarser tolerance than 1e-11, a shorter duration or a smoother command" in said
+    assert "smooth a command" in motion._likely_cause(excavator, level, [0.1], f"no step is small enough: {NO_LIMIT}")
+
+
+class Toggling:
+    """ẏ = ±1e9, the sign of which nobody foresees."""
+
+    def __init__(self) -> None:
+        self.random = np.random.default_rng(0)
+
+    def rates(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
+        return self.random.choice([-1e9, 1e9], state.shape)
+
+    def picked(self, cases: Sequence[int]) -> Toggling:
+        return self
+
+
+def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
+    found = integrate(Toggling(), np.zeros((1, 3)), np.ones(1), np.ones(1, dtype=int), np.zeros(1), 1e-12, 9999)[0]
+    assert isinstance(found, GaveUpError)
+    assert NO_LIMIT in found.cause

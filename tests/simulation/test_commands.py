@@ -1,0 +1,201 @@
+"""Commands that jump: none is lost, however short, and each step ends where the command says that it jumps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import armdesign as ad
+from armdesign import Machine
+from armdesign.errors import SimulationError
+from armdesign.simulation.excitation import Moved, Multisine, Pulse, SteppedSine, Sweep
+from armdesign.simulation.integrator import Breaks, integrate
+from armdesign.simulation.loop import _breaks
+from armdesign.simulation.motion import Case, simulate, simulate_all
+from armdesign.simulation.plant import Plant
+
+WORST = (1.154, -1.199, -2.191)
+SIZE = 0.3
+
+
+def silent(begin: float, width: float) -> Callable[[float], float]:
+    """A pulse that does not say where it is."""
+    return lambda time: SIZE if begin <= time < begin + width else 0.0
+
+
+def spool_after(machine: Machine, begin: float, width: float, time: np.ndarray) -> np.ndarray:
+    """Closed form: the difference of two step responses of a second-order lag with ζ < 1."""
+    valve = machine.cylinders[0].valve
+    assert valve is not None
+    omega, zeta = 2 * math.pi * valve.natural_frequency, valve.damping_ratio
+    damped = omega * math.sqrt(1 - zeta**2)
+
+    def step(t: np.ndarray) -> np.ndarray:
+        t = np.maximum(t, 0)
+        swing = np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)
+        return np.asarray(1 - np.exp(-zeta * omega * t) * swing)
+
+    return SIZE * (step(time - begin) - step(time - begin - width))
+
+
+@pytest.mark.parametrize(
+    ("width", "rate", "told"), [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)]
+)
+def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, told: bool) -> None:
+    """Thirty starts at random, in one stack: the spool follows in closed form to the tolerance (1e-8)."""
+    starts = np.random.default_rng(3).uniform(0.05, 0.9, 30)
+    pulses = [ad.Step(size=SIZE, begin=b, end=b + width) if told else silent(b, width) for b in starts.tolist()]
+    runs = simulate_all(
+        [Case(machine=excavator, q=WORST, command={"boom": p}, duration=1.0, rate=rate) for p in pulses]
+    )
+    for begin, run in zip(starts, runs, strict=True):
+        expected = spool_after(excavator, begin, width, run.time)
+        np.testing.assert_allclose(run.spool[:, 0], expected, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.31])
+def test_the_arm_moves_as_integrated_between_the_jumps(excavator: Machine, begin: float) -> None:
+    """By scipy's DOP853 on the plant's right-hand side, started anew at each jump."""
+    plant, end = Plant(excavator), 0.8
+    state = plant.rest(WORST)
+    for a, b, spool in ((0.0, begin, 0.0), (begin, begin + 1e-3, SIZE), (begin + 1e-3, end, 0.0)):
+        if b > a:
+            command = np.array([[spool, 0.0, 0.0]])
+            found = solve_ivp(
+                lambda _, y, u=command: plant.derivative(y[None], u)[0],
+                (a, b),
+                state,
+                method="DOP853",
+                rtol=1e-10,
+                atol=1e-10,
+            )
+            state = found.y[:, -1]
+    pulse = ad.Step(size=SIZE, begin=begin, end=begin + 1e-3)
+    run = simulate(excavator, WORST, {"boom": pulse}, duration=end, rate=10)
+    assert np.abs(state[:3] - WORST).max() > 1e-4
+    np.testing.assert_allclose(run.q[-1], state[:3], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.15, 0.5, 0.7])
+def test_a_jump_at_a_recorded_instant(excavator: Machine, begin: float) -> None:
+    """At the start, at a record, at the end, after it; whether the instant itself has the old or the new value."""
+    runs = [
+        simulate(excavator, WORST, {"boom": command}, duration=0.5, rate=20)
+        for command in (ad.Step(size=0.1, begin=begin), ad.Table([begin, begin], [0.0, 0.1]), Late(begin))
+    ]
+    for run in runs[1:]:
+        np.testing.assert_array_equal(run.q, runs[0].q)
+    assert (np.abs(runs[0].q[-1] - WORST).max() > 1e-4) == (begin < 0.5)
+
+
+class Late:
+    """A step of 0.1 whose instant still has the old value."""
+
+    def __init__(self, begin: float) -> None:
+        self.breakpoints = [begin]
+
+    def __call__(self, time: float) -> float:
+        return 0.1 if time > self.breakpoints[0] else 0.0
+
+
+def test_cases_with_unlike_breaks_come_out_as_if_alone(excavator: Machine) -> None:
+    commands = [
+        ad.Step(size=0.05, begin=0.1, end=0.103),
+        ad.Table([0.0, 0.2, 0.2, 0.3], [0.0, 0.02, -0.02, 0.0]),
+        silent(0.25, 0.005),
+        Pulse(amplitude=0.1, duration=0.01),
+    ]
+    cases = [Case(machine=excavator, q=WORST, command={"boom": command}, duration=0.5) for command in commands]
+    for case, run in zip(cases, simulate_all(cases), strict=True):
+        np.testing.assert_array_equal(run.q, simulate_all([case])[0].q)
+
+
+def test_a_stiff_case_keeps_its_pulses() -> None:
+    """ẋ = p(t) beside a stiff state, which LSODA finishes: x grows by each pulse's area, told or not."""
+    pulses = ((1.0, 0.05), (3.003, 0.001), (4.0, 0.05))
+
+    def driver(time: float) -> list[float]:
+        return [float(any(a <= time < a + width for a, width in pulses))]
+
+    class Stiff:
+        def rates(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
+            return np.array([[driver(t)[0], -1e6 * (y[1] - 1)] for t, y in zip(time.tolist(), state, strict=True)])
+
+        def picked(self, cases: Sequence[int]) -> Stiff:
+            return self
+
+    told = Breaks([t for a, width in pulses for t in (a, a + width)], True)
+    for breaks, area, count in ((told, 0.101, 5), (Breaks(driver=driver), 0.101, 5000), (Breaks(), 0.101, 5000)):
+        found = integrate(
+            Stiff(), np.zeros((1, 2)), np.array([5.0]), np.array([count]), np.zeros(1), 1e-8, 50_000, breaks=[breaks]
+        )[0]
+        assert found[-1, 0] == pytest.approx(area, abs=1e-6)
+
+
+def test_a_jump_is_crossed_at_any_tolerance(excavator: Machine) -> None:
+    """A valve of 2 kHz: its spool's acceleration jumps by ω² u = 5e7/s², so even 1e-14 s leave an error of 5e-7."""
+    fast = excavator.replace({"cylinder.boom.valve.natural_frequency_hz": 2000.0})
+    runs = [
+        simulate(fast, WORST, {"boom": command}, duration=0.3, tolerance=tolerance)
+        for command, tolerance in ((silent(0.1, 0.1), 1e-8), (silent(0.1, 0.1), 1e-10), (silent(0.1, 0.1), 1e-12))
+    ]
+    expected = simulate(fast, WORST, {"boom": ad.Step(size=SIZE, begin=0.1, end=0.2)}, duration=0.3, tolerance=1e-11).q
+    for run, bound in zip(runs, (1e-6, 1e-8, 1e-8), strict=True):
+        assert np.abs(run.q - expected).max() < bound
+
+
+def test_tables_and_steps() -> None:
+    table = ad.Table([1, 2, 2, 4], [0, 1, 3, 5])
+    assert [table(t) for t in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0)] == [0, 0, 0.5, 3, 4, 5, 5]
+    assert table.breakpoints == (1, 2, 4)
+    step = ad.Step(size=2.0, begin=1.0, end=2.0)
+    assert [step(t) for t in (0.9, 1.0, 1.9, 2.0)] == [0, 2, 2, 0]
+    assert step.breakpoints == (1, 2)
+    assert ad.Step(size=1.0).breakpoints == (0,)
+    for times, values, message in (
+        ([2, 1], [0, 0], "1 s comes after 2 s; sort them"),
+        ([0, math.nan], [0, 0], "times: .* are not finite numbers"),
+        ([0, 1], [0], "2 times for 1 values"),
+        ([], [], "not finite numbers"),
+        ([0, 1], ["a", 0], "values: .* are not finite numbers"),
+    ):
+        with pytest.raises(SimulationError, match=message):
+            ad.Table(times, values)  # type: ignore[arg-type]
+    for changes in ({"end": -1.0}, {"begin": math.nan}, {"size": math.inf}):
+        with pytest.raises(SimulationError, match="give a finite size and begin, and an end after it"):
+            ad.Step(**({"size": 1.0} | changes))
+
+
+def test_every_excitation_tells_its_breaks(excavator: Machine) -> None:
+    for given, expected in (
+        (Sweep(amplitude=1, start=1, stop=2, duration=10.0), [0, 1, 9, 10]),
+        (Multisine(amplitude=1, start=1, stop=2, period=5.0, periods=2), [0, 10]),
+        (SteppedSine(amplitude=1, frequencies=(1.0, 2.0), cycles=3), [0, 3, 4.5]),
+        (Pulse(amplitude=1, duration=0.5), [0, 0.5]),
+    ):
+        moved = Moved(None, 0.0, given)  # type: ignore[arg-type]
+        found = _breaks({"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, lambda _: [0.0], "machine")
+        np.testing.assert_allclose(found.instants, sorted({*expected, 2.0}))
+        assert found.complete
+    assert not _breaks({"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, lambda _: [0.0], "machine").complete
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ([0.3, 0.1], "command boom: breakpoints: 0.1 s comes after 0.3 s; sort them"),
+        ([0.1, math.inf], "not finite times; give a list"),
+        ("soon", "not finite times; give a list"),
+        (0.1, "not finite times; give a list"),
+    ],
+)
+def test_faults_of_breakpoints(excavator: Machine, given: object, message: str) -> None:
+    late = Late(0.1)
+    late.breakpoints = given  # type: ignore[assignment]
+    with pytest.raises(SimulationError, match=message) as caught:
+        simulate(excavator, WORST, {"boom": late}, duration=0.1)
+    assert "\n" not in str(caught.value)
