@@ -12,7 +12,7 @@ from armdesign.errors import MachineFileError
 
 MADE = "# Made by armdesign"  # begins a comment at the top of files that commands make
 
-_written: dict[str, int] = {}  # files that this process wrote, links followed: hash of their texts
+_written: set[str] = set()  # files that this process wrote, links followed
 
 
 def write_files(texts: Mapping[Path, str]) -> None:
@@ -32,13 +32,13 @@ def write_files(texts: Mapping[Path, str]) -> None:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(first), f"cannot be written ({reason})", "name another place") from None
-    _written.update({os.path.realpath(path): hash(text) for path, text in texts.items()})
+    _written.update(map(os.path.realpath, texts))
 
 
 def refuse_foreign(path: Path, text: str) -> None:
     """Raise if writing a machine file would replace one that this package did not make.
 
-    It made what says so at its top, and what this process wrote and nobody has changed since.
+    It made what says so at its top, and what this process has written before.
 
     Args:
         path: of the machine file.
@@ -50,11 +50,11 @@ def refuse_foreign(path: Path, text: str) -> None:
     if not os.path.lexists(path) or path.is_dir():  # a folder is refused in any case
         return
     try:
-        there = path.read_bytes().decode()
+        there = path.read_bytes().decode("utf-8-sig")
     except (OSError, ValueError):
         there = ""
     heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), there.splitlines())
-    ours = any(line.startswith(MADE) for line in heading) or _written.get(os.path.realpath(path)) == hash(there)
+    ours = os.path.realpath(path) in _written or any(line.startswith(MADE) for line in heading)
     if not ours and there != text:
         remedy = "name another place, or give overwrite=True"
         raise MachineFileError(str(path), "exists, and armdesign did not make it", remedy)
