@@ -6,7 +6,6 @@ Every command computes first and writes at the end, all files or none. Bad input
 from __future__ import annotations
 
 import dataclasses
-import signal
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -40,6 +39,8 @@ if TYPE_CHECKING:
     from armdesign.workspace import Workspace
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
+
+INTERRUPTED = 130  # exit code, 128 + SIGINT
 
 app = typer.Typer(
     help="Natural frequencies of hydraulic booms, and the cylinders and pins that raise them.",
@@ -462,19 +463,22 @@ def main() -> None:
     changed.clear()
     with as_interrupt() as came:
         try:
-            sys.exit(app(standalone_mode=False))
+            code = app(standalone_mode=False)
+            if code != INTERRUPTED:  # as typer answers Ctrl-C
+                sys.exit(code)
         except ArmDesignError as error:
             tell(f"armdesign: {error}", sys.stderr)
+            sys.exit(2)
         except _UsageError as error:
             message = error.format_message().replace("Value error, ", "")
             for line in message.splitlines() if message.startswith("Usage") else [f"armdesign: {message}"]:
                 tell(line, sys.stderr)
+            sys.exit(2)
         except (KeyboardInterrupt, typer.Abort) as error:
             if isinstance(error.__cause__, EOFError):  # which typer takes for Ctrl-D; nobody is asked anything here
                 raise error.__cause__ from None
-            tell(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
-            sys.exit(128 + (came or [signal.SIGINT])[-1])
-    sys.exit(2)
+        tell(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
+        sys.exit(128 + came[-1] if came else INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ def write_files(texts: Mapping[Path, str]) -> None:
         MachineFileError: a file or folder that cannot be written.
     """
     first = next(iter(texts))
+    changed = [path for path, text in texts.items() if _text(path) != text]
     try:
         with transaction.staged(first.parent) as folder:
             base = os.path.realpath(first.parent)
@@ -32,7 +33,15 @@ def write_files(texts: Mapping[Path, str]) -> None:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(first), f"cannot be written ({reason})", "name another place") from None
-    _written.update(map(os.path.realpath, texts))
+    _written.update(map(os.path.realpath, changed))
+
+
+def _text(path: Path) -> str | None:
+    """What a file holds; None where there is none, or no text."""
+    try:
+        return path.read_bytes().decode("utf-8")
+    except (OSError, ValueError):
+        return None
 
 
 def refuse_foreign(path: Path, text: str) -> None:
@@ -49,11 +58,9 @@ def refuse_foreign(path: Path, text: str) -> None:
     """
     if not os.path.lexists(path) or path.is_dir():  # a folder is refused in any case
         return
-    try:
-        there = path.read_bytes().decode("utf-8-sig")
-    except (OSError, ValueError):
-        there = ""
-    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), there.splitlines())
+    there = _text(path)
+    lines = (there or "").removeprefix("\ufeff").splitlines()
+    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
     ours = os.path.realpath(path) in _written or any(line.startswith(MADE) for line in heading)
     if not ours and there != text:
         remedy = "name another place, or give overwrite=True"
