@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armdesign.errors import printable
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -100,10 +102,11 @@ def shown(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:
     try:
         for rows in slices:
             if bar is None and time.monotonic() - start > PATIENCE and sys.stderr.isatty():
+                from rich.markup import escape
                 from rich.progress import Progress
 
                 bar = Progress(console=terminal(), transient=True)
-                task = bar.add_task(what, total=count)
+                task = bar.add_task(escape(printable(what)), total=count)
                 bar.start()
             if bar is not None:
                 bar.update(task, completed=rows.start)

@@ -6,7 +6,6 @@ Every command computes first and writes at the end, all files or none. Bad input
 from __future__ import annotations
 
 import dataclasses
-import signal
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -19,10 +18,11 @@ from armdesign.errors import ArmDesignError
 from armdesign.output import (
     changed,
     check_out,
+    check_urdf,
     outputs,
     progress,
-    say,
     show,
+    tell,
     write_csv,
     write_design,
     write_heatmaps,
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from armdesign.workspace import Workspace
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
+
+INTERRUPTED = 130  # exit code, 128 + SIGINT
 
 app = typer.Typer(
     help="Natural frequencies of hydraulic booms, and the cylinders and pins that raise them.",
@@ -147,6 +149,7 @@ def optimize(
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
     with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
+        check_urdf(model, out)
         bands = _bands(model) if robust else None
         if least:
             design = _least(model, workspace, vary, catalogue, least, frequency, bands, say)
@@ -176,10 +179,11 @@ def pareto(
     """
     from armdesign import plots
     from armdesign.design.pareto import pareto as trade_off
+    from armdesign.design.pareto import read_values
     from armdesign.report.designs import pareto_sheet
 
     with progress("looking for the best design under each limit"):
-        numbers = _numbers(values)
+        numbers = read_values(values, against)
         model, workspace = _model(machine, points, out, allow_outside)
         bands, sizes = _bands(model) if robust else None, _offered(catalogue)
         found = trade_off(
@@ -239,6 +243,7 @@ def design(
 
     with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
+        check_urdf(model, out)
         answer = _design(model, workspace, "areas,pins", catalogue, _bands(model) if robust else None, say)
         say("simulating the worst, the median and the best pose, today and new")
         proof = dict(zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True))
@@ -285,7 +290,7 @@ def check(
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
     if faults:
         for fault in faults:
-            say(f"armdesign: {fault}", sys.stderr)
+            tell(f"armdesign: {fault}", sys.stderr)
         raise typer.Exit(2)
     show(sheets)
 
@@ -342,7 +347,7 @@ def new(
     with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
-    say(f"next: armdesign map {folder / f'{name}.toml'}")
+    tell(f"next: armdesign map {folder / f'{name}.toml'}")
 
 
 @app.command()
@@ -454,32 +459,27 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def _numbers(text: str) -> list[float] | None:
-    """What ``--values`` asks for."""
-    try:
-        return [float(word) for word in _words(text)] or None
-    except ValueError:
-        raise ArmDesignError("--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1") from None
-
-
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     changed.clear()
     with as_interrupt() as came:
         try:
-            sys.exit(app(standalone_mode=False))
+            code = app(standalone_mode=False)
+            if code != INTERRUPTED:  # as typer answers Ctrl-C
+                sys.exit(code)
         except ArmDesignError as error:
-            say(f"armdesign: {error}", sys.stderr)
+            tell(f"armdesign: {error}", sys.stderr)
+            sys.exit(2)
         except _UsageError as error:
             message = error.format_message().replace("Value error, ", "")
             for line in message.splitlines() if message.startswith("Usage") else [f"armdesign: {message}"]:
-                say(line, sys.stderr)
+                tell(line, sys.stderr)
+            sys.exit(2)
         except (KeyboardInterrupt, typer.Abort) as error:
             if isinstance(error.__cause__, EOFError):  # which typer takes for Ctrl-D; nobody is asked anything here
                 raise error.__cause__ from None
-            say(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
-            sys.exit(128 + (came or [signal.SIGINT])[-1])
-    sys.exit(2)
+        tell(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
+        sys.exit(128 + came[-1] if came else INTERRUPTED)
 
 
 if __name__ == "__main__":

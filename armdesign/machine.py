@@ -227,31 +227,35 @@ class Machine:
         Raises:
             ArmDesignError: a place that cannot be written, or holds a file of somebody else.
         """
-        target, urdf, text = self._files(path)
+        texts = self.files(path)
+        target, urdf, *_ = texts
+        if not overwrite:
+            saving.refuse_foreign(target, texts[target])
+            if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
+                remedy = "save into another folder, or give overwrite=True"
+                raise ArmDesignError(str(urdf), "another URDF of this name exists", remedy)
+        saving.write_files(texts)
+        return target
+
+    def files(self, path: str | Path) -> dict[Path, str]:
+        """What ``save`` would write: paths and texts of machine file, URDF and, where it is missing, the JSON Schema.
+
+        Raises:
+            ArmDesignError: a path that is none of a machine file.
+        """
+        target, text = _path(path), self.text
+        if target.suffix != ".toml":
+            raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
+        urdf = target.parent / self.section.urdf
+        if any(machine_file.leads_out(file.parent, self.section.urdf) for file in (self.source, target)):
+            urdf = target.parent / Path(self.section.urdf).name
+            text = machine_file.write(text, {"urdf": urdf.name}, self.source.name)
         if urdf == target:
             raise ArmDesignError(str(urdf), "is the name of the URDF too", "give machine file and URDF two names")
-        if not overwrite:
-            saving.refuse_foreign(target, text)
-            if urdf.is_file() and machine_file.read_text(urdf) != self.urdf_text:
-                raise ArmDesignError(
-                    str(urdf), "another URDF of this name exists", "save into another folder, or give overwrite=True"
-                )
         text, schema = saving.schema_beside(text)
         place = target.parent / schema
         beside = {place: schema_text()} if schema and not place.exists() else {}
-        saving.write_files({target: text, urdf: self.urdf_text} | beside)
-        return target
-
-    def _files(self, path: str | Path) -> tuple[Path, Path, str]:
-        """Where machine file and URDF would be saved, and the text of the former."""
-        target = _path(path)
-        if target.suffix != ".toml":
-            raise ArmDesignError(str(target), "is not a .toml path", "end the name in .toml")
-        if any(machine_file.leads_out(file.parent, self.section.urdf) for file in (self.source, target)):
-            name = Path(self.section.urdf).name
-            text = machine_file.write(self.text, {"urdf": name}, self.source.name)
-            return target, target.parent / name, text
-        return target, target.parent / self.section.urdf, self.text
+        return {target: text, urdf: self.urdf_text} | beside
 
     # --------------------------------------------------------------------------------------------------- poses
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import os
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from armdesign.design.optimum import Design
+    from armdesign.machine import Machine
     from armdesign.maps import FrequencyMap
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.validation import Validation
@@ -47,11 +50,13 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     """Machine file, maps and pictures of a design; returns the pictures with their captions."""
     from armdesign import plots
 
-    design.written_by(command_line()).save(folder / f"{design.today.name}_optimized.toml")
+    design.written_by(command_line()).save(folder / made_of(design.today))
     write_csv(design.before.frame, folder / "map_before.csv")
     write_csv(design.after.frame, folder / "map_after.csv")
+    one = len(plots.drawn_joints(design.today)) == 1
+    over = "Natural frequencies over the joint" if one else "Lowest natural frequency over two joints"
     pictures = [
-        ("Lowest natural frequency over two joints", plots.before_after(design), "map_joints.png"),
+        (over, plots.before_after(design), "map_joints.png"),
         ("Lowest natural frequency at each place of the tool", plots.before_after(design, "reach"), "map_reach.png"),
         ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
     ]
@@ -61,6 +66,23 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
 def command_line() -> str:
     """What was typed in the terminal."""
     return shlex.join(["armdesign", *sys.argv[1:]])
+
+
+def made_of(machine: Machine) -> str:
+    """Name of the machine file of a new design."""
+    return f"{machine.name}_optimized.toml"
+
+
+def check_urdf(machine: Machine, out: Path) -> None:
+    """Raise if a new design's URDF would replace one that belongs to another machine file."""
+    target, urdf, *_ = machine.files(out / made_of(machine))
+    if not urdf.is_file() or urdf.read_bytes() == machine.urdf_text.encode():
+        return
+    with suppress(OSError, ValueError):
+        earlier = tomllib.loads(target.read_text(encoding="utf-8")).get("urdf")
+        if isinstance(earlier, str) and target.parent / earlier == urdf:
+            return
+    raise ArmDesignError(f"--out {out}", f"another {urdf.name} is there", "name another folder")
 
 
 def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
@@ -97,10 +119,10 @@ def outputs(out: Path) -> Iterator[Path]:
             words = f"cannot be written ({error.strerror})"
             raise ArmDesignError(f"--out {out}", words, "name another folder") from None
         changed.append(out)
-        say(f"wrote {', '.join(written)} to {out}/")
+        tell(f"wrote {', '.join(written)} to {out}/")
 
 
-def say(text: str, file: TextIO | None = None) -> None:
+def tell(text: str, file: TextIO | None = None) -> None:
     """A line in the terminal: on stdout, or on a stream that is given."""
     print(printable(text), file=file)
 

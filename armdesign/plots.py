@@ -6,15 +6,17 @@ import contextlib
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from armdesign import folders
 from armdesign.arrays import Array
+from armdesign.errors import printable
 from armdesign.workspace import nearest
 
 if TYPE_CHECKING:
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from armdesign.paper import Reproduction
     from armdesign.simulation.validation import Validation
     from armdesign.urdf import Joint
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 COLOURS = "viridis"
 INK = "#20262e"
@@ -58,12 +63,37 @@ def _give_matplotlib_a_folder() -> None:
                 return
 
 
+def literal(draw: Callable[P, T]) -> Callable[P, T]:
+    """A drawing of axes or a figure in which names stand as they are: no formula, no control character."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        made = draw(*args, **kwargs)
+        _make_literal(made)
+        return made
+
+    return drawn
+
+
+def _make_literal(drawn: Any) -> None:
+    """All words but those on the ticks, whose powers of ten are formulas."""
+    words = list(drawn.texts)
+    for ax in drawn.axes if hasattr(drawn, "savefig") else [drawn]:
+        legend = ax.get_legend()
+        words += [ax.title, ax.xaxis.label, ax.yaxis.label, *ax.texts, *(legend.get_texts() if legend else [])]
+    for text in words:
+        text.set_text(printable(text.get_text()))
+        text.set_parse_math(False)
+
+
 def save(fig: Any, path: Path) -> Path:
     """Write a figure as PNG."""
+    _make_literal(fig)
     fig.savefig(path, dpi=150)
     return path
 
 
+@literal
 def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joints", **limits: float) -> Any:
     """Lowest coupled frequency over two joints, or over reach and height, its worst pose marked.
 
@@ -92,12 +122,13 @@ def frequency_map(frequencies: FrequencyMap, ax: Any = None, plane: str = "joint
         scale = [_scale(joint) for joint in joints]
         heatmap(ax, x * scale[0], z * scale[1], values, limits)
         ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
-        ax.set_title("worst over all other joints and loads", fontsize=10)
+        ax.set_title(f"worst over {_others(frequencies.machine)}", fontsize=10)
         worst = frequencies.worst
         mark(ax, worst.q[drawn[0]] * scale[0], worst.q[drawn[1]] * scale[1], worst.frequency)
     return ax
 
 
+@literal
 def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any:
     """Maps in a row on one colour scale, each under its label and worst frequency; returns the figure."""
     fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
@@ -111,6 +142,7 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
     return fig
 
 
+@literal
 def before_after(design: Design, plane: str = "joints") -> Any:
     """Today's map and the new one side by side on one colour scale; returns the figure."""
     fig = side_by_side({"today": design.before, "new": design.after}, plane)
@@ -123,6 +155,7 @@ def moment_arms(design: Design) -> Any:
     return moment_arm_curves({"today": design.today, "new": design.machine})
 
 
+@literal
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
     """Moment arm of every cylinder about every joint that it spans, over that joint's range; returns the figure.
 
@@ -161,6 +194,7 @@ def _moment_arm(machine: Machine, cylinder: str, joint: str) -> tuple[Array, Arr
     return q[:, j] * _scale(machine.arm.joints[j]), arm * (1000 if machine.arm.joints[j].revolute else 1)
 
 
+@literal
 def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
     """Largest static chamber pressure over the supply's, of all cylinders, over the first two joints; returns the axes.
 
@@ -187,10 +221,11 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
     if np.nanmax(-values) > 1:
         ax.contour(x * scale[0], y * scale[1], -values.T, levels=[1.0], colors=[MARK])
     ax.set(xlabel=_label(joints[0]), ylabel=_label(joints[1]))
-    ax.set_title("largest over all other joints and loads", fontsize=10)
+    ax.set_title(f"largest over {_others(frequencies.machine)}", fontsize=10)
     return ax
 
 
+@literal
 def trade_off(found: Pareto, ax: Any = None) -> Any:
     """Worst frequency over the limit that it trades against, today's machine beside it; returns the axes."""
     ax = figure()[1][0] if ax is None else ax
@@ -218,6 +253,7 @@ def trade_off(found: Pareto, ax: Any = None) -> Any:
     return ax
 
 
+@literal
 def frequency_responses(validations: dict[str, Validation]) -> Any:
     """Measured and fitted response of the first sweep of every validation that has one; returns the figure."""
     shown = {label: validation.runs[0] for label, validation in validations.items() if validation.runs}
@@ -309,6 +345,11 @@ def drawn_joints(machine: Machine) -> list[int]:
     return [j for j in range(len(machine.joints)) if j not in machine.idle_joints][:2] or [0]
 
 
+def _others(machine: Machine) -> str:
+    """What a picture over the drawn joints does not show."""
+    return "all loads" if len(machine.joints) == len(drawn_joints(machine)) else "all other joints and loads"
+
+
 def reach_plane(frequencies: FrequencyMap) -> tuple[Array, Array, Array]:
     """Least frequency at each place of the tool: reach, height and (nx, nz) [Hz]; NaN where no pose brings it there."""
     found = frequencies.reach_map()
@@ -348,6 +389,7 @@ def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
 # ---------------------------------------------------------------------------------------------------------- the paper
 
 
+@literal
 def paper_pair(found: Reproduction, formula: str) -> Any:
     """Identified (red) and computed (blue) frequencies against load mass and link length, in the paper's form.
 

@@ -14,7 +14,7 @@ from armdesign.errors import MachineFileError
 MADE = "Made by armdesign"  # begins a comment at the top of files that hold a design
 DIRECTIVE = "#:schema"  # begins the line that names an editor's JSON Schema
 
-_written: dict[str, int] = {}  # files that this process wrote, links followed: hash of their texts
+_written: set[str] = set()  # files that this process wrote, links followed
 
 
 def write_files(texts: Mapping[Path, str]) -> None:
@@ -24,6 +24,7 @@ def write_files(texts: Mapping[Path, str]) -> None:
         MachineFileError: a file or folder that cannot be written.
     """
     first = next(iter(texts))
+    changed = [path for path, text in texts.items() if _text(path) != text]
     try:
         with transaction.staged(first.parent) as folder:
             base = os.path.realpath(first.parent)
@@ -34,13 +35,21 @@ def write_files(texts: Mapping[Path, str]) -> None:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(str(first), f"cannot be written ({reason})", "name another place") from None
-    _written.update({os.path.realpath(path): hash(text) for path, text in texts.items()})
+    _written.update(map(os.path.realpath, changed))
+
+
+def _text(path: Path) -> str | None:
+    """What a file holds; None where there is none, or no text."""
+    try:
+        return path.read_bytes().decode("utf-8")
+    except (OSError, ValueError):
+        return None
 
 
 def refuse_foreign(path: Path, text: str) -> None:
     """Raise if writing a machine file would replace one that this package did not make.
 
-    It made what says so at its top, and what this process wrote and nobody has changed since.
+    It made what says so at its top, and what this process has written before.
 
     Args:
         path: of the machine file.
@@ -51,12 +60,10 @@ def refuse_foreign(path: Path, text: str) -> None:
     """
     if not os.path.lexists(path) or path.is_dir():  # a folder is refused in any case
         return
-    try:
-        there = path.read_bytes().decode()
-    except (OSError, ValueError):
-        there = ""
-    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), there.splitlines())
-    ours = any(line.startswith(f"# {MADE}") for line in heading) or _written.get(os.path.realpath(path)) == hash(there)
+    there = _text(path)
+    lines = (there or "").removeprefix("\ufeff").splitlines()
+    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
+    ours = os.path.realpath(path) in _written or any(line.startswith(MADE) for line in heading)
     if not ours and there != text:
         remedy = "name another place, or give overwrite=True"
         raise MachineFileError(str(path), "exists, and armdesign did not make it", remedy)

@@ -29,7 +29,7 @@ except ImportError:  # Windows: nothing is waited for, and nothing left behind i
     fcntl = None  # type: ignore[assignment]
 
 PREFIX = ".writing-"
-STAGE = re.compile(re.escape(PREFIX) + r"[a-z0-9_]{8}")  # as tempfile names them
+STAGE = re.compile(re.escape(PREFIX) + 8 * "[a-z0-9_]")  # as tempfile names them
 ENDS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -104,7 +104,7 @@ def as_interrupt() -> Iterator[list[int]]:
 
 @dataclass(frozen=True)
 class _Stage:
-    """Files on the way to their places; ``files`` and those of them that replace ``old`` ones are paths within both."""
+    """Files on the way to their places."""
 
     root: Path
     place: Path
@@ -130,7 +130,10 @@ class _Stage:
         replaced = [file for file in files if os.path.lexists(self.place / file)]
         for file in replaced:
             self._keep(file)
-        (self.root / "journal").write_text(json.dumps({"files": files, "replaced": replaced}), encoding="utf-8")
+        parents = {str(folder) for file in files for folder in Path(file).parents}
+        folders = sorted((folder for folder in parents if not (self.place / folder).exists()), reverse=True)
+        journal = {"files": files, "replaced": replaced, "folders": folders}
+        (self.root / "journal").write_text(json.dumps(journal), encoding="utf-8")
         os.replace(self.root / "journal", self.root / "moving")
         self._finish()
 
@@ -158,17 +161,18 @@ class _Stage:
         except OSError:
             shutil.copy2(self.place / file, kept, follow_symlinks=False)
 
-    def _journal(self, name: str) -> tuple[list[str], list[str]]:
-        journal = json.loads((self.root / name).read_text(encoding="utf-8"))
-        files, replaced = list(journal["files"]), list(journal["replaced"])
-        if any(Path(file).is_absolute() or ".." in Path(file).parts for file in files):
-            raise ValueError("leads out of the folder")
-        return files, replaced
+    def _journal(self, name: str) -> dict[str, list[str]]:
+        """Of all files: those that move, those of them that replace old ones, and folders to be made for them."""
+        journal: dict[str, list[str]] = json.loads((self.root / name).read_text(encoding="utf-8"))
+        for path in map(Path, (*journal["files"], *journal["folders"])):
+            if path.is_absolute() or ".." in path.parts:
+                raise ValueError(f"{path} leads out of the folder")
+        return journal
 
     def _finish(self) -> None:
-        files, _ = self._journal("moving")
+        journal = self._journal("moving")
         try:
-            for file in files:
+            for file in journal["files"]:
                 if os.path.lexists(self.new / file):
                     (self.place / file).parent.mkdir(parents=True, exist_ok=True)
                     os.replace(self.new / file, self.place / file)
@@ -180,14 +184,15 @@ class _Stage:
 
     def _undo(self) -> None:
         """Old files return; where there was none, the new one goes back. What cannot be is left to the next run."""
-        files, replaced = self._journal("undoing")
-        for file in files:
+        journal = self._journal("undoing")
+        for file in journal["files"]:
             if os.path.lexists(self.old / file):
                 os.rename(self.old / file, self.place / file)
-            elif file not in replaced and not os.path.lexists(self.new / file):
+            elif file not in journal["replaced"] and not os.path.lexists(self.new / file):
                 (self.place / file).unlink(missing_ok=True)
-                with contextlib.suppress(OSError):  # other files are in it
-                    (self.place / file).parent.rmdir()
+        for folder in journal["folders"]:
+            with contextlib.suppress(OSError):  # not made, or somebody else uses it
+                (self.place / folder).rmdir()
         (self.root / "undoing").unlink()
 
 

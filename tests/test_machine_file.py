@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -261,6 +262,91 @@ def test_saves_into_the_folder_it_came_from(tmp_path: Path) -> None:
     machine.save(tmp_path / "b.toml")
     machine.save(first)
     assert first.read_text(encoding="utf-8") == machine.text == (tmp_path / "b.toml").read_text(encoding="utf-8")
+
+
+def test_a_file_of_somebody_else_is_replaced_only_when_asked(tmp_path: Path) -> None:
+    """Unless it says that this package made it, or holds the same already."""
+    path = tmp_path / "a.toml"
+    path.write_text("# notes of mine\n", encoding="utf-8")
+    refusal = r"a\.toml: exists, and armdesign did not make it; name another place, or give overwrite=True"
+    with pytest.raises(ad.ArmDesignError, match=refusal):
+        EXCAVATOR.save(path)
+    assert path.read_text(encoding="utf-8") == "# notes of mine\n"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
+    EXCAVATOR.save(path, overwrite=True)
+    assert path.read_text(encoding="utf-8") == TEXT
+    for heading in ("# Made by armdesign optimize\n", "#:schema ./machine.schema.json\n\n# Made by armdesign\n"):
+        path = tmp_path / f"{len(heading)}.toml"
+        path.write_text(heading + TEXT, encoding="utf-8")
+        assert EXCAVATOR.save(path).read_text(encoding="utf-8") == TEXT
+
+
+def test_a_machine_is_not_saved_over_the_file_that_it_was_read_from_unasked(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(TEXT, encoding="utf-8")
+    (tmp_path / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    machine = ad.load(path)
+    machine.save(path)  # nothing changes
+    wider = machine.replace({"cylinder.boom.bore_mm": 126})
+    with pytest.raises(ad.ArmDesignError, match="overwrite=True"):
+        wider.save(path)
+    assert path.read_text(encoding="utf-8") == TEXT
+    wider.save(path, overwrite=True)
+    wider.replace({"cylinder.boom.bore_mm": 127}).save(path)  # its own by now
+    assert len(changed_lines(TEXT, path.read_text(encoding="utf-8"))) == 1
+
+
+def test_another_urdf_is_replaced_when_asked(tmp_path: Path) -> None:
+    (tmp_path / "excavator_20t.urdf").write_text("<robot/>", encoding="utf-8")
+    EXCAVATOR.save(tmp_path / "a.toml", overwrite=True)
+    assert ad.load(tmp_path / "a.toml").urdf_text == EXCAVATOR.urdf_text
+
+
+def test_save_follows_no_link(tmp_path: Path) -> None:
+    """Neither one under a temporary name that can be guessed nor one in the place of the file."""
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
+    for name in (".writing-a.toml", ".writing-excavator_20t.urdf", "a.toml"):
+        (tmp_path / name).symlink_to(tmp_path / "mine.txt")
+    EXCAVATOR.save(tmp_path / "a.toml", overwrite=True)
+    assert (tmp_path / "mine.txt").read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "a.toml").is_symlink()
+    assert (tmp_path / ".writing-a.toml").is_symlink()
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_machine_file_and_urdf_are_saved_both_or_none(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The journal, then either file cannot be moved."""
+    path = EXCAVATOR.save(tmp_path / "a.toml")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    other = ad.Machine.from_text(TEXT, EXCAVATOR.urdf_text + "\n", tmp_path / "x.toml").replace({"title": "new"})
+    calls, real = [0], os.replace
+
+    def failing(source: str, target: str) -> None:
+        calls[0] += 1
+        if calls[0] == number:
+            raise OSError(5, "Input/output error")
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(ad.ArmDesignError, match="cannot be written"):
+        other.save(path, overwrite=True)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+    other.save(path, overwrite=True)
+    assert ad.load(path).urdf_text == other.urdf_text
+
+
+def test_a_pair_half_moved_by_a_killed_run_is_not_read_so(tmp_path: Path) -> None:
+    path = EXCAVATOR.save(tmp_path / "a.toml")
+    root = tmp_path / ".writing-00000000"
+    (root / "new").mkdir(parents=True)
+    root.chmod(0o700)
+    (root / "new" / "a.toml").write_text(TEXT.replace("bore_mm = 120", "bore_mm = 121", 1), encoding="utf-8")
+    files = ["a.toml", "excavator_20t.urdf"]
+    (root / "moving").write_text(json.dumps({"files": files, "replaced": files, "folders": []}), encoding="utf-8")
+    assert ad.load(path).cylinders[0].bore == pytest.approx(0.121)
+    assert sorted(p.name for p in tmp_path.iterdir()) == files
 
 
 def test_saved_under_a_new_urdf_name(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ starts where its tighter neighbour ended and cannot be worse, but for rounding t
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,6 +33,9 @@ SHARES = {  # what is tried unless told: shares of today's, of a pin box of the 
     "pin_box": (0.0, 0.25, 0.5, 1.0, 1.5, 2.0),
 }
 EACH = 1.1  # oil of one cylinder's side, over the share that all together may have
+
+PLAUSIBLE = {"pin_box": (0.0, 3.0, "m")}  # values that somebody may mean
+OF_SHARES = (0.1, 3.0, "of today's")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,6 +148,33 @@ def pareto(
     if not found:
         raise InfeasibleError(machine.name, f"no value of {against} can be met", next(iter(left_out.values())))
     return Pareto(against=against, limits=tuple(found), designs=tuple(found.values()), left_out=left_out, today=machine)
+
+
+def read_values(text: str, against: str) -> list[float] | None:
+    """Values of a limit as a command line gives them, commas between; None for none.
+
+    Args:
+        text: such as ``0.9,1.0,1.1``.
+        against: the limit.
+
+    Raises:
+        ArmDesignError: no numbers, a comma that may be a decimal one, or numbers that nobody means.
+    """
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        raise ArmDesignError("--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1") from None
+    whole = re.search(r"(?<![\d.])(\d+),(\d+)(?![\d.])", text)
+    if whole:
+        one, two = whole.groups()
+        problem = f'"{whole[0]}" may be {one}.{two}, or {one} and {two}'
+        raise ArmDesignError("--values", problem, f"give {one}.{two}, or {one}.0,{two}.0")
+    low, high, unit = PLAUSIBLE.get(against, OF_SHARES)
+    for value in values:
+        if against in SHARES and not low <= value <= high:
+            raise ArmDesignError("--values", f"{value:g} {unit} is not allowed", f"give {low:g} to {high:g} {unit}")
+    return values or None
 
 
 def _limits(

@@ -22,6 +22,7 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
@@ -58,14 +59,12 @@ def resolved(function: F, *arguments: object) -> F:
     return cast(F, made.compile(tuple(typeof(argument) for argument in arguments)))
 
 
-class _Kept:
+class _Kept(NullCache):
     """Compiled code of one function in files: what numba asks before it compiles, and tells afterwards.
 
     It stands in for numba's own cache, which ends the program where it finds no folder to write into or a damaged
     file, mixes up what two processes compile at once, and does not see that a called function has changed.
     """
-
-    cache_path = None  # which numba shows among its statistics
 
     def __init__(self, name: str) -> None:
         self._name = name
