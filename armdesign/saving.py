@@ -11,7 +11,7 @@ from pathlib import Path
 from armdesign import transaction
 from armdesign.errors import MachineFileError
 
-MADE = "Made by armdesign"  # begins a comment at the top of files that hold a design
+MADE = "# Made by armdesign"  # begins a comment at the top of files that hold a design
 DIRECTIVE = "#:schema"  # begins the line that names an editor's JSON Schema
 
 _written: set[str] = set()  # files that this process wrote, links followed
