@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
-SPREAD = 150_000  # poses of a reach map inside the joint box
+SPREAD = 100_000  # poses of a reach map inside the joint box
 NEAR = 24  # more of them about the lowest of each cell, twice
 EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
@@ -280,7 +280,7 @@ def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple
     q, points, _ = _interpolated(case, workspace, nodes, held, spread(case, workspace, SPREAD))
     low, high = workspace.ranges.T
     chance = np.random.default_rng(0)
-    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.5]):
+    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.4]):
         lowest = q[_lowest(points, cells)]
         around = lowest + width * (high - low) * chance.uniform(-1, 1, (NEAR, *lowest.shape))
         around = np.clip(around.reshape(-1, len(low)), low, high)
