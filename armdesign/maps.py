@@ -121,9 +121,9 @@ class FrequencyMap:
     def formula_ratios(self) -> pd.DataFrame:
         """What simpler formulas say over the lowest coupled frequency of the same pose: least, median and greatest.
 
-        A row per cylinder and formula: ``locked`` with all other cylinders locked (optimistic, never below one),
-        ``rigid`` with the static load as a mass (up to inf, where that load vanishes). Unstable poses are left out;
-        inf where all are.
+        A row per cylinder and formula: ``locked`` with all other cylinders locked (optimistic, never below one; up to
+        inf, where these leave no motion), ``rigid`` with the static load as a mass (up to inf, where that load
+        vanishes). Unstable poses are left out; inf where all are.
         """
         import pandas as pd
 
