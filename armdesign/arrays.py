@@ -79,13 +79,15 @@ def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array
     values, weights = values[order], weights[order]
     below = np.cumsum(weights) - weights / 2
     place = below - below[0]
-    at = np.asarray(percents, dtype=float) / 100 * place[-1]
+    shares = np.asarray(percents, dtype=float) / 100
+    at = shares * place[-1]
     after = np.clip(np.searchsorted(place, at, side="left"), min(1, len(values) - 1), len(values) - 1)
     before = np.maximum(after - 1, 0)
     step = place[after] - place[before]
     part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
     mixed = [np.where(share > 0, values[rows], 0.0) * share for rows, share in ((before, 1 - part), (after, part))]
-    return np.asarray(mixed[0] + mixed[1])
+    ends = np.where(shares < 0.5, values[0], values[-1])
+    return np.where((shares > 0) & (shares < 1), mixed[0] + mixed[1], ends)
 
 
 @cache

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
-SPREAD = 150_000  # poses of a reach map inside the joint box
+SPREAD = 100_000  # poses of a reach map inside the joint box
 NEAR = 24  # more of them about the lowest of each cell, twice
 EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
@@ -121,9 +121,9 @@ class FrequencyMap:
     def formula_ratios(self) -> pd.DataFrame:
         """What simpler formulas say over the lowest coupled frequency of the same pose: least, median and greatest.
 
-        A row per cylinder and formula: ``locked`` with all other cylinders locked (optimistic, never below one),
-        ``rigid`` with the static load as a mass (up to inf, where that load vanishes). Unstable poses are left out;
-        inf where all are.
+        A row per cylinder and formula: ``locked`` with all other cylinders locked (optimistic, never below one; up to
+        inf, where these leave no motion), ``rigid`` with the static load as a mass (up to inf, where that load
+        vanishes). Unstable poses are left out; inf where all are.
         """
         import pandas as pd
 
@@ -302,7 +302,7 @@ def _between(frequencies: FrequencyMap, payload: str, nodes: Array, cells: tuple
     q, points, _ = _interpolated(case, workspace, nodes, held, spread(case, workspace, SPREAD))
     low, high = workspace.ranges.T
     chance = np.random.default_rng(0)
-    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.5]):
+    for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.4]):
         lowest = q[_lowest(points, cells)]
         around = lowest + width * (high - low) * chance.uniform(-1, 1, (NEAR, *lowest.shape))
         around = np.clip(around.reshape(-1, len(low)), low, high)

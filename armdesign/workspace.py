@@ -290,10 +290,10 @@ def spread(case: Machine, workspace: Workspace, count: int) -> Array:
     ``count`` of them inside. Of joints that change neither frequency nor reach one value is taken.
     """
     ranges, still = workspace.ranges, _still(case)
-    parts = [_spread(ranges, still, count, count // 4)]
+    parts = [_spread(ranges, still, count, count * 3 // 4)]
     joints = tipping_joints(case, case.payload) if case.payload.pitch else []
     for joint in joints:
-        others = _spread(ranges, still | {joint}, count // 15 if joint == joints[-1] else 0, count // 40)
+        others = _spread(ranges, still | {joint}, count // 10 if joint == joints[-1] else 0, count // 25)
         parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
     return np.concatenate(parts)
 

@@ -279,7 +279,8 @@ def _rigid(poses: ad.Poses) -> np.ndarray:
 def locked_by_definition(poses: ad.Poses) -> np.ndarray:
     """Lowest frequency with all cylinders but i, and those with rows parallel to its own, on stiff springs.
 
-    Springs 1e6 and 2e6 times as stiff, extrapolated: the error falls as one over their stiffness. Infinite where these others hold every joint (rank by ``matrix_rank``).
+    Springs 1e6 and 2e6 times as stiff, extrapolated: the error falls as one over their stiffness. Infinite where these
+    others hold every joint (rank by ``matrix_rank``).
     """
     found = np.full(poses.cylinder_forces.shape, np.inf)
     for row, arms in enumerate(poses.moment_arms):
@@ -311,7 +312,7 @@ def test_a_cylinder_that_shares_a_joint_is_locked_with_the_others() -> None:
 
 
 def test_cylinders_beside_each_other_are_locked_as_one() -> None:
-    """Two cylinders on one joint move together: K_ii/M_ii of their joint for both; a third one holds the other joint."""
+    """Two cylinders on one joint move together: K_ii/M_ii of their joint for both; a third holds the other joint."""
     twin = replace(LIFT, name="twin", base=("root", (0.4, 0, -0.1)), bore_mm=63, rod_mm=36)
     poses = build([BOOM, STICK], [LIFT, FOLD, twin]).at([0.1, -0.1])
     own = np.sqrt(poses.stiffness_matrix[0].diagonal() / poses.mass_matrix[0].diagonal()) / (2 * np.pi)
