@@ -41,6 +41,7 @@ ORDER = [
         "simulation.kinematics",
         "simulation.hydraulics",
         "simulation.bodies",
+        "simulation.balance",
         "simulation.rest",
         "simulation.plant",
         "simulation.excitation",

@@ -44,8 +44,8 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
         if function.name in frequencies.beyond_reliefs:
             share, most = frequencies.beyond_reliefs[function.name]
             notes.append(
-                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up to "
-                f"{units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
+                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up "
+                f"to {units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
                 "valve holds the load there"
             )
     return "; ".join(notes)

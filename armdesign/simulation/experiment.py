@@ -4,8 +4,8 @@ The default amplitude comes from the linear plant: as large as pressures, stroke
 softness of air leave it a small motion.
 
 A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep with. Oil without air
-is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less where
-a relief would open. Oil with air rests as the machine file says, like the linear answer.
+is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less
+where a relief would open. Oil with air rests as the machine file says, like the linear answer.
 """
 
 from __future__ import annotations
