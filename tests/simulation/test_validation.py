@@ -281,7 +281,8 @@ def test_creep() -> None:
     assert not Experiment.of(machine, np.array(WORST), 0, 0).creeps
     held = {"side": "annulus", "setting_bar": 380.0, "pilot_ratio": 0.0}
     held |= {"rated_flow_l_per_min": 429, "rated_drop_bar": 14}
-    machine = machine.replace({f"cylinder.boom.load_holding.{key}": value for key, value in held.items()})
+    changes: dict[str, object] = {f"cylinder.boom.load_holding.{key}": value for key, value in held.items()}
+    machine = machine.replace(changes | {"cylinder.boom.valve.relief_bar": 360.0})  # p1 = p2 would need 370 bar
     assert Experiment.of(machine, np.array(WORST), 0, 0).creeps
     assert {run.remark for run in validate(machine, WORST, cylinders=["boom"]).runs} == {"creep"}
 
