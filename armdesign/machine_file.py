@@ -502,7 +502,7 @@ def _check_preload(path: str, valve: ValveSection | None, supply: SupplySection,
     if valve is None or valve.preload_bar is None:
         return
     back, own = supply.return_pressure_bar, valve.relief_bar
-    relief = RELIEF_SHARE * supply.pressure_bar if own is None else own
+    relief = round(RELIEF_SHARE * supply.pressure_bar, 6) if own is None else own
     if not back <= valve.preload_bar < relief:
         low, high = "return pressure", "1.1 × supply pressure" if own is None else "relief_bar"
         remedy = f"give a pressure in [{back:g}, {relief:g}) bar, from {low} to below {high}"

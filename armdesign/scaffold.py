@@ -197,8 +197,8 @@ rated_flow_l_per_min = 60               # replace: data sheet of the valve
 rated_drop_bar = 14                     # replace: per metering edge
 natural_frequency_hz = 10               # replace: of the spool
 damping_ratio = 0.8
-# relief_bar = 275                      # where the port reliefs open; default: 1.1 × supply pressure
-# preload_bar = 30                      # the shut valve leaves the chamber without load at it; default: return pressure
+# relief_bar = 275                      # where its port reliefs open; default: 1.1 × supply
+# preload_bar = 30                      # shut, the chamber without load stands at it; default: return
 """
 
 

@@ -43,6 +43,7 @@ ORDER = [
         "simulation.kinematics",
         "simulation.hydraulics",
         "simulation.bodies",
+        "simulation.balance",
         "simulation.rest",
         "simulation.plant",
         "simulation.excitation",

@@ -38,13 +38,13 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
 
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
     """Loads that press a port relief open: there the map's frequency is that of oil which is not held."""
-    machine, notes = frequencies.machine, []
+    machine, beyond, notes = frequencies.machine, frequencies.beyond_reliefs, []
     for function in machine.functions:
-        if function.name in frequencies.beyond_reliefs:
-            share, most = frequencies.beyond_reliefs[function.name]
+        if function.name in beyond:
+            share, most = beyond[function.name]
             notes.append(
-                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up to "
-                f"{units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
+                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up "
+                f"to {units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
                 "valve holds the load there"
             )
     return "; ".join(notes)

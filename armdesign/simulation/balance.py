@@ -3,7 +3,9 @@
 Along the line A1 p1 − A2 p2 = F both pressures rise from those of a shut valve to the supply's. At each point the oil
 that a chamber gains rises with the spool on its way, so that it gains nothing at one position, or within an interval
 where its edges are shut or have no pressure drop, or nowhere in reach. The load stands where cap and annulus have a
-position in common. The law is ``hydraulics.port``: edges, leakage, reliefs and load-holding valves are all in it.
+position in common: at an end of the line, or where the position of one passes that of the other. (Where they only
+touch, as at p1 = p2 under leakage across the piston alone, it is found as a line without length.) The law is
+``hydraulics.port``: edges, leakage, reliefs and load-holding valves are all in it.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ NOTHING = 1e-9  # of what an edge of rated size passes under a bar
 
 @compiled
 def balance(law: Any, low: Array, high: Array) -> Any:
-    """The balance of lowest pressures: cap and annulus [Pa], spool, and whether there is one.
+    """The balance of lowest pressures, see above: cap and annulus [Pa], spool, and whether there is one.
 
     Args:
         law: records ``FUNCTION`` and ``SYSTEM``, and the supply pressure at the valve [Pa].

@@ -4,8 +4,8 @@ The default amplitude comes from the linear plant: as large as pressures, stroke
 softness of air leave it a small motion.
 
 A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep with. Oil without air
-is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less where
-a relief would open. Oil with air rests as the machine file says, like the linear answer.
+is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less
+where a relief would open. Oil with air rests as the machine file says, like the linear answer.
 """
 
 from __future__ import annotations
@@ -282,11 +282,13 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
     supply = plant.machine.supply.pressure
     for cylinder, place, pressure in zip(plant.machine.functions, places, np.maximum(caps, annuli), strict=True):
         part, end = f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}", min(place, cylinder.stroke - place)
+        leaks = cylinder.valve is not None and cylinder.valve.leaks  # then the flow makes the pressure, too
+        stands = "rests at {:.{}f} bar" if leaks else "needs {:.{}f} bar to hold the load"
         if pressure >= supply:
-            problem = f"needs {pressure / bar:.0f} bar to hold the load, supply is {supply / bar:.0f} bar"
+            problem = f"{stands.format(pressure / bar, 0)}, supply is {supply / bar:.0f} bar"
             raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
         if pressure > (relief := cylinder.relief(plant.machine.supply)) - BARELY:
-            problem = f"needs {pressure / bar:.1f} bar to hold the load, its relief opens at {relief / bar:.1f} bar"
+            problem = f"{stands.format(pressure / bar, 1)}, its relief opens at {relief / bar:.1f} bar"
             raise SimulationError(part, problem, "raise relief_bar, or choose a lighter load or another pose")
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")

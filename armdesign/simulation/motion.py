@@ -123,8 +123,9 @@ def simulate(
 
     At rest the pressures hold the load: the loaded chamber carries it, the other is at return pressure or at the
     preload that the machine file asks for. Without leakage a machine with shut valves stays there. Valves start shut,
-    or, with leakage, as far open as makes up for it. What cannot be held is told in ``events``. With ``velocity`` it starts as if struck: at the same pose and
-    pressures, but moving. With all valves shut it then rings freely, for ``identify_decay``.
+    or, with leakage, as far open as makes up for it. What cannot be held is told in ``events``. With ``velocity`` it
+    starts as if struck: at the same pose and pressures, but moving. With all valves shut it then rings freely, for
+    ``identify_decay``.
 
     Args:
         machine: the machine; every cylinder needs a valve.

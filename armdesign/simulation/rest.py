@@ -41,8 +41,8 @@ def holding_pressures(
     chamber against its relief. Not preloaded, False: return pressure.
 
     A valve that leaks, or with an underlap, holds nothing by itself: its spool stands where both chambers get as much
-    as they lose, and the flow fixes both pressures, whatever ``preloaded``; the lowest ones if there are several. If
-    there are none, it is taken as shut, as it is where False asks for it.
+    as they lose, and the flow fixes both pressures, whatever ``preloaded``: see ``balance``. If there are none, it is
+    taken as shut, as it is where False asks for it.
 
     Args:
         function: cylinder or motor.
@@ -57,9 +57,11 @@ def holding_pressures(
     if function.valve is None or not function.valve.leaks or preloaded is False:
         return Holding(cap, annulus)
     low, high = _line(function, supply, force, law[2])
-    *stands, found = balance(law, low, high)
-    if found:
-        return Holding(*stands)
+    even = np.full(2, _even(function, force))  # where nothing leaks across the piston
+    for ends in ((low, high), (even, even)):
+        *stands, found = balance(law, *ends)
+        if found and ends[0].min() >= low.min():
+            return Holding(*stands)
     words = f"{function.name}'s valve leaks, and at no spool position does it make up for that: the load creeps"
     return Holding(cap, annulus, creeps=words)
 
@@ -89,6 +91,12 @@ def _overcome(function: Actuator, supply: Supply, force: float) -> str:
         f"the relief of {function.name}'s {side} cannot hold {load}: that needs {max(pressures) / bar:.0f} bar, "
         f"it opens at {relief / bar:.0f} bar"
     )
+
+
+def _even(function: Actuator, force: float) -> float:
+    """Pressure [Pa] that holds a force in both chambers alike; 0 where none does."""
+    rod = function.bore_area - function.annulus_area
+    return max(force / rod, 0.0) if rod > 0 else 0.0
 
 
 def _line(function: Actuator, supply: Supply, force: float, most: float) -> tuple[Array, Array]:

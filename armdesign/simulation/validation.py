@@ -14,7 +14,8 @@ The linear answer takes the pressures that a shut valve leaves: the loaded chamb
 return pressure or at the preload that the machine file asks for. With air the sweeps run about them; without air about
 a preload of their own, on which the frequency does not depend: see ``experiment``. Behind a valve that leaks the flow
 makes others, and oil with air has another stiffness under them; a large leak softens the spring as well. So the
-frequency of the plant at its own rest is told beside it. Where no spool position makes up for the leaks there is no rest: the load creeps.
+frequency of the plant at its own rest is told beside it. Where no spool position makes up for the leaks there is no
+rest: the load creeps.
 """
 
 from __future__ import annotations
