@@ -1,22 +1,23 @@
 """Modes of an arm that rings by itself: the eigensystem realisation algorithm, refined by least squares.
 
-Samples y_k = C A^k x_0 of a free decay fill a Hankel matrix H_0 of y_{i+j} and its neighbour H_1 of y_{i+j+1}. With the
-singular values H_0 = U S Vᵀ cut at two per mode, A = S^(−½) Uᵀ H_1 V S^(−½) has the eigenvalues z = exp(λ Δt) (Juang &
-Pappa 1985). That is done with the record and with its beginnings, since of much damping only noise is left at the end.
+Samples y_k = C A^k x_0 of a free decay fill a Hankel matrix H_0 of y_{i+j} and its neighbour H_1 of y_{i+j+1}. With
+the singular values H_0 = U S Vᵀ cut at two per mode, A = S^(−½) Uᵀ H_1 V S^(−½) has the eigenvalues z = exp(λ Δt)
+(Juang & Pappa 1985). That is done with the record and with its beginnings: with much damping its end holds noise alone.
 
 From there on Re Σ c exp(λt) is fitted to the samples. What the modes leave is taken as autoregressive, that is
 
     (1 + a_1 q + … + a_p q^p) (y − Re Σ c exp(λt)) = white noise,   q one sample back,
 
-and both sides of the fit are filtered so. This covers noise of any colour, and a further mode as well: the polynomial with
-the roots 1/z annihilates what decays as z^k. Each order p gives an answer; what is likely under it (Schwarz 1978) weighs
-it, and the deviation holds how far likely orders differ.
+and both sides of the fit are filtered so. Each order p gives an answer. How likely the record is under it
+(Schwarz 1978) weighs it, and the deviation holds how far likely answers differ. So are further modes tried beside those
+asked for, as long as they make the record likelier; the strongest are the answer.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from armdesign.errors import SimulationError
 MOST_ROWS = 400  # of the Hankel matrix
 BEGINNINGS = (1, 2, 4, 8)  # shares of the record from which the search starts: all, half, …
 ORDERS = (1, 2, 4)  # p, besides 0
+FURTHER = 2  # modes beside those asked for
+WHITE = np.zeros(0)  # no filter
+NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 TEMPER = 0.5  # power of the likelihood that weighs
 EXACT = 1e-9  # what is left of a record without noise, relative: no colour can be told
 ROUNDS, TRIALS, FILTERS = 30, 8, 2
@@ -40,12 +44,12 @@ class Decay:
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviation of the frequencies (m,) [Hz]: noise, white or coloured, and what further
-            modes leave open. A swing too large is not in it.
-        damping_deviations: that of the damping ratios (m,).
-        frequency_remainders: share of the deviation of the frequencies by which likely orders of what is left differ (m,)
-            [Hz]; squared, it adds to that of noise.
-        damping_remainders: that of the damping ratios (m,).
+        frequency_deviations: standard deviation of the frequencies (m,) [Hz], by noise, white or coloured, and by
+            further modes. What a swing too large, or a mode too many, makes wrong is not in it.
+        damping_deviations: standard deviation of the damping ratios (m,).
+        frequency_remainders: share of the frequencies' deviation by which likely answers differ, with other noise or
+            more modes (m,) [Hz]; squared, it adds to the share of noise.
+        damping_remainders: the same share for the damping ratios (m,).
         amplitudes: of every mode in every answer at the record's start (m, outputs).
         singular_values: of the Hankel matrix, largest first: a gap shows how many modes it holds.
         residual: root mean square of what the modes leave of the answers, relative.
@@ -73,7 +77,7 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
     Args:
         time: even instants (n,) [s], after the excitation has ended.
         answers: what rings about zero, like speeds: (n,) or (n, outputs).
-        modes: how many modes it holds; a constant is none and has to be taken off before.
+        modes: how many modes are asked for, the strongest; a constant is none and has to be taken off before.
         part: name of the record for messages.
 
     Raises:
@@ -86,30 +90,50 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
     signals = signals / np.where(scale > 0, scale, 1.0)
     if len(time) < 8 * modes:
         raise SimulationError(part, f"{len(time)} records are too few", f"record {8 * modes} or more")
-    starts, singular, most = _starts(signals, modes)
-    if not starts:
-        raise SimulationError(part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer")
-    white = np.zeros(0)
-    plain = _refined(signals, min(starts, key=lambda start: _eliminated(signals, start, white).cost), white)
-    found = [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
-    weights = np.exp(TEMPER * np.array([one.likelihood - max(each.likelihood for each in found) for one in found]))
+    found, singular = _answers(signals, modes, part)
+    weights = np.exp(TEMPER * (np.array([one.likelihood for one in found]) - max(one.likelihood for one in found)))
     weights /= weights.sum()
-    size, zeta = (np.array(values) for values in zip(*(one.modes for one in found), strict=True))
-    d_size, d_zeta = (np.array(values) for values in zip(*(one.deviations for one in found), strict=True))
-    mean, damping = weights @ size, weights @ zeta
-    apart, damping_apart = weights @ (size - mean) ** 2, weights @ (zeta - damping) ** 2
+    values = np.array([one.modes(modes) for one in found])  # (·, 2, modes): |λ Δt|, ζ
+    mean = np.einsum("i,ijk->jk", weights, values)
+    apart = np.einsum("i,ijk->jk", weights, (values - mean) ** 2)
+    within = np.einsum("i,ijk->jk", weights, np.array([one.variances(modes) for one in found]))
+    deviations, remainders, unit = np.sqrt(within + apart), np.sqrt(apart), 2 * math.pi * step
     likeliest = found[int(np.argmax(weights))]
     return Decay(
-        natural_frequencies=mean / (2 * math.pi * step),
-        damping_ratios=damping,
-        frequency_deviations=np.sqrt(weights @ d_size**2 + apart) / (2 * math.pi * step),
-        damping_deviations=np.sqrt(weights @ d_zeta**2 + damping_apart),
-        frequency_remainders=np.sqrt(apart) / (2 * math.pi * step),
-        damping_remainders=np.sqrt(damping_apart),
-        amplitudes=np.abs(likeliest.shapes) * scale,
+        natural_frequencies=mean[0] / unit,
+        damping_ratios=mean[1].copy(),
+        frequency_deviations=deviations[0] / unit,
+        damping_deviations=deviations[1].copy(),
+        frequency_remainders=remainders[0] / unit,
+        damping_remainders=remainders[1].copy(),
+        amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
         singular_values=singular,
         residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(signals)),
     )
+
+
+def _answers(signals: Array, modes: int, part: str) -> tuple[list[_Refined], Array]:
+    """Fits of the modes, and of further ones as long as the record makes them likely, under noise of all orders.
+
+    The second is the singular values of the Hankel matrix.
+    """
+    found, of_all = list[_Refined](), np.zeros(0)
+    for count in range(modes, modes + FURTHER + 1):
+        starts, singular, most = _starts(signals, count)
+        if count == modes:
+            of_all = singular
+        if not starts:
+            break
+        plain = _refined(signals, min(starts, key=lambda start: _eliminated(signals, start, WHITE).cost), WHITE)
+        best = max((one.likelihood for one in found), default=-math.inf)
+        if plain.likelihood < best - NEGLIGIBLE / TEMPER:
+            break
+        found += [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
+        if np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals):
+            break
+    if not found:
+        raise SimulationError(part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer")
+    return found, of_all
 
 
 def _starts(signals: Array, modes: int) -> tuple[list[Array], Array, int]:
@@ -157,25 +181,40 @@ class _Refined:
     covariance: Array
     likelihood: float
 
-    @property
-    def modes(self) -> tuple[Array, Array]:
-        """|λ Δt| and ζ."""
-        return np.abs(self.roots), -self.roots.real / np.abs(self.roots)
+    @cached_property
+    def shares(self) -> Array:
+        """What each mode adds to the record beyond all that the others could make up for (m,), a sum of squares."""
+        powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
+        columns = np.stack([powers.real, powers.imag], axis=2)
+        found = []
+        for k, shape in enumerate(self.shapes):
+            own = (powers[:, k : k + 1] * shape).real
+            others = np.linalg.qr(np.delete(columns, k, axis=1).reshape(len(powers), -1))[0]
+            found.append(np.sum((own - others @ (others.T @ own)) ** 2))
+        return np.array(found)
 
-    @property
-    def deviations(self) -> tuple[Array, Array]:
-        """Standard deviations of both."""
-        size, zeta = self.modes
+    def strongest(self, modes: int) -> Array:
+        """Which have the largest shares, ascending."""
+        return np.sort(np.argsort(-self.shares)[:modes])
+
+    def modes(self, modes: int) -> Array:
+        """|λ Δt| and ζ of the strongest (2, modes)."""
+        roots = self.roots[self.strongest(modes)]
+        return np.array([np.abs(roots), -roots.real / np.abs(roots)])
+
+    def variances(self, modes: int) -> Array:
+        """Variances of both (2, modes)."""
+        size, zeta = np.abs(self.roots), -self.roots.real / np.abs(self.roots)
         d_size = np.hstack([np.diag(self.roots.real / size), np.diag(self.roots.imag / size)])
         d_zeta = -(np.eye(len(size), 2 * len(size)) + zeta[:, None] * d_size) / size[:, None]
-        return tuple(np.sqrt(np.einsum("mi,ij,mj->m", d, self.covariance, d)) for d in (d_size, d_zeta))  # type: ignore[return-value]
+        both = np.einsum("imk,kl,iml->im", [d_size, d_zeta], self.covariance, [d_size, d_zeta])
+        return np.asarray(both[:, self.strongest(modes)])
 
 
 def _orders(signals: Array, plain: _Refined) -> list[int]:
     """Orders p that the record supports; none if nothing is left."""
-    if np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals):
-        return []
-    return [order for order in ORDERS if 20 * order <= len(signals)]
+    exact = np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals)
+    return [] if exact else [order for order in ORDERS if 20 * order <= len(signals)]
 
 
 def _coloured(signals: Array, plain: _Refined, order: int) -> _Refined:
@@ -269,10 +308,11 @@ def _judged(signals: Array, roots: Array, colour: Array, now: _Eliminated, slope
     both = np.concatenate([order, len(roots) + order])
     powers = np.exp(roots * np.arange(length)[:, None])
     logarithms = np.log(np.maximum(variance, 1e-300)).sum()
+    unknowns = len(colour) + len(roots) * (2 + 2 * signals.shape[1])
     return _Refined(
         roots=roots[order],
         shapes=now.shapes[order],
         left=signals - (powers @ now.shapes).real,
         covariance=(gain @ gain.T)[np.ix_(both, both)],
-        likelihood=float(-0.5 * length * logarithms - 0.5 * len(colour) * math.log(length)),
+        likelihood=float(-0.5 * length * logarithms - 0.5 * unknowns * math.log(length)),
     )
