@@ -37,12 +37,12 @@ class Fit:
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviation of the frequencies (m,) [Hz]: noise, and what modes outside the band leave
-            open.
-        damping_deviations: that of the damping ratios (m,).
-        frequency_remainders: share of modes outside the band in the deviation of the frequencies (m,) [Hz]. It is what is
-            left of them when neighbours and residual terms are fitted; squared, it adds to that of noise.
-        damping_remainders: that of the damping ratios (m,).
+        frequency_deviations: standard deviation of the frequencies (m,) [Hz], by noise and by what the modes outside
+            the band leave open. What a nonlinear plant makes wrong is not in it.
+        damping_deviations: standard deviation of the damping ratios (m,).
+        frequency_remainders: share of the modes outside the band in the frequencies' deviation (m,) [Hz]: what is left
+            of them when neighbours and residual terms are fitted. Squared, it adds to the share of noise.
+        damping_remainders: the same share for the damping ratios (m,).
         frequency: lines of the band (k,) [Hz].
         response: measured response there (k,), complex, freed of what rings at the record's ends.
         fitted: fitted response there (k,), complex.

@@ -4,17 +4,17 @@ For a linear system the spectra of a record obey, line by line and exactly (Pint
 
     Y = Σ [(b0 + b1 s) U + e0 + e1 s] / (s² + 2ζω s + ω²) + R U + E,   s = jω,
 
-a sum over the modes in the band; e0, e1 and E stand for the state at both ends of the record. R and E are what the modes
-outside add. They are smooth, since their poles are not in the band. Two things stand for them together:
+a sum over the modes in the band; e0, e1 and E stand for the state at both ends of the record. R and E are what the
+modes outside add. They are smooth, since their poles are not in the band. Two things stand for them together:
 
 - *neighbours*: none, one above the band, one below it, or both, each with its own frequency and damping;
 - *residual terms* for the rest: polynomials Σ c_k (z/ϱ)^k, one for R and one for E, of z, the logarithm of frequency,
-  −1…1 over the band. A pole at the distance ϱ from the band's middle makes coefficients that fall as ϱ^−k, so all c_k are
-  taken as random with one standard deviation g (a Gaussian process, Rasmussen & Williams 2006).
+  −1…1 over the band. A pole at the distance ϱ from the band's middle makes coefficients that fall as ϱ^−k. So all c_k
+  are taken as random with one standard deviation g (a Gaussian process, Rasmussen & Williams 2006).
 
-With noise of the standard deviation σ, and for a given choice of λ = (g/σ)² and neighbours, the modes are those of least
-squares under the covariance I + λ C Cᵀ, C the columns of the residual terms. The evidence of each choice, by Laplace's
-method (MacKay 1992), weighs its answer.
+With noise of the standard deviation σ, and for a given choice of λ = (g/σ)² and neighbours, the modes are those of
+least squares under the covariance I + λ C Cᵀ, C the columns of the residual terms. The evidence of each choice, by
+Laplace's method (MacKay 1992), weighs its answer.
 """
 
 from __future__ import annotations
@@ -177,12 +177,12 @@ def _evidence(answer: Answer) -> float:
 
 def _coarse(lines: Lines, starts: Array, neighbours: tuple[float, ...], found: list[Answer]) -> list[Answer]:
     """Answers after a few rounds, at some λ."""
-    modes, ratios = starts.shape[1], COARSE
+    modes, ratios = starts.shape[1], list(COARSE)
     if neighbours:
         best = max(found, key=_evidence)
         extras = [np.array([[omega, zeta] for omega in neighbours]) for zeta in (0.02, 0.2)]
         starts = np.array([np.vstack([best.poles[:modes], extra]) for extra in extras])
-        ratios = best.ratio, best.ratio / 100
+        ratios = [best.ratio, best.ratio / 100]
     coarse = []
     for ratio in ratios:
         fit = _Regression(lines, ratio, modes)
@@ -240,7 +240,7 @@ class _Regression:
         return np.asarray(values - self.shrunk @ (self.u.T @ values))
 
     def bounds(self, poles: Array) -> tuple[Array, Array]:
-        """Least and largest ω and ζ (m, 2): modes are about the band, neighbours outside, on the side that they are on."""
+        """Least and largest ω and ζ (m, 2): modes are about the band, neighbours stay on their side of it."""
         low, high = self.lines.edges
         inner, above = np.arange(len(poles)) < self.modes, poles[:, 0] > 1
         least = np.where(inner, low / MARGIN, np.where(above, high, low / FARTHEST))

@@ -137,8 +137,8 @@ def test_faults_of_decays() -> None:
 
 @pytest.mark.parametrize("way", ["record", "response"])
 def test_one_sigma_holds_68_percent(way: str) -> None:
-    """Monte Carlo, 300 noisy records: within ± one deviation lies the normal law's share, ± 3 binomial deviations."""
-    random, count = np.random.default_rng(3), 300
+    """Monte Carlo, 100 noisy records: within ± one deviation lies the normal law's share, ± 3 binomial deviations."""
+    random, count = np.random.default_rng(3), 100
     time = np.arange(0, 24, 1 / 40)
     sweep = Sweep(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=24)
     u = np.array([sweep(t) for t in time])
