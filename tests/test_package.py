@@ -30,7 +30,7 @@ ORDER = [
         "machine",
         "modes",
     ),
-    *("workspace", "maps", "bands", "inspection", "problems"),
+    *("workspace", "maps", "bands", "plausibility", "inspection", "problems"),
     *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
     *("design.candidates", "design.explicit", "design.conditions", "design.check"),
     *("design.variables", "design.space", "design.still", "design.problem"),

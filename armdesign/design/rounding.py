@@ -23,9 +23,9 @@ from armdesign.design.codesign import Search
 from armdesign.design.conflict import concession, nearest
 from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
-from armdesign.design.variables import SIZES
+from armdesign.design.variables import SIZES, key_of
 from armdesign.errors import Concession, InfeasibleError
-from armdesign.linkage import BARS, key_of
+from armdesign.linkage import BARS
 from armdesign.machine import Machine
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
