@@ -32,7 +32,7 @@ THIN, SLENDER = 1 / 400, (1 / 120, 1 / 2)  # bore over the largest distance of t
 OVERLOADED = 3.0  # static force over what the supply holds, for a bore in centimetres or inches
 LEAF = 2.5  # length of an outermost link over the distance of its centre of mass
 DEAD, FAR_FROM_DEAD = (0.02, 30.0), (2e-3, 40.0)  # dead volume over swept volume: plausible; not
-FIRST, VALVE = (2e-3, 30.0), (1 / 50, (0.05, 5.0))  # static share of the only mass; rated flow over the pump's
+FIRST, VALVE = 2e-3, (1 / 50, (0.05, 5.0))  # static share of the only mass; rated flow over the pump's
 PER_TURN = (0.05, 500.0)  # trapped volume of a motor over its displacement
 FILLING = (300.0, 60.0)  # [s] to fill all cylinders: longer than the first with a small pump, in l/s below the second
 SMALL_PUMP = 30.0  # [l/min]
@@ -253,7 +253,7 @@ class _Suspicions:
     def _of_only_mass(self, path: str, mass: float) -> Iterator[Finding]:
         """A payload of massless links: judged by what the supply holds."""
         share = max(self.shares.values(), default=0.0)
-        if mass > 0 and 0 < share < math.inf and not _within(share, FIRST):
+        if mass > 0 and 0 < share < FIRST:
             keys = tuple(path.split("."))
             if found := meant(keys, mass, lambda x: 0.02 < share * x / mass < 2):
                 yield self._unit(path, "kg", found, f"the supply holds {mass / share:.3g} kg")
