@@ -49,7 +49,7 @@ class Cause:
 
 
 def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
-    """The likeliest cause of a joint without a range (``faulty``), or whose strokes do not fit its limits; else None."""
+    """The likeliest cause of a joint without a range (``faulty``), or whose strokes miss its limits; else None."""
     now = 0.0 if faulty else _fit(arm, joint, own)
     if now > ALIKE:
         return None

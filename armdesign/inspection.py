@@ -19,6 +19,7 @@ from armdesign.cylinder import Actuator, Cylinder, euler_safety, holding_force, 
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
 from armdesign.modes import natural_modes
+from armdesign.plausibility import Finding, suspicions
 from armdesign.ranges import over, sweep
 from armdesign.units import WORKSHOP, Units
 from armdesign.urdf import Joint
@@ -31,14 +32,6 @@ STROKE_USED = 0.6
 RANGE_TOLERANCE = {True: 0.01, False: 0.005}  # [rad], [m] by which URDF limit and stroke may differ (revolute?)
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """Something worth a second look: the key path or part, and what about it."""
-
-    part: str
-    words: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +165,12 @@ class Inspection:
         )
 
     def findings(self, units: Units = WORKSHOP) -> list[Finding]:
-        """What looks odd, in the units asked for."""
-        found: list[Finding] = []
+        """What looks odd, in the units asked for: first what may be in another unit, then what may follow from it."""
+        shares: dict[str, float] = {}
+        for load in self.loads:
+            name = self.machine.functions[load.cylinder].name
+            shares[name] = max(shares.get(name, 0.0), load.share)
+        found = suspicions(self.machine, shares)
         for i in range(len(self.machine.cylinders)):
             found += self._odd_cylinder(i, units)
         for j in range(len(self.machine.joints)):

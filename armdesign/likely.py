@@ -32,7 +32,7 @@ MISTAKEN = {  # by unit of the key: the units that stand there by mistake, and h
 }
 USUAL = {  # what machines have, in the unit of the key, with room; small rigs and mining shovels included
     "pressure_bar": (40.0, 700.0),
-    "return_pressure_bar": (0.0, 40.0),
+    "return_pressure_bar": (0.5, 40.0),
     "relief_bar": (40.0, 800.0),
     "setting_bar": (20.0, 800.0),
     "rated_drop_bar": (1.0, 350.0),
@@ -51,15 +51,20 @@ SHARES = ("_share", "share", "end_margin", "damping_ratio", "pilot_ratio")  # en
 
 @dataclass(frozen=True)
 class Meant:
-    """A unit that a number is in by mistake, and the number in the unit of its key."""
+    """The units that a number may be in by mistake, likeliest first, and the number in the unit of its key."""
 
-    unit: str
-    value: float
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+
+    @property
+    def unit(self) -> str:
+        """Its name or names."""
+        return " or ".join(self.units)
 
     @property
     def remedy(self) -> str:
         """What to write."""
-        return f"write {rounded(self.value)}"
+        return f"write {' or '.join(map(rounded, self.values))}"
 
 
 def rounded(value: float) -> str:
@@ -76,7 +81,7 @@ def units_of(path: tuple[Any, ...]) -> dict[str, float]:
 
 
 def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool]) -> Meant | None:
-    """The unit in which a number becomes plausible; None where none makes it so.
+    """The units in which a number becomes plausible; None where none makes it so.
 
     Args:
         path: of its key.
@@ -85,11 +90,11 @@ def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool])
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15:
         return None
-    found = [Meant(unit, value * factor) for unit, factor in units_of(path).items() if plausible(value * factor)]
+    found = [(value * factor, unit) for unit, factor in units_of(path).items() if plausible(value * factor)]
     low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
-    if low > 0:  # of two that could be, the one that is nearer to the middle
-        found.sort(key=lambda one: abs(math.log(one.value / math.sqrt(low * high))))
-    return found[0] if found else None
+    if low > 0:  # the one that is nearer to the middle is likelier
+        found.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
+    return Meant(tuple(unit for _, unit in found), tuple(new for new, _ in found)) if found else None
 
 
 def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:

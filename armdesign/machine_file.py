@@ -412,12 +412,14 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
             refuse(f"motor.{name}", "is the name of a cylinder too", "give each function a name of its own")
     if Path(machine.urdf).name in ("", ".."):
         refuse("urdf", f'"{machine.urdf}" is no file name', "name the URDF")
-    if machine.supply.return_pressure_bar >= machine.supply.pressure_bar:
-        refuse(
-            "supply.return_pressure_bar",
-            f"{machine.supply.return_pressure_bar:g} bar is not below the supply's {machine.supply.pressure_bar:g} bar",
-            "give a lower return pressure",
-        )
+    back, supply = machine.supply.return_pressure_bar, machine.supply.pressure_bar
+    if back >= supply:
+        keys = ("supply", "return_pressure_bar")
+        unit = meant(keys, back, usual(keys))
+        problem, remedy = f"{back:g} bar is not below the supply's {supply:g} bar", "give a lower return pressure"
+        if unit and back > 100:
+            problem, remedy = f"looks like {unit.unit}: {problem}", f"{unit.remedy}, or {remedy}"
+        refuse("supply.return_pressure_bar", problem, remedy)
     for name, payload in machine.payload.items():
         if payload.mass_kg > 0 and (payload.link is None or payload.at_mm is None):
             missing = "link" if payload.link is None else "at_mm"

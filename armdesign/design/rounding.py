@@ -24,8 +24,8 @@ from armdesign.design.elastic import Elastic
 from armdesign.design.grid import GRID, diameters, neighbours
 from armdesign.design.own_masses import weighed
 from armdesign.design.problem import Problem
-from armdesign.design.variables import SIZES
-from armdesign.linkage import BARS, key_of
+from armdesign.design.variables import SIZES, key_of
+from armdesign.linkage import BARS
 from armdesign.machine import Machine
 from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm

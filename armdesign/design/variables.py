@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.linkage import BARS, PINS, key_of
+from armdesign.linkage import BARS, PINS
+from armdesign.linkage import key_of as key_of  # the key of a place is asked for here
 from armdesign.machine import Machine
 
 WORDS = {

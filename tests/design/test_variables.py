@@ -20,8 +20,7 @@ from armdesign.design.codesign import Search, hertz
 from armdesign.design.limits import limits
 from armdesign.design.problem import Problem
 from armdesign.design.settling import settled
-from armdesign.design.variables import chosen
-from armdesign.linkage import key_of
+from armdesign.design.variables import chosen, key_of
 from armdesign.linkage import BARS, OF_FOUR_BAR, PINS
 
 SIZES = {f"cylinder.{name}.{key}" for name in ("boom", "stick", "bucket") for key in ("bore_mm", "rod_mm")}
