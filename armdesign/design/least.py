@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -110,12 +110,12 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; what the ``starts`` of the first came to."""
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``starts``: those of the first."""
 
     problem: Problem
     of: str
     frequency: float
-    starts: Starts = Starts()
+    starts: Starts = field(default_factory=Starts)
 
     def free(self, starts: int | None, seed: int, workers: int) -> Search:
         """The best design under today's amount, with any sizes."""
