@@ -131,5 +131,5 @@ def test_polishing_ends_where_it_cannot_be_bettered(name: str, vary: tuple[str, 
 def test_seeds_agree_where_four_bars_move() -> None:
     """20 t machine on a coarse grid: whatever is drawn, to 0.05 %."""
     problem = coarse("excavator_20t", ("cylinder.bucket",))
-    found = [hertz(multistart(problem, 3, seed, 1)[0].squared) for seed in (0, 5)]
+    found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 5)]
     assert found[1] == pytest.approx(found[0], rel=5e-4)
