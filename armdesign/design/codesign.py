@@ -175,6 +175,7 @@ class Search:
         self.programme = kept
         return hertz(bound * self.reference) if math.isfinite(bound) else None
 
+    @np.errstate(invalid="ignore", divide="ignore")
     def look(self) -> None:
         """Watch the lowest and the most loaded poses of the whole workspace."""
         squared, forces = self.problem.look(self.x)

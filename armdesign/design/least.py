@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,7 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; what the ``starts`` of the first came to.
+    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``starts``: those of the first.
 
     ``command`` is what asked for it.
     """
@@ -130,7 +130,7 @@ class _Hunt:
     of: str
     frequency: float
     command: str
-    starts: Starts = Starts()
+    starts: Starts = field(default_factory=Starts)
 
     def free(self, starts: int | None, seed: int, workers: int) -> Search:
         """The best design under today's amount, with any sizes."""

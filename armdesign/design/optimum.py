@@ -162,14 +162,14 @@ class Design:
         With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary, or own masses with
         the sizes: what no sizes at all exceed, so none of the catalogue either. Refused where this design exceeds it.
         """
-        if self.selection is None or self.problem.own is not None:  # sizes were chosen with masses held
-            free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-            found = upper_bound(free.softened, self.x, self.watched)
-        else:
+        if self.selection is not None and self.problem.own is None:  # else sizes were chosen with masses held
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
             refused = "" if math.isfinite(self.selection.bound) else "the one of all combinations lies below the best"
             found = Bound(frequency=self.selection.bound, held=(), assumptions=words, refused=refused)
-        return found and found.above(max(self.unrounded, worst_on_poses(self.machine, self.problem)))
+            return found.above(self.unrounded)
+        free = replace(self.problem, sizes=()) if self.catalogue else self.problem
+        known = upper_bound(free.softened, self.x, self.watched)
+        return known and known.above(max(self.unrounded, worst_on_poses(self.machine, self.problem)))
 
     @property
     def bound(self) -> float | None:
