@@ -21,7 +21,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
 from armdesign.design.check import Check, check, slacks, static_loads
-from armdesign.design.conflict import concessions, remedy, sentence
+from armdesign.design.conflict import concessions, nearest, remedy, sentence
 from armdesign.design.requirements import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.machine import Machine
@@ -98,6 +98,21 @@ class Choices:
         for i, options in enumerate(self.cylinders):
             areas[:, i] = _areas(options)[combinations[:, i]]
         return np.asarray(np.all(self.judge.slacks(areas)[:, self.touched] >= 0, axis=1))
+
+    def refusal(self, words: str) -> InfeasibleError:
+        """The error where no combination is allowed: what the one of some at random that misses least must be given."""
+        random = np.random.default_rng(0)
+        chosen = np.column_stack([random.integers(len(options), size=BATCH) for options in self.cylinders])
+        areas = np.tile(self.judge.own, (BATCH, 1, 1))
+        for i, options in enumerate(self.cylinders):
+            areas[:, i] = _areas(options)[chosen[:, i]]
+        best = chosen[self.judge.slacks(areas)[:, self.touched].min(axis=1).argmax()]
+        checks = _checks(self.judge, [list(options) for options in self.cylinders], best)
+        lacks = {c.name: _missed(c) for c in checks if c.slack < -self.judge.tolerance}
+        of = {c.name: c for c in checks}
+        given = concessions(self.judge.requirements, [tuple(lacks)], of, lacks, {})
+        told = f"{words}{nearest(given)}"
+        return InfeasibleError(self.judge.frame.name, told, remedy(given, " or offer other sizes"), given)
 
 
 def choices(

@@ -31,6 +31,11 @@ class Relaxation:
     amounts: dict[str, float]
     x: Array
 
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing need give."""
+        return all(amount <= MET * abs(self.conditions[name].limit) for name, amount in self.amounts.items())
+
 
 @dataclass(eq=False)
 class Conflict(Elastic):
@@ -79,16 +84,18 @@ class Conflict(Elastic):
                 kept = rest
         return tuple(kept)
 
-    def relaxed(self, parts: Sequence[Sequence[str]]) -> Relaxation | None:
+    def relaxed(self, parts: Sequence[Sequence[str]], near: Array | None = None) -> Relaxation | None:
         """The least by which the requirements of ``parts`` give, those of a part alike; None if that does not help.
 
-        What no setting states, like a dead length, gives nothing.
+        What no setting states, like a dead length, gives nothing. It is sought from several starts, fewer
+        if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         soft = [tuple(name for name in part if conditions[name].setting) for part in parts]
         hard = [name for name in conditions if not any(name in part for part in soft)]
         bounds = self.bounds
-        answer = self.least(soft, hard)
+        self.x = self.x if near is None else near
+        answer = self.least(soft, hard) if near is None else self.least(soft, hard, starts=2)
         if answer.missed > MET:
             return None
         written = self.on_grid(answer, soft, hard)
@@ -121,15 +128,15 @@ def concessions(
     for name, amount in amounts.items():
         c = of[name]
         if c.setting and amount > 0 and c.limit:
-            values.setdefault(c.setting, value := _value(requirements, c, amount))
-            values[c.setting] = (min if _falls(c) else max)(values[c.setting], value)
+            own = _value(requirements, c, amount)
+            values[c.setting] = (min if _falls(c) else max)(values.get(c.setting, own), own)
     found = []
     for part, names in enumerate(parts):
         for name in names:
             c, amount = of[name], amounts.get(name, 0.0)
             value = values.get(c.setting) if amount > 0 else None
-            own = _granted(requirements, c, _value(requirements, c, amount)) if value is not None else amount
-            given = max(amount, own)
+            stated = amount if value is None else _granted(requirements, c, _value(requirements, c, amount))
+            given = max(amount, stated)
             found.append(
                 Concession(
                     name=name,
@@ -142,7 +149,7 @@ def concessions(
                     part=part,
                     setting=c.setting,
                     value=value,
-                )  # fmt: skip
+                )
             )
     return tuple(found)
 

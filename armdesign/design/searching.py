@@ -13,7 +13,7 @@ from armdesign.design.codesign import Search, hertz
 from armdesign.design.elastic import Elastic
 from armdesign.design.polishing import polish
 from armdesign.design.problem import Problem
-from armdesign.design.refusal import MISSED, kept_within, refusal
+from armdesign.design.refusal import kept_within, refusal
 from armdesign.design.requirements import Requirements
 from armdesign.design.settling import settled
 from armdesign.design.variables import chosen
@@ -21,6 +21,8 @@ from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
 STARTS = 3
+MISSED = 1e-5  # by which a search may miss a requirement
+EXACT = 1e-6  # share of what is missed that a step must promise, where a design that meets all is sought
 NEARLY = 1e-3  # by which a search that is not at its end may miss one, and still meet it there
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
@@ -129,7 +131,7 @@ def met(search: Search) -> Search:
     """
     if search.violation > MISSED:
         elastic = Elastic(search.problem, search.x, search.holding)
-        found = elastic.least((), elastic.names)
+        found = elastic.least((), elastic.names, EXACT)
         if found.met:
             kept_within(search, found.x)
         elif error := refusal(search):

@@ -165,9 +165,7 @@ class _Hunt:
                 break
             depth, tried = 3 * depth, threshold
         if len(chosen) == 0:
-            raise InfeasibleError(
-                self.frame.name, f"none of {self._count} combinations is allowed, as far as tried", "offer other sizes"
-            )
+            raise self.choices.refusal(f"none of {self._count} combinations is allowed, as far as tried")
         return reached, max(reached, missed), chosen
 
     # -------------------------------------------------------------------------------------------------- relaxation
