@@ -115,7 +115,7 @@ def concessions(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
 ) -> tuple[Concession, ...]:
-    """What the requirements of conflicts give, with the settings that grant it; amounts are those that these grant.
+    """What the requirements of conflicts give, with the settings that grant it.
 
     Args:
         requirements: that are in conflict.
@@ -135,8 +135,6 @@ def concessions(
         for name in names:
             c, amount = of[name], amounts.get(name, 0.0)
             value = values.get(c.setting) if amount > 0 else None
-            stated = amount if value is None else _granted(requirements, c, _value(requirements, c, amount))
-            given = max(amount, stated)
             found.append(
                 Concession(
                     name=name,
@@ -144,8 +142,8 @@ def concessions(
                     unit=c.unit,
                     limit=c.limit,
                     at_least=c.at_least,
-                    together=given,
-                    alone=given if len(names) == 1 else alone.get(name),
+                    together=amount,
+                    alone=amount if len(names) == 1 else alone.get(name),
                     part=part,
                     setting=c.setting,
                     value=value,
@@ -169,12 +167,6 @@ def _value(requirements: Requirements, c: Check | Condition, amount: float) -> f
     ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
     value = _stated(requirements, c) * (1 / ratio if c.setting.startswith("speed.") else max(ratio, 0.0))
     return outward(value, DIGITS, not _falls(c))
-
-
-def _granted(requirements: Requirements, c: Check | Condition, value: float) -> float:
-    """The amount that a setting grants."""
-    ratio = value / _stated(requirements, c)
-    return abs(c.limit) * abs((1 / ratio if c.setting.startswith("speed.") else ratio) - 1)
 
 
 def sentence(conflict: Sequence[Concession], settles: bool = True, none_meets: str = "no design meets") -> str:

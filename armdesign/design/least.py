@@ -29,7 +29,7 @@ from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
 from armdesign.design.searching import MISSED, STARTS, finished, met, multistart, posed
 from armdesign.design.selection import Selection
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
@@ -176,7 +176,7 @@ class _Hunt:
             try:
                 search, trial = self._chosen(guess, sizes)
             except InfeasibleError as error:
-                low, below = guess, 0.0 if error.conflict else math.inf
+                low, below = guess, math.inf if isinstance(error, UntriedError) else 0.0
                 continue
             if _frequency(search) >= self.frequency:
                 selection = trial
