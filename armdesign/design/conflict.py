@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from armdesign.arrays import Array
 from armdesign.design.candidates import Condition
 from armdesign.design.check import Check
-from armdesign.design.elastic import MET, Answer, Elastic
+from armdesign.design.elastic import MET, STARTS, Answer, Elastic
 from armdesign.design.requirements import Requirements
 from armdesign.errors import Concession
 from armdesign.units import WORKSHOP, deg, outward
 
 PAIRS = 60  # of requirements that are tried for a smaller conflict
-PARTS = 5  # conflicts that are looked for
+PARTS = 8  # conflicts that are looked for
 DIGITS = 6  # of a setting that gives
 
 
@@ -95,7 +95,9 @@ class Conflict(Elastic):
         hard = [name for name in conditions if not any(name in part for part in soft)]
         bounds = self.bounds
         self.x = self.x if near is None else near
-        answer = self.least(soft, hard) if near is None else self.least(soft, hard, starts=2)
+        answer = self.least(soft, hard, starts=2 if near is not None else STARTS)
+        if answer.missed > MET and near is not None:
+            answer = self.least(soft, hard)
         if answer.missed > MET:
             return None
         written = self.on_grid(answer, soft, hard)

@@ -24,7 +24,7 @@ MET = 1e-6  # a share of its limit by which a requirement may be missed
 STEPS = 40
 PRICE = 100.0  # of a requirement that must hold, against the largest share of those that may give
 EACH = 1e-3  # of every other share that is given: what need not give does not
-DRAWN = 1  # designs drawn from which requirements are tried, besides those at hand
+STARTS = 3  # designs from which requirements are tried: the one at hand, today's, others drawn
 FINE, ROUGH = 1e-4, 1e-3  # shares of what is missed that a step must promise to be made
 NEARBY = 0.05  # how far the rest may go at first when a size goes to the grid
 
@@ -100,7 +100,7 @@ class Elastic:
             found[c.name] = c, max(0.0, float(np.max(missed + kept * size)))
         return found
 
-    def least(self, soft: Groups, hard: Collection[str], tolerance: float = FINE, starts: int = 2 + DRAWN) -> Answer:
+    def least(self, soft: Groups, hard: Collection[str], tolerance: float = FINE, starts: int = STARTS) -> Answer:
         """The design that meets ``hard`` and of whose ``soft`` groups the largest shares missed are least in sum.
 
         Each start is followed until a step promises less than a share ``tolerance`` of what is missed.

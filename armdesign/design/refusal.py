@@ -66,7 +66,15 @@ def _conflict(search: Search, share: float) -> tuple[Conflict, tuple[tuple[str, 
     """Conflicts near a search with limits drawn in by a share, and the least that they must give."""
     conflict = Conflict(search.problem.tightened(share), search.x, search.holding)
     parts = conflict.parts()
-    return conflict, parts, conflict.relaxed(parts) if parts else None
+    if not parts:
+        return conflict, (), None
+    found = conflict.relaxed(parts)
+    if found is None:  # what conflicts cannot give enough: anything else may help
+        others = tuple(name for name in conflict.names if not any(name in part for part in parts))
+        found = conflict.relaxed([*parts, others])
+        helps = tuple(name for name in others if found and found.amounts.get(name, 0.0) > 0)
+        parts = (*parts, helps) if helps else parts
+    return conflict, parts, found
 
 
 def _error(

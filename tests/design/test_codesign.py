@@ -179,7 +179,7 @@ RELAXED: dict[str, Callable[[float], dict[str, Any]]] = {  # settings with a lim
     "speed.up": _speed,
     "oil.": lambda k: {"oil_each_share": 1.03 * k},
     "thrust.": lambda k: {"thrust_share": 1.02 * k},
-    "holding.": lambda k: {"holding_share": 0.75 * k},
+    "holding.": lambda k: {"holding_share": 0.667 * k},
     "buckling.": lambda k: {"buckling_share": 1.1 * (2 - k)},
     "digging.": lambda k: {"digging_share": 0.98 * (2 - k)},
 }
