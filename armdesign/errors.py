@@ -104,6 +104,10 @@ class InfeasibleError(ArmDesignError):
         return type(self), (self.part, self.problem, self.remedy, self.conflict)
 
 
+class UntriedError(InfeasibleError):
+    """No design that was tried meets the requirements, but not all were tried."""
+
+
 class SimulationError(ArmDesignError):
     """The nonlinear run could not be completed or identified."""
 

@@ -21,9 +21,9 @@ from armdesign.arrays import Array, Flags
 from armdesign.cylinder import Cylinder
 from armdesign.design.catalogue import Sizes, offered, sized
 from armdesign.design.check import Check, check, slacks, static_loads
-from armdesign.design.conflict import concessions, remedy, sentence
+from armdesign.design.conflict import concessions, nearest, remedy, sentence
 from armdesign.design.requirements import Requirements
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
@@ -98,6 +98,21 @@ class Choices:
         for i, options in enumerate(self.cylinders):
             areas[:, i] = _areas(options)[combinations[:, i]]
         return np.asarray(np.all(self.judge.slacks(areas)[:, self.touched] >= 0, axis=1))
+
+    def refusal(self, words: str) -> UntriedError:
+        """The error where no combination is allowed: what the one of some at random that misses least must be given."""
+        random = np.random.default_rng(0)
+        chosen = np.column_stack([random.integers(len(options), size=BATCH) for options in self.cylinders])
+        areas = np.tile(self.judge.own, (BATCH, 1, 1))
+        for i, options in enumerate(self.cylinders):
+            areas[:, i] = _areas(options)[chosen[:, i]]
+        best = chosen[self.judge.slacks(areas)[:, self.touched].min(axis=1).argmax()]
+        checks = _checks(self.judge, [list(options) for options in self.cylinders], best)
+        lacks = {c.name: _missed(c) for c in checks if c.slack < -self.judge.tolerance}
+        of = {c.name: c for c in checks}
+        given = concessions(self.judge.requirements, [tuple(lacks)], of, lacks, {})
+        told = f"{words}{nearest(given)}"
+        return UntriedError(self.judge.frame.name, told, remedy(given, " or offer other sizes"), given)
 
 
 def choices(
@@ -228,14 +243,14 @@ class _Sums:
         """
         shares, every = np.zeros(len(self.slack)), np.union1d(keep, give)
         shares[give] = 2 * LOST
-        best = self._eased(shares).possible(every)
+        best = self.eased(shares).possible(every)
         if best is None:
             return None
         for some in (give, *give[:, None]):
             low, trial, high = 0.0, 0.0, self._missed(best, some)
             while trial < high:
                 shares[some] = trial
-                met = self._eased(shares).possible(every)
+                met = self.eased(shares).possible(every)
                 if met is None:
                     low = trial
                 else:
@@ -244,7 +259,7 @@ class _Sums:
             shares[some] = high + ROUNDING * (1 + high)
         return best
 
-    def _eased(self, shares: Array) -> _Sums:
+    def eased(self, shares: Array) -> _Sums:
         """The same with requirements eased by shares (m,)."""
         return replace(self, slack=self.slack + shares)
 
@@ -275,16 +290,18 @@ def _refusal(judge: Judge, options: list[list[Cylinder]], sums: _Sums) -> Infeas
     checks = _checks(judge, options, together)
     alone: dict[str, float | None] = {}
     for part in parts:
+        eased = np.zeros(len(sums.slack))
+        given = np.setdiff1d(columns, part)
+        eased[given] = [max(-checks[column].slack, 0.0) + ROUNDING for column in given]
         for column in part:
-            kept = np.union1d(others, part[part != column])
-            only = sums.nearest(np.setdiff1d(columns, part[part != column]), kept)
+            only = sums.eased(eased).nearest(np.array([column]), every[every != column])
             c = checks[column]
             alone[c.name] = None if only is None else _missed(_checks(judge, options, only)[column])
     names = [tuple(checks[column].name for column in part) for part in parts]
     amounts = {checks[column].name: _missed(checks[column]) for column in columns}
-    given = concessions(judge.requirements, names, {c.name: c for c in checks}, amounts, alone)
-    words = sentence(given, none_meets="no sizes of the catalogue meet")
-    return InfeasibleError(judge.frame.name, words, remedy(given, " or offer other sizes"), given)
+    conflict = concessions(judge.requirements, names, {c.name: c for c in checks}, amounts, alone)
+    words = sentence(conflict, none_meets="no sizes of the catalogue meet")
+    return InfeasibleError(judge.frame.name, words, remedy(conflict, " or offer other sizes"), conflict)
 
 
 def _checks(judge: Judge, options: list[list[Cylinder]], combination: Array) -> tuple[Check, ...]:

@@ -256,8 +256,8 @@ class Search:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
         base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
         keep = _nearest_limits(here.limits, low, high, 100)
-        at = here.limits.values[keep], here.limits.jacobian[keep]
-        value, jacobian = _padded(*(self.strictness * part for part in at))
+        at = here.limits
+        value, jacobian = _padded(self.strictness * at.values[keep], self.strictness * at.jacobian[keep])
         return _Model(rows, base / self.reference, slopes / self.reference, keep, value, jacobian)
 
     def _solve(self, model: _Model, low: Array, high: Array) -> Step:
@@ -281,10 +281,10 @@ class Search:
         here.run(PRICING, 10 * FINE, looks=2)
         return {
             name: Worth(at_margin=gain, gain=here._gain(name, gain) if gain > PRICED else gain)
-            for name, gain in here._at_margin().items()
+            for name, gain in here.margins().items()
         }
 
-    def _at_margin(self) -> dict[str, float]:
+    def margins(self) -> dict[str, float]:
         """Relative gain in the worst frequency per 1 % of each requirement, by its multiplier."""
         here = self._trial(self.x, self.limits)
         low_x, high_x = self.bounds

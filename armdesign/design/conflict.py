@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from armdesign.arrays import Array
 from armdesign.design.candidates import Condition
 from armdesign.design.check import Check
-from armdesign.design.elastic import MET, Answer, Elastic
+from armdesign.design.elastic import MET, STARTS, Answer, Elastic
 from armdesign.design.requirements import Requirements
 from armdesign.errors import Concession
 from armdesign.units import WORKSHOP, deg, outward
 
 PAIRS = 60  # of requirements that are tried for a smaller conflict
-PARTS = 5  # conflicts that are looked for
+PARTS = 8  # conflicts that are looked for
 DIGITS = 6  # of a setting that gives
 
 
@@ -30,6 +30,11 @@ class Relaxation:
     conditions: dict[str, Condition]
     amounts: dict[str, float]
     x: Array
+
+    @property
+    def nothing(self) -> bool:
+        """Whether nothing need give."""
+        return all(amount <= MET * abs(self.conditions[name].limit) for name, amount in self.amounts.items())
 
 
 @dataclass(eq=False)
@@ -79,16 +84,20 @@ class Conflict(Elastic):
                 kept = rest
         return tuple(kept)
 
-    def relaxed(self, parts: Sequence[Sequence[str]]) -> Relaxation | None:
+    def relaxed(self, parts: Sequence[Sequence[str]], near: Array | None = None) -> Relaxation | None:
         """The least by which the requirements of ``parts`` give, those of a part alike; None if that does not help.
 
-        What no setting states, like a dead length, gives nothing.
+        What no setting states, like a dead length, gives nothing. It is sought from several starts, fewer
+        if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         soft = [tuple(name for name in part if conditions[name].setting) for part in parts]
         hard = [name for name in conditions if not any(name in part for part in soft)]
         bounds = self.bounds
-        answer = self.least(soft, hard)
+        self.x = self.x if near is None else near
+        answer = self.least(soft, hard, starts=2 if near is not None else STARTS)
+        if answer.missed > MET and near is not None:
+            answer = self.least(soft, hard)
         if answer.missed > MET:
             return None
         written = self.on_grid(answer, soft, hard)
@@ -108,7 +117,7 @@ def concessions(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
 ) -> tuple[Concession, ...]:
-    """What the requirements of conflicts give, with the settings that grant it; amounts are those that these grant.
+    """What the requirements of conflicts give, with the settings that grant it.
 
     Args:
         requirements: that are in conflict.
@@ -121,15 +130,13 @@ def concessions(
     for name, amount in amounts.items():
         c = of[name]
         if c.setting and amount > 0 and c.limit:
-            values.setdefault(c.setting, value := _value(requirements, c, amount))
-            values[c.setting] = (min if _falls(c) else max)(values[c.setting], value)
+            own = _value(requirements, c, amount)
+            values[c.setting] = (min if _falls(c) else max)(values.get(c.setting, own), own)
     found = []
     for part, names in enumerate(parts):
         for name in names:
             c, amount = of[name], amounts.get(name, 0.0)
             value = values.get(c.setting) if amount > 0 else None
-            own = _granted(requirements, c, _value(requirements, c, amount)) if value is not None else amount
-            given = max(amount, own)
             found.append(
                 Concession(
                     name=name,
@@ -137,12 +144,12 @@ def concessions(
                     unit=c.unit,
                     limit=c.limit,
                     at_least=c.at_least,
-                    together=given,
-                    alone=given if len(names) == 1 else alone.get(name),
+                    together=amount,
+                    alone=amount if len(names) == 1 else alone.get(name),
                     part=part,
                     setting=c.setting,
                     value=value,
-                )  # fmt: skip
+                )
             )
     return tuple(found)
 
@@ -162,12 +169,6 @@ def _value(requirements: Requirements, c: Check | Condition, amount: float) -> f
     ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
     value = _stated(requirements, c) * (1 / ratio if c.setting.startswith("speed.") else max(ratio, 0.0))
     return outward(value, DIGITS, not _falls(c))
-
-
-def _granted(requirements: Requirements, c: Check | Condition, value: float) -> float:
-    """The amount that a setting grants."""
-    ratio = value / _stated(requirements, c)
-    return abs(c.limit) * abs((1 / ratio if c.setting.startswith("speed.") else ratio) - 1)
 
 
 def sentence(conflict: Sequence[Concession], settles: bool = True, none_meets: str = "no design meets") -> str:

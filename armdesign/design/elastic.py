@@ -24,7 +24,8 @@ MET = 1e-6  # a share of its limit by which a requirement may be missed
 STEPS = 40
 PRICE = 100.0  # of a requirement that must hold, against the largest share of those that may give
 EACH = 1e-3  # of every other share that is given: what need not give does not
-STARTS = 1  # drawn designs from which requirements are tried, besides those at hand
+STARTS = 3  # designs from which requirements are tried: the one at hand, today's, others drawn
+FINE, ROUGH = 1e-4, 1e-3  # shares of what is missed that a step must promise to be made
 NEARBY = 0.05  # how far the rest may go at first when a size goes to the grid
 
 Groups: TypeAlias = Sequence[Collection[str]]  # requirements that give, those of a group by a common share at most
@@ -61,11 +62,15 @@ class Answer:
 
 @dataclass(eq=False)
 class Elastic:
-    """The limits of a problem, drawn in as it says, near the design ``x``; ``holding`` rows are watched."""
+    """The limits of a problem, drawn in as it says, near the design ``x``; ``holding`` rows are watched.
+
+    ``depth`` is a share by which all limits are drawn in besides: what misses that least lies furthest inside.
+    """
 
     problem: Problem
     x: Array
     holding: Array
+    depth: float = 0.0
     bounds: tuple[Array, Array] = field(init=False)  # of x
 
     def __post_init__(self) -> None:
@@ -83,7 +88,7 @@ class Elastic:
 
     def can(self, names: Collection[str]) -> bool:
         """Whether some design meets these requirements."""
-        return not names or self.least((), names).met
+        return not names or self.least((), names, ROUGH).met
 
     def amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
         """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
@@ -95,17 +100,22 @@ class Elastic:
             found[c.name] = c, max(0.0, float(np.max(missed + kept * size)))
         return found
 
-    def least(self, soft: Groups, hard: Collection[str]) -> Answer:
-        """The design that meets ``hard`` and of whose ``soft`` groups the largest shares missed are least in sum."""
+    def least(self, soft: Groups, hard: Collection[str], tolerance: float = FINE, starts: int = STARTS) -> Answer:
+        """The design that meets ``hard`` and of whose ``soft`` groups the largest shares missed are least in sum.
+
+        Each start is followed until a step promises less than a share ``tolerance`` of what is missed.
+        """
         random = np.random.default_rng(0)
         low, high = self.bounds
         pins = np.array([v.pin is not None for v in self.problem.variables])
         best: Answer | None = None
-        for k in range(2 + (STARTS if pins.any() else 0)):
+        for k in range(starts if pins.any() else min(starts, 2)):
             x = (self.x, self.problem.start)[k].copy() if k < 2 else self.x.copy()
             if k >= 2:
                 x[pins] = random.uniform(0.7 * low[pins], 0.7 * high[pins])
-            answer = self._watched(np.clip(x, low, high), soft, hard)  # sizes that are chosen are not today's
+            answer = self._watched(
+                np.clip(x, low, high), soft, hard, tolerance=tolerance
+            )  # sizes that are chosen are not today's
             if best is None or answer.cost < best.cost - MET:
                 best = answer
             if best.met:
@@ -130,7 +140,7 @@ class Elastic:
             low, high, x = (part.copy() for part in (*before, answer.x))
             low[entry] = high[entry] = x[entry] = value
             self.bounds = low, high
-            found = self._watched(x, soft, hard, NEARBY)
+            found = self._watched(x, soft, hard, NEARBY, ROUGH)
             yield found, self.bounds
             self.bounds = before
             if found.cost < answer.cost + MET:
@@ -141,15 +151,17 @@ class Elastic:
         watched = names is None or any(name.startswith("holding.") for name in names)
         rows = self.holding if watched else self.holding[:0]
         kept = [c for c in conditions_at(self.problem, x, rows) if names is None or c.name in names]
-        share = [(c.room - drawn_in(self.problem, c)) / _room_per_limit(c) for c in kept]
+        share = [(c.room - drawn_in(self.problem, c)) / _room_per_limit(c) - self.depth for c in kept]
         room = np.concatenate(share, axis=1)
         labels = [c.name for c, part in zip(kept, share, strict=True) for _ in range(part.shape[1])]
         return _Missed(labels, room[0].real, room.imag.T / STEP)
 
-    def _watched(self, x: Array, soft: Groups, hard: Collection[str], trust: float = 0.3) -> Answer:
+    def _watched(
+        self, x: Array, soft: Groups, hard: Collection[str], trust: float = 0.3, tolerance: float = FINE
+    ) -> Answer:
         """As ``_descend``, until no pose of the workspace is loaded more than those that are watched."""
         for _ in range(4):
-            answer = self._descend(x, soft, hard, trust)
+            answer = self._descend(x, soft, hard, trust, tolerance)
             if not any(name.startswith("holding.") for name in {*hard}.union(*soft)):
                 break
             rows = holding_rows(self.problem, answer.x)
@@ -158,7 +170,7 @@ class Elastic:
             self.holding, x = np.union1d(self.holding, rows).astype(int), answer.x
         return answer
 
-    def _descend(self, x: Array, soft: Groups, hard: Collection[str], trust: float) -> Answer:
+    def _descend(self, x: Array, soft: Groups, hard: Collection[str], trust: float, tolerance: float) -> Answer:
         names = {*hard}.union(*soft)
         low, high = self.bounds
         at = self._at(x, names)
@@ -171,7 +183,7 @@ class Elastic:
             change, foreseen, tight = _step(at, soft, *box)
             merit = given + PRICE * missed
             promised = merit - foreseen
-            if promised < 1e-5 * merit:
+            if promised < tolerance * merit:
                 break
             trial = self._at(x + change, names)
             moved = _least_of(trial, soft)

@@ -12,7 +12,7 @@ same limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from armdesign.bands import Bands
 from armdesign.design.assortment import bettered, refuse_fixed, sizes_for_pins, with_sizes
 from armdesign.design.catalogue import Sizes, sizes_of
 from armdesign.design.check import cylinder_mass
-from armdesign.design.codesign import Search, hertz
+from armdesign.design.codesign import PRICED, Search, hertz
 from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
 from armdesign.design.provenance import call
@@ -30,7 +30,7 @@ from armdesign.design.requirements import Requirements
 from armdesign.design.rounding import worst_on_poses
 from armdesign.design.searching import MISSED, Starts, finished, met, multistart, posed
 from armdesign.design.selection import Selection
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.machine import Machine
 from armdesign.workspace import Workspace
 
@@ -39,6 +39,7 @@ WIDEST = 4.0  # times today's amount
 GROWTH = 1.3  # of the amount, until it is enough
 NARROW = 3e-4  # bracket of the amount, relative
 LESS = 1e-6  # share by which the next combination of a catalogue must need less than the last
+NAMED = 3  # requirements named where a frequency is out of reach
 SEARCHES = 40
 TURNS = 5  # of sizes for an amount and the amount for sizes
 ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016)  # shares of the amount that rounding may cost
@@ -164,7 +165,8 @@ class _Hunt:
         low = amount / WIDEST**2
         while _frequency(search) < self.frequency:
             if amount >= WIDEST * self._today:
-                raise self._out_of_reach(_frequency(met(search)))
+                search = met(search)
+                raise self._out_of_reach(_frequency(search), search.margins())
             low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
             search = self._search(amount, search)
         return search, low
@@ -189,7 +191,7 @@ class _Hunt:
             try:
                 search, trial = self._chosen(guess, sizes)
             except InfeasibleError as error:
-                low, below = guess, 0.0 if error.conflict else math.inf
+                low, below = guess, math.inf if isinstance(error, UntriedError) else 0.0
                 continue
             if _frequency(search) >= self.frequency:
                 selection = trial
@@ -239,11 +241,15 @@ class _Hunt:
     def _amount(self, search: Search) -> float:
         return float(getattr(search.problem.requirements, AMOUNTS[self.of]))
 
-    def _out_of_reach(self, reached: float) -> InfeasibleError:
+    def _out_of_reach(self, reached: float, margins: Mapping[str, float] | None = None) -> InfeasibleError:
+        """The error that says what is reached, and which limits hold it back, by their ``margins`` if known."""
+        gains = margins or {}
+        dear = sorted((name for name, gain in gains.items() if gain > PRICED), key=lambda name: -gains[name])
+        dearest = f", {' and '.join(dear[:NAMED])} first," if dear else ""
         return InfeasibleError(
             self.problem.machine.name,
             f"{self.frequency:.4g} Hz is out of reach: the other requirements allow {reached:.4g} Hz",
-            "loosen them or ask for less",
+            f"loosen them{dearest} or ask for less",
         )
 
 

@@ -144,9 +144,9 @@ def pareto(
             )  # fmt: skip
             found[limit] = tighter
         except InfeasibleError as error:
-            left_out[limit] = error.problem
+            left_out[limit], refused = error.problem, error
     if not found:
-        raise InfeasibleError(machine.name, f"no value of {against} can be met", next(iter(left_out.values())))
+        raise InfeasibleError(machine.name, f"no value of {against} can be met", refused.problem, refused.conflict)
     return Pareto(against=against, limits=tuple(found), designs=tuple(found.values()), left_out=left_out, today=machine)
 
 

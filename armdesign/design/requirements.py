@@ -232,7 +232,8 @@ class Requirements:
                 replace(one, **{attribute: value * unit}) if getattr(one, named) == name else one
                 for one in getattr(self, own)
             )
-            return replace(self, **{own: tuple(ones)})
+            listed: dict[str, Any] = {own: tuple(ones)}
+            return replace(self, **listed)
         if head == "digging_kN":
             return replace(self, digging_force={**self.digging_force, rest[0]: value * kN})
         attribute, unit = _NUMBERS[path]

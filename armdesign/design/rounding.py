@@ -31,7 +31,7 @@ from armdesign.modes import lowest_frequency
 from armdesign.units import litre, mm
 from armdesign.workspace import Workspace
 
-DEPTHS = (2e-3, 3e-4)  # shares by which limits are drawn in where a machine as far inside as can be is sought
+DEPTH = 2e-3  # share of its limit by which a machine keeps inside where rounding is hard
 COMBINATIONS = 128  # of rounded bores and rods that are tried
 TUNED = 3  # sizes whose pins are tuned in earnest
 TIGHTENING = 1e-4  # share by which limits are drawn in for that
@@ -47,7 +47,7 @@ def written(search: Search) -> Judged | None:
     Where pins vary, bores and rods, the coarser ones, are rounded first and the pins follow, see ``_tuned``. Where that
     fails, or no pin varies, limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes made
     to cover the joint ranges, and of the bores and rods around it the best that pass are taken; if none passes, the
-    limits are drawn in more. At last frequency is left aside, see ``_inmost``. None where all of that fails.
+    limits are drawn in more. At last frequency is left aside, see ``inmost``. None where all of that fails.
     """
     today = search.problem.machine
     passed = [judged for judged in (_judged(machine, search) for machine in _tuned(search)) if not _failed(judged)]
@@ -60,8 +60,8 @@ def written(search: Search) -> Judged | None:
                 break
         if passed:
             break
-    if not passed:
-        passed = [judged for judged in (_judged(machine, search) for machine in _inmost(search)) if not _failed(judged)]
+    if not passed and (deep := inmost(search)) is not None:
+        passed.append(deep)
     if len(passed) > 1:  # of one alone nothing need be known
         passed = [max(passed, key=lambda judged: worst_on_poses(judged[0], search.problem))]
     if passed:
@@ -69,20 +69,22 @@ def written(search: Search) -> Judged | None:
     return _judged(today, search) if _hardly_gained(search) else None
 
 
-def _inmost(search: Search) -> Iterator[Machine]:
-    """Machines as far as can be from every limit, near a search: sizes go to the grid while the rest follows."""
+def inmost(search: Search) -> Judged | None:
+    """A machine near a search as far inside all limits as can be, sizes on the grid; None if it misses one even so."""
     problem = search.problem
-    for depth in DEPTHS:
-        elastic = Elastic(problem.tightened(depth), search.x, search.holding)
-        soft = (elastic.names,)
-        found = elastic.on_grid(elastic.least(soft, ()), soft, ())
-        choice = [
-            round(size, 1) for i in range(len(problem.machine.cylinders)) for size in diameters(problem, found.x, i)
-        ]
-        if problem.sizes:
-            choice = _options(search)[1]
-        changes = _weighed(problem, _pin_changes(problem, found.x) | _size_changes(problem, choice, found.x))
-        yield problem.machine.replace(changes)
+    drawn_in = problem.tightened(TIGHTENING if problem.moving else 0.0)
+    elastic = Elastic(drawn_in, search.x, search.holding, DEPTH)
+    soft = (elastic.names,)
+    x = elastic.on_grid(elastic.least(soft, ()), soft, ()).x
+    choice = _options(search)[1] if problem.sizes else _on_grid(problem, x)
+    changes = _weighed(problem, _pin_changes(problem, x) | _size_changes(problem, choice, x))
+    judged = _judged(problem.machine.replace(changes), search)
+    return None if _failed(judged) else judged
+
+
+def _on_grid(problem: Problem, x: Array) -> list[float]:
+    """Bores and rods in a row [mm] of a design that has them on the grid, without the arithmetic's last digits."""
+    return [round(size, 6) for i in range(len(problem.machine.cylinders)) for size in diameters(problem, x, i)]
 
 
 def _judged(machine: Machine, search: Search) -> Judged:

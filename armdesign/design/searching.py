@@ -14,7 +14,7 @@ from armdesign.design.codesign import NEARLY, Search, hertz
 from armdesign.design.elastic import Elastic
 from armdesign.design.polishing import polish
 from armdesign.design.problem import Problem
-from armdesign.design.refusal import MISSED, kept_within, refusal
+from armdesign.design.refusal import kept_within, refusal
 from armdesign.design.requirements import Requirements
 from armdesign.design.settling import settled
 from armdesign.design.variables import chosen
@@ -23,8 +23,10 @@ from armdesign.workspace import Workspace
 
 STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
 POLISHED = 4  # times at most, where four-bars move
-GAINED = 1e-5  # of today's lowest ÏÂ², by the last of them
+GAINED = 1e-5  # of today's lowest ω², by the last of them
 NAMED = 3  # requirements, of a start that failed
+MISSED = 1e-5  # by which a search may miss a requirement
+EXACT = 1e-6  # share of what is missed that a step must promise, where a design that meets all is sought
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
@@ -166,7 +168,7 @@ def met(search: Search) -> Search:
     """
     if search.violation > MISSED:
         elastic = Elastic(search.problem, search.x, search.holding)
-        found = elastic.least((), elastic.names)
+        found = elastic.least((), elastic.names, EXACT)
         if found.met:
             kept_within(search, found.x)
         elif error := refusal(search):

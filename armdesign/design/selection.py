@@ -169,9 +169,7 @@ class _Hunt:
                 break
             depth, tried = 3 * depth, threshold
         if len(chosen) == 0:
-            raise InfeasibleError(
-                self.frame.name, f"none of {self._count} combinations is allowed, as far as tried", "offer other sizes"
-            )
+            raise self.choices.refusal(f"none of {self._count} combinations is allowed, as far as tried")
         return reached, math.inf if contradicted(worth.bound, reached) else max(reached, missed), chosen
 
     # -------------------------------------------------------------------------------------------------- relaxation

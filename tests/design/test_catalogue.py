@@ -305,11 +305,15 @@ def test_pins_follow_the_chosen_sizes() -> None:
 
 def test_says_what_no_combination_meets() -> None:
     machine, space = double(), workspace_of("double")
-    # by hand: 1.2² of today's bore area sweeps 44 % too much; its thrust, 44 % over today's, conflicts by itself too
-    with pytest.raises(InfeasibleError, match=r"meet oil.cap.total .*\(44 %\); others conflict besides") as error:
+    # by hand: 1.2² of today's bore area sweeps and pushes 44 % too much; each of these conflicts by itself
+    with pytest.raises(InfeasibleError, match=r"meet oil.cap.total .*\(44 %\); nor .*\(44 %\)") as error:
         ad.size_cylinders(machine, space, Requirements(thrust_share=1.0), catalogue=[(120 * mm, 80 * mm)])
-    (only,) = error.value.conflict
-    assert only.together == pytest.approx(0.44 * only.limit)
+    given = {c.name: c for c in error.value.conflict}
+    assert len(given) == len({c.part for c in given.values()})
+    for name in ("oil.cap.total", "thrust.lift", "thrust.fold"):
+        assert given[name].together == pytest.approx(0.44 * given[name].limit)
+    granted = Requirements(thrust_share=1.0).granting(error.value.conflict)
+    ad.size_cylinders(machine, space, granted, catalogue=[(120 * mm, 80 * mm)])
     limits = Requirements(oil_total_share=0.99, oil_each_share=2, thrust_share=2)
     with pytest.raises(InfeasibleError, match=r"oil.cap.total") as error:
         ad.size_cylinders(machine, space, limits, catalogue=[(100 * mm, 63 * mm), (110 * mm, 70 * mm)])
@@ -341,22 +345,26 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
         choices(machine, machine, space, limits, sizes)
     except InfeasibleError as error:
         conflict = error.conflict
-        settled = "besides" not in str(error)
     else:
         assert np.any(np.all(found >= 0, axis=1))
         return
     assert conflict
     columns = [names.index(c.name) for c in conflict]
-    met = found[:, columns] >= -1e-9
-    assert not np.any(met.all(axis=1))
-    for k, c in enumerate(conflict):
-        rest = [j for j in range(len(columns)) if j != k]
-        assert np.any(met[:, rest].all(axis=1))
-        others = np.all(np.delete(found, columns, axis=1) >= -1e-9, axis=1) if settled else np.ones(len(made), bool)
-        alone = others & met[:, rest].all(axis=1)
+    allowed = np.full(len(names), -1e-9)  # least slack when all give what is said
+    allowed[columns] -= [c.together / c.limit for c in conflict]
+    assert np.any(np.all(found >= allowed, axis=1))
+    for column, c in zip(columns, conflict, strict=True):
+        part = [names.index(other.name) for other in conflict if other.part == c.part]
+        rest = [j for j in part if j != column]
+        assert not np.any(np.all(found[:, part] >= -1e-9, axis=1))
+        assert np.any(np.all(found[:, rest] >= -1e-9, axis=1))
+        limit = allowed.copy()
+        limit[rest], limit[column] = -1e-9, -np.inf
+        alone = np.all(found >= limit, axis=1)
         assert (c.alone is not None) == alone.any()
         if c.alone is not None:
-            assert c.alone / c.limit == pytest.approx(max(0.0, -found[alone, columns[k]].max()), abs=1e-12)
+            assert c.alone / c.limit == pytest.approx(max(0.0, -found[alone, column].max()), abs=1e-9)
+    others = np.all(np.delete(found, columns, axis=1) >= -1e-9, axis=1)
     share = np.maximum(-found[np.ix_(others, columns)], 0.0).max(axis=1).min()
     assert max(c.together / c.limit for c in conflict) == pytest.approx(share, rel=2e-3)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cma
 import numpy as np
@@ -23,6 +24,7 @@ from armdesign.design.codesign import Search
 from armdesign.design.limits import limits
 from armdesign.design.optimum import Design
 from armdesign.design.problem import Problem
+from armdesign.design.requirements import Lift, Speed
 from armdesign.errors import InfeasibleError
 
 POINTS = (9, 9, 15)
@@ -161,6 +163,39 @@ def test_gain_of_more_oil_is_its_worth() -> None:
     priced = worth["oil.cap.total"].at_margin + worth["oil.annulus.total"].at_margin
     assert priced == pytest.approx(gain, rel=0.15)
     assert set(worth) >= set(limits(problem, problem.start).names)
+
+
+def _lift(k: float) -> dict[str, Any]:
+    pose = {"boom": 0.0, "stick": -1.5, "bucket": -0.5}
+    return {"lifts": (Lift(name="front", mass=7700 * (2 - k), joints=pose),)}
+
+
+def _speed(k: float) -> dict[str, Any]:
+    return {"speeds": (Speed(name="up", joints={"boom": 0.362 / k, "stick": -0.362 / k}),)}
+
+
+RELAXED: dict[str, Callable[[float], dict[str, Any]]] = {  # settings with a limit relaxed by a factor k − 1
+    "lift.front": _lift,
+    "speed.up": _speed,
+    "oil.": lambda k: {"oil_each_share": 1.03 * k},
+    "thrust.": lambda k: {"thrust_share": 1.02 * k},
+    "holding.": lambda k: {"holding_share": 0.667 * k},
+    "buckling.": lambda k: {"buckling_share": 1.1 * (2 - k)},
+    "digging.": lambda k: {"digging_share": 0.98 * (2 - k)},
+}
+
+
+@pytest.mark.parametrize("name", RELAXED)
+def test_worth_is_what_solving_again_says(name: str) -> None:
+    """Sizes and pins: the whole 1 %, 5 %; pins far apart are nearly as good, so the optimum moves far for little."""
+    search = solved(problem_of("excavator", **RELAXED[name](1.0)))
+    eased = problem_of("excavator", **RELAXED[name](1.01))
+    again = Search(problem=eased, x=eased.like(search.x, search.problem)).run(0.1, 1e-8)
+    gain = math.sqrt(again.squared / search.squared) - 1
+    assert gain > 1e-4
+    kept = ("oil.cap.total", "oil.annulus.total")  # another setting's
+    worth = sum(w.gain for label, w in search.worth().items() if label.startswith(name) and label not in kept)
+    assert worth == pytest.approx(gain, rel=0.05)
 
 
 # -------------------------------------------------------------------------------------------------- sets of designs
