@@ -117,7 +117,7 @@ def _head(today: Machine, requirements: Requirements, command: str) -> list[str]
     """Lines of the new head."""
     source = today.source.name
     paragraphs = [
-        f"{saving.MADE.removeprefix("# ")} {version('armdesign')} on {date.today().isoformat()} from {source}: "
+        f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on {date.today().isoformat()} from {source}: "
         f"{today.section.title or today.name}.",
         f"Command: {command}",
         f"Requirements: {_stated(today, requirements)}.",
