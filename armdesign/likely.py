@@ -90,6 +90,8 @@ def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool])
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15:
         return None
+    if not unit_of(path) and abs(value) <= 1:
+        return None  # a share, not per cent
     found = [(value * factor, unit) for unit, factor in units_of(path).items() if plausible(value * factor)]
     low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
     if low > 0:  # the one that is nearer to the middle is likelier
@@ -106,7 +108,7 @@ def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:
 # ------------------------------------------------------------------------------------------------- as it is written
 
 _COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
+_THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
 
 

@@ -639,7 +639,8 @@ def _with_cause(
         yield MachineFileError(part, f"{cause.words}; now {error.problem}", cause.remedy, line)
         yield error
     else:
-        problem, remedy = f"{cause.words}: {error.problem}", f"{cause.remedy}, or {error.remedy}"
+        part = error.part.removeprefix(f"{machine.source.name}: ")
+        problem, remedy = f"{cause.words}: {part}: {error.problem}", f"{cause.remedy}, or {error.remedy}"
         yield MachineFileError(f"{machine.source.name}: {cause.path}", problem, remedy)
 
 

@@ -418,7 +418,7 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
         unit = meant(keys, back, usual(keys))
         problem, remedy = f"{back:g} bar is not below the supply's {supply:g} bar", "give a lower return pressure"
         if unit and back > 100:
-            problem, remedy = f"looks like {unit.unit}: {problem}", f"{unit.remedy}, or {remedy}"
+            remedy = f"it looks like {unit.unit}: {unit.remedy}, or {remedy}"
         refuse("supply.return_pressure_bar", problem, remedy)
     for name, payload in machine.payload.items():
         if payload.mass_kg > 0 and (payload.link is None or payload.at_mm is None):

@@ -7,6 +7,7 @@ link is the root says nothing while a joint's ends are wrong.
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -176,7 +177,7 @@ def _of_numbers(
 
 def _without_commas(text: str, count: int) -> str:
     """The numbers that were meant by a text with decimal commas, or with commas between them; "" if none were."""
-    for meant in (text.replace(",", "."), text.replace(",", " ")):
+    for meant in (re.sub(r"(\d),(\d)", r"\1.\2", text).replace(",", " "), text.replace(",", " ")):
         values = numbers(ET.Element("meant", value=meant), "value", "")
         if "," in text and len(values) == count and np.all(np.isfinite(values)):
             return " ".join(meant.split())
