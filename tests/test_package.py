@@ -26,6 +26,7 @@ ORDER = [
         "foreign",
         "poses",
         "ranges",
+        "causes",
         "parts",
         "machine",
         "modes",
