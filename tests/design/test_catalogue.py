@@ -323,11 +323,15 @@ def test_says_what_no_combination_meets() -> None:
     with pytest.raises(InfeasibleError, match=r"meet thrust.(lift|fold) .*together with buckling.\1 ") as error:
         ad.size_cylinders(machine, space, limits, catalogue=[(100 * mm, 50 * mm), (115 * mm, 80 * mm)])
     assert "\n" not in str(error.value)
-    thrust, buckling = error.value.conflict
-    assert thrust.together / thrust.limit == pytest.approx(1.15**2 / 1.2 - 1)
-    assert thrust.alone == pytest.approx(thrust.together)
-    assert buckling.together == 0
-    assert buckling.alone == pytest.approx(buckling.limit * (1 - (50 / 63) ** 4))
+    given = {c.name: c for c in error.value.conflict}
+    assert set(given) == {f"{kind}.{name}" for kind in ("thrust", "buckling") for name in ("lift", "fold")}
+    for name in ("lift", "fold"):  # a conflict of each cylinder's own
+        thrust, buckling = given[f"thrust.{name}"], given[f"buckling.{name}"]
+        assert thrust.part == buckling.part
+        assert thrust.together / thrust.limit == pytest.approx(1.15**2 / 1.2 - 1)
+        assert thrust.alone == pytest.approx(thrust.together)
+        assert buckling.together == 0
+        assert buckling.alone == pytest.approx(buckling.limit * (1 - (50 / 63) ** 4))
 
 
 @pytest.mark.parametrize("seed", range(12))
