@@ -266,12 +266,15 @@ def test_air_behind_valves_that_leak() -> None:
 def test_wide_underlap() -> None:
     """What damps so much, and shifts the frequency by a quarter, is told from a fault."""
     changes = {f"cylinder.{name}.valve.overlap_percent": -5.0 for name in ("boom", "stick", "bucket")}
-    validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
-    for run in validation.runs:
+    machine = ad.load("excavator_20t").with_payload("full").replace(changes)
+    for run in validate(machine, WORST, cylinders=["boom"]).runs:
         assert run.remark == "leaks"
         assert run.linear_damping > 0.4
         assert run.deviation < -0.2
-        assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=1e-2)
+        assert abs(run.identified_frequency - run.frequency_at_rest) < 3 * run.fit.frequency_deviations[0]
+    for run in validate(machine, WORST, cylinders=["boom"], amplitude=1e-4).runs:  # the edges bend the flow no more
+        assert run.remark == "leaks"
+        assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=2e-3)
 
 
 def test_creep() -> None:
@@ -332,7 +335,8 @@ def test_poses_and_payloads_make_rows() -> None:
 def test_a_sweep_that_hardly_breaks_loose() -> None:
     """It does not show the mode, as the table and its verdict tell; without dry friction it does."""
     machine = helpers.with_friction(ad.load("paper_1dof"), Friction(coulomb=1500, static=1500))
-    validation = validate(machine, [0.0], amplitude=0.002)
+    assert isinstance(validate(machine, [0.0], amplitude=0.001).runs[0].with_friction, judging.Failure)
+    validation = validate(machine, [0.0], amplitude=0.004)
     for run in validation.runs:
         assert run.remark == "agrees"
         assert isinstance(run.with_friction, judging.Run)
