@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -262,17 +262,20 @@ class _Front:
     def finish_stiff(self, records: _Records, most: int) -> None:
         """Finish those whose steps of late were far below what their oscillations need."""
         steps = np.maximum(WINDOW - LANDING * self.landed, 0)
-        slow = self.time - self._before < steps * self.needed / STIFF
+        gained = self.time - self._before
+        slow = gained < steps * self.needed / STIFF
         self._before, self.landed[:] = self.time.copy(), 0
         for row in (row for row in self.under_way() if slow[row]):
             try:
-                self._finish(row, records, most)
+                self._finish(row, records, most, float(gained[row]))
             except GaveUpError as error:
                 self.errors[int(self.cases[row])] = error
                 self._end(row)
 
-    def _finish(self, row: int, records: _Records, most: int) -> None:
-        """The rest of a case by LSODA; where that cannot go on, the explicit pair takes over for a while.
+    def _finish(self, row: int, records: _Records, most: int, gained: float) -> None:
+        """The rest of a case by LSODA; where that cannot go on the explicit pair takes over for a while.
+
+        So it does where LSODA gains less time [s] in a window of steps than the explicit pair ``gained`` before.
 
         Raises:
             GaveUpError: it takes too many evaluations.
@@ -290,15 +293,15 @@ class _Front:
             self.time[row], self.state[row] = time, state
             records.fill(case, time, between)
 
-        limits = self.longest[row], self.tolerance
-        while _implicitly(rates, taken, self.time[row], self.stop[row], self.state[row], *limits):
+        limits = self.longest[row], self.tolerance, gained
+        while _implicitly(rates, taken, self.time[row], self.stop[row], self.state[row], limits):
             self.time[row] = self.stop[row]
             if self.time[row] == self.ends[row]:
                 break
             self.begin([row])
         else:
             self.slope[row] = rates(self.time[row], self.state[row])
-            self.size[row] = min(FIRST_STEP, self.most[row])
+            self.size[row], self._before[row] = min(FIRST_STEP, self.most[row]), self.time[row]
         self.step[row] = min(self.size[row], self.stop[row] - self.time[row])
 
     def under_way(self) -> list[int]:
@@ -418,15 +421,18 @@ def _implicitly(
     begin: float,
     end: float,
     state: Array,
-    longest: float,
-    tolerance: float,
+    limits: tuple[float, float, float],
 ) -> bool:
     """One case from ``begin`` to ``end`` by LSODA (Petzold 1983), which turns implicit by itself, and back.
 
-    Every step is told to ``taken``: its end, the state there and what gives states (m, k) at times within it. Returns
-    whether ``end`` was reached; if not, LSODA has failed, or met a jump or rates that are no numbers.
+    Every step is told to ``taken``: its end, the state there and what gives states (m, k) at times within it.
+    ``limits``: longest step [s], tolerance, and the time [s] to gain in a window of steps. Returns whether ``end`` was
+    reached; if not, LSODA has failed, met a jump or rates that are no numbers, or gained too little: a jump taken for
+    steep rates keeps its steps short for ever.
     """
     from scipy.integrate import LSODA
+
+    longest, tolerance, gained = limits
 
     def finite(time: float, at: Array) -> Array:
         found = rates(time, at)
@@ -437,13 +443,16 @@ def _implicitly(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # LSODA warns and fails; what comes of it is told by who goes on
         try:
-            first = min(FIRST_STEP, longest, end - begin)
+            first, marks = min(FIRST_STEP, longest, end - begin), deque[float](maxlen=WINDOW)
             solver = LSODA(finite, begin, state, end, first, max_step=longest, rtol=tolerance, atol=tolerance)
             while solver.status == "running":
+                marks.append(solver.t)
                 solver.step()
                 if solver.status == "failed" or solver.t - solver.t_old < INSTANT * max(solver.t, 1.0):
                     return False
                 taken(solver.t, solver.y.copy(), solver.dense_output())
+                if len(marks) == WINDOW and solver.status == "running" and solver.t - marks[0] < gained:
+                    return False
         except FloatingPointError:
             return False
     return True

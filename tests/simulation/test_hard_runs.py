@@ -12,6 +12,7 @@ from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.linearization import linearize
 from armdesign.simulation import motion
+from armdesign.simulation.excitation import Table
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
 from armdesign.simulation.motion import Simulation, simulate
 from armdesign.simulation.plant import Plant
@@ -38,6 +39,21 @@ def told(run: Simulation, *words: str) -> None:
 def test_into_the_end_stop(excavator: Machine) -> None:
     run = simulate(excavator, WORST, {"boom": always(1.0)}, duration=1.0, tolerance=1e-7)
     told(run, "boom reached its outer stop at 0.4", "boom's spool was fully open", "taken as ideal")
+
+
+@pytest.mark.parametrize("compliance", [3e-8, 4e-8])
+def test_out_of_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
+    """Into the inner stops and out: where a stop lets go the rates jump, and steps must grow again from there on."""
+    machine = excavator.replace({f"cylinder.{name}.compliance_m_per_N": compliance for name in CYLINDERS})
+    low, high = excavator.ranges.T
+    there = Table([0, 1.5, 1.5, 2], [-0.9, -0.9, 0.6, 0.6])
+    start, command = low + 0.15 * (high - low), dict.fromkeys(CYLINDERS, there)
+    run, finer = (simulate(machine, start, command, duration=2.0, tolerance=tol) for tol in (1e-8, 1e-9))
+    assert run.extensions.min(axis=0).max() < 0  # all three were in their stops
+    assert run.extensions[-1].min() > 0
+    assert run.energy_error < 1e-6
+    assert np.all(np.diff(run.dissipated) > -1e-6)
+    np.testing.assert_allclose(run.q, finer.q, rtol=0, atol=1e-5)
 
 
 def test_cavitating_load(excavator: Machine) -> None:
