@@ -90,6 +90,11 @@ def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array
     return np.where((shares > 0) & (shares < 1), mixed[0] + mixed[1], ends)
 
 
+def weighted_share(flags: Flags, weights: Array) -> float:
+    """Share that is so (n,), each value counting as much as its weight (n,) ≥ 0; as one, where all are zero."""
+    return float(np.average(flags, weights=weights if weights.any() else None))
+
+
 @cache
 def terminal() -> Console:
     """The console on stderr; one for all who show progress, so that spinners and bars leave each other's lines."""

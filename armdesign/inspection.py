@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arm import RigidPoses
-from armdesign.arrays import Array
+from armdesign.arrays import Array, weighted_share
 from armdesign.cylinder import Actuator, Cylinder, euler_safety, holding_force, kind
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
@@ -136,7 +136,7 @@ class Inspection:
     def share_held(self, payload: str) -> float:
         """Share of joint space within the workspace in which a load case exists."""
         held = self.machine.with_payload(payload).holds(self.workspace.rigid)
-        return float(np.average(held, weights=self.workspace.weights))
+        return weighted_share(held, self.workspace.weights)
 
     @cached_property
     def loads(self) -> list[Load]:
@@ -300,9 +300,10 @@ class Inspection:
             yield Finding(part=f"payload.{name}", words=f"no natural frequencies: {error}")
             return
         if np.any(lowest == 0):
+            unstable = weighted_share(lowest == 0, self.workspace.weights[rows])
             yield Finding(
                 part=f"payload.{name}",
-                words=f"{100 * float((lowest == 0).mean()):.1f} % of the poses are unstable (0 Hz): gravity overcomes "
+                words=f"{100 * unstable:.1f} % of the poses are unstable (0 Hz): gravity overcomes "
                 "the trapped oil; is the bulk modulus or the payload right?",
             )
 

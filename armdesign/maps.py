@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks, percentiles
+from armdesign.arrays import Array, Flags, chunks, percentiles, weighted_share
 from armdesign.cylinder import Actuator, Motor
 from armdesign.errors import PoseError
 from armdesign.machine import Machine
@@ -113,8 +113,7 @@ class FrequencyMap:
         import pandas as pd
 
         names = [function.name for function in self.machine.functions]
-        weights = self.weights if self.weights.any() else None
-        shares = {name: float(np.average(self.limiting == name, weights=weights)) for name in names}
+        shares = {name: weighted_share(self.limiting == name, self.weights) for name in names}
         return pd.Series(shares, name="share")
 
     @property
@@ -175,7 +174,7 @@ class FrequencyMap:
 
     @property
     def beyond_reliefs(self) -> dict[str, tuple[float, float]]:
-        """Functions whose port relief some load presses open: the share of rows, and the largest static pressure [Pa].
+        """Functions whose port relief some load presses open: share of joint space, and largest static pressure [Pa].
 
         It cannot be held there, whatever the supply: the function gives way.
         """
@@ -184,7 +183,7 @@ class FrequencyMap:
         for function, pressure in zip(functions, self.static_pressures.T, strict=True):
             open_ = pressure > function.relief(supply)
             if open_.any():
-                found[function.name] = float(open_.mean()), float(pressure.max())
+                found[function.name] = weighted_share(open_, self.weights), float(pressure.max())
         return found
 
     def reach_map(self, cells: int | None = None) -> ReachMap:

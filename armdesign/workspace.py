@@ -25,6 +25,7 @@ POSES = 20_000  # of the default grid
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MOST = 5_000_000
 MARGIN_TOLERANCE = 1e-9
+ON_EDGE = 4000  # poses that `spread` takes on an edge of the joint box, and on its cuts with pitch limits
 WAYS = 6  # starts per cell on each edge of the joint ranges
 
 
@@ -290,10 +291,11 @@ def spread(case: Machine, workspace: Workspace, count: int) -> Array:
     ``count`` of them inside. Of joints that change neither frequency nor reach one value is taken.
     """
     ranges, still = workspace.ranges, _still(case)
-    parts = [_spread(ranges, still, count, count * 3 // 4)]
+    parts = [_spread(ranges, still, count, count * 3 // 4, ON_EDGE)]
     joints = tipping_joints(case, case.payload) if case.payload.pitch else []
     for joint in joints:
-        others = _spread(ranges, still | {joint}, count // 10 if joint == joints[-1] else 0, count // 25)
+        inside = count // 10 if joint == joints[-1] else 0
+        others = _spread(ranges, still | {joint}, inside, count // 6, ON_EDGE)
         parts.append(_on_pitch_limits(case, case.payload, others, joint, workspace.axes))
     return np.concatenate(parts)
 
@@ -310,16 +312,16 @@ def tipped(case: Machine, workspace: Workspace, q: Array) -> Array:
     return _on_pitch_limits(case, case.payload, q, joints[-1], workspace.axes) if joints else q[:0]
 
 
-def _spread(ranges: Array, still: Collection[int], inside: int, faces: int) -> Array:
+def _spread(ranges: Array, still: Collection[int], inside: int, faces: int, on_edge: int = 1000) -> Array:
     """Poses inside the joint box, and ``faces`` on its faces, as many on its edges, and so on; ``still`` at one end.
 
-    An edge has up to 1000.
+    An edge has up to ``on_edge``.
     """
     parts, moving = [np.empty((0, len(ranges)))], len(ranges) - len(still)
     for ends in product(*((0,) if j in still else (0, 1, None) for j in range(len(ranges)))):
         inner = ends.count(None)
         alike = math.comb(moving, inner) * 2 ** (moving - inner)
-        each = inside if inner == moving else min(faces / alike, 1000**inner)
+        each = inside if inner == moving else min(faces / alike, on_edge**inner)
         values = max(int(each ** (1 / max(inner, 1))), 2)
         if each > 0:
             lines = (over(r, values) if end is None else r[[end]] for r, end in zip(ranges, ends, strict=True))

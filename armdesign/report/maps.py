@@ -42,8 +42,9 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
     for function in machine.functions:
         if function.name in beyond:
             share, most = beyond[function.name]
+            where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
             notes.append(
-                f"at {100 * share:.2g} % of the poses and loads {function.name} needs more than its relief holds: up "
+                f"at {where} {function.name} needs more than its relief holds: up "
                 f"to {units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
                 "valve holds the load there"
             )

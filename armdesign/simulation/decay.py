@@ -91,7 +91,7 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
     if len(time) < 8 * modes:
         raise SimulationError(part, f"{len(time)} records are too few", f"record {8 * modes} or more")
     found, singular = _answers(signals, modes, part)
-    weights = np.exp(TEMPER * (np.array([one.likelihood for one in found]) - max(one.likelihood for one in found)))
+    weights = np.exp(TEMPER * (np.array(list(map(_likelihood, found))) - max(map(_likelihood, found))))
     weights /= weights.sum()
     values = np.array([one.modes(modes) for one in found])  # (·, 2, modes): |λ Δt|, ζ
     mean = np.einsum("i,ijk->jk", weights, values)
@@ -115,9 +115,10 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
 def _answers(signals: Array, modes: int, part: str) -> tuple[list[_Refined], Array]:
     """Fits of the modes, and of further ones as long as the record makes them likely, under noise of all orders.
 
+    Colour can pass for a mode and a mode for colour: counts are compared under the same noise, then at their best.
     The second is the singular values of the Hankel matrix.
     """
-    found, of_all = list[_Refined](), np.zeros(0)
+    found, of_all, least, margin = list[_Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
     for count in range(modes, modes + FURTHER + 1):
         starts, singular, most = _starts(signals, count)
         if count == modes:
@@ -125,15 +126,22 @@ def _answers(signals: Array, modes: int, part: str) -> tuple[list[_Refined], Arr
         if not starts:
             break
         plain = _refined(signals, min(starts, key=lambda start: _eliminated(signals, start, WHITE).cost), WHITE)
-        best = max((one.likelihood for one in found), default=-math.inf)
-        if plain.likelihood < best - NEGLIGIBLE / TEMPER:
+        if plain.likelihood < least:
             break
-        found += [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
+        least = plain.likelihood - margin
+        group = [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
+        if found and max(map(_likelihood, group)) < max(map(_likelihood, found)) - margin:
+            break
+        found += group
         if np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals):
             break
     if not found:
         raise SimulationError(part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer")
     return found, of_all
+
+
+def _likelihood(answer: _Refined) -> float:
+    return answer.likelihood
 
 
 def _starts(signals: Array, modes: int) -> tuple[list[Array], Array, int]:
