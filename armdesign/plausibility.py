@@ -137,7 +137,7 @@ class _Suspicions:
         return size if size > 0.05 * self._whole else self._whole
 
     def _span(self, i: int) -> float:
-        """Largest distance of a cylinder's pins [m] within its joint's limits, or its open length if they do not tell."""
+        """Largest distance of a cylinder's pins [m] within its joint's limits; its open length if they are no help."""
         linkage, cylinder = self.machine.linkages[i], self.machine.cylinders[i]
         if len(linkage.joints) != 1 or self._far(self.machine.arm.joints[linkage.joints[0]]):
             return cylinder.open_length
