@@ -164,13 +164,18 @@ class Inspection:
             most=(float(cap.max()), float(annulus.max())),
         )
 
-    def findings(self, units: Units = WORKSHOP) -> list[Finding]:
-        """What looks odd, in the units asked for: first what may be in another unit, then what may follow from it."""
+    @cached_property
+    def suspicions(self) -> list[Finding]:
+        """What is most likely in another unit, or about a reversed axis: all other numbers may follow from it."""
         shares: dict[str, float] = {}
         for load in self.loads:
             name = self.machine.functions[load.cylinder].name
             shares[name] = max(shares.get(name, 0.0), load.share)
-        found = suspicions(self.machine, shares)
+        return suspicions(self.machine, shares)
+
+    def findings(self, units: Units = WORKSHOP) -> list[Finding]:
+        """What looks odd, in the units asked for: first what may be in another unit, then what may follow from it."""
+        found = [*self.suspicions]
         for i in range(len(self.machine.cylinders)):
             found += self._odd_cylinder(i, units)
         for j in range(len(self.machine.joints)):

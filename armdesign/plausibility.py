@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from armdesign import machine_file
-from armdesign.causes import LARGEST_ARM, TURN, cause_of
+from armdesign.causes import LARGEST_ARM, TURN, Cause, cause_of
 from armdesign.cylinder import Cylinder
 from armdesign.likely import USUAL, Meant, meant, rounded, usual
 from armdesign.linkage import Linkage
@@ -25,6 +25,7 @@ from armdesign.machine import Machine, place_in_urdf
 from armdesign.ranges import over, sweep
 from armdesign.schema import unit_of
 from armdesign.units import deg, mm
+from armdesign.urdf import Joint
 from armdesign.urdf_faults import line_of, numbers, parse
 
 NEAR, CLOSE = 1.5e-3, 0.02  # of its link: how far a pin in metres lies at most; a thousand times that is at least this
@@ -136,9 +137,9 @@ class _Suspicions:
         return size if size > 0.05 * self._whole else self._whole
 
     def _span(self, i: int) -> float:
-        """Largest distance of a cylinder's pins within its joint's limits [m]; its open length if it spans several."""
+        """Largest distance of a cylinder's pins [m] within its joint's limits; its open length if they are no help."""
         linkage, cylinder = self.machine.linkages[i], self.machine.cylinders[i]
-        if len(linkage.joints) != 1:
+        if len(linkage.joints) != 1 or self._far(self.machine.arm.joints[linkage.joints[0]]):
             return cylinder.open_length
         joint = linkage.joints[0]
         with np.errstate(invalid="ignore"):
@@ -198,23 +199,25 @@ class _Suspicions:
         machine = self.machine
         for j, joint in enumerate(machine.arm.joints):
             own = [(k, c) for k, c in zip(machine.linkages, machine.cylinders, strict=True) if k.joints == (j,)]
-            if own and (cause := cause_of(machine.arm, j, own, faulty=False)) is not None:
-                if cause.path != "urdf" and cause.in_urdf:
-                    _, line = place_in_urdf(machine, j, cause)
-                    words = f"{cause.words}: {cause.remedy} (line {line})"
-                    yield Finding(part=f"joint {joint.name}", words=words)
-                elif not cause.in_urdf:
-                    yield self._finding(cause.path, cause.words, cause.remedy)
-            elif own and joint.revolute and max(abs(joint.lower), abs(joint.upper)) > TURN:
-                words = (
-                    f"limits [{joint.lower:g}, {joint.upper:g}] rad look like degrees: no cylinder turns a joint so far"
-                )
-                remedy = f'write lower="{rounded(joint.lower * deg)}" upper="{rounded(joint.upper * deg)}"'
-                yield Finding(part=f"joint {joint.name}", words=f"{words}; {remedy}")
-            elif own and not joint.revolute and max(abs(joint.lower), abs(joint.upper)) > 30 * self._longest:
-                words = f"limits [{joint.lower:g}, {joint.upper:g}] m look like millimetres"
-                remedy = f'write lower="{rounded(joint.lower * mm)}" upper="{rounded(joint.upper * mm)}"'
-                yield Finding(part=f"joint {joint.name}", words=f"{words}: {remedy}")
+            cause = (cause_of(machine.arm, j, own, faulty=False) or self._far(joint)) if own else None
+            if cause is not None and cause.path != "urdf" and cause.in_urdf:
+                _, line = place_in_urdf(machine, j, cause)
+                words = f"{cause.words}: {cause.remedy} (line {line})"
+                yield Finding(part=f"joint {joint.name}", words=words)
+            elif cause is not None and not cause.in_urdf:
+                yield self._finding(cause.path, cause.words, cause.remedy)
+
+    def _far(self, joint: Joint) -> Cause | None:
+        """Limits farther apart than any cylinder moves a joint."""
+        if joint.revolute:
+            most, unit, factor, words = TURN, "rad", deg, "degrees, as no cylinder turns a joint so far"
+        else:
+            most, unit, factor, words = 30 * self._longest, "m", mm, "millimetres"
+        if max(abs(joint.lower), abs(joint.upper)) <= most:
+            return None
+        words = f"limits [{joint.lower:g}, {joint.upper:g}] {unit} look like {words}"
+        remedy = f'write lower="{rounded(joint.lower * factor)}" upper="{rounded(joint.upper * factor)}"'
+        return Cause(path="limits", words=words, remedy=remedy)
 
     # -------------------------------------------------------------------------------------------- the numbers
 
@@ -231,6 +234,8 @@ class _Suspicions:
                 continue
             if path == "supply.pressure_bar" and 5 < value < 100 and not overloaded:
                 continue  # a rig of low pressure that holds its loads
+            if keys[-1].endswith("flow_l_per_min") and self._quick(keys[-1], value):
+                continue  # a small model
             if found := meant(keys, value, usual(keys)):
                 yield self._unit(path, unit_of(keys).strip(), found)
 
@@ -366,11 +371,18 @@ class _Suspicions:
             new = ", ".join(f"{name} = {rounded(value / deg)}" for name, value in joints.items())
             yield self._finding(path, "looks like radians", f"write {{ {new} }}")
 
+    def _filling(self, flow: float) -> float:
+        """Time [s] in which a flow [l/min] fills all cylinders."""
+        return 60e3 * sum(c.bore_area * c.stroke for c in self.machine.cylinders) / flow
+
+    def _quick(self, key: str, flow: float) -> bool:
+        """Whether a flow [l/min] is one with which these cylinders work: the pump's, or a valve's beside the pump's."""
+        pump = self.machine.section.supply.flow_l_per_min
+        return self._filling(pump) < FILLING[0] and (key == "flow_l_per_min" or _within(flow / pump, VALVE[1]))
+
     def of_flow(self) -> Iterator[Finding]:
         """A pump flow in l/s: a small pump that needs minutes to fill the cylinders."""
-        supply = self.machine.section.supply
-        oil = 1e3 * sum(c.bore_area * c.stroke for c in self.machine.cylinders)
-        seconds = 60 * oil / supply.flow_l_per_min
+        supply, seconds = self.machine.section.supply, self._filling(self.machine.section.supply.flow_l_per_min)
         small = usual(("flow_l_per_min",))(supply.flow_l_per_min) and supply.flow_l_per_min < SMALL_PUMP
         if small and FILLING[0] < seconds < 60 * FILLING[1]:
             found = Meant(("l/s",), (60 * supply.flow_l_per_min,))

@@ -46,6 +46,13 @@ def _text(path: Path) -> str | None:
         return None
 
 
+def tells_of_making(text: str) -> bool:
+    """Whether the head of a machine file says that this package made it as a design."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
+    return any(line.startswith(MADE) for line in heading)
+
+
 def refuse_foreign(path: Path, text: str) -> None:
     """Raise if writing a machine file would replace one that this package did not make.
 
@@ -61,9 +68,7 @@ def refuse_foreign(path: Path, text: str) -> None:
     if not os.path.lexists(path) or path.is_dir():  # a folder is refused in any case
         return
     there = _text(path)
-    lines = (there or "").removeprefix("\ufeff").splitlines()
-    heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
-    ours = os.path.realpath(path) in _written or any(line.startswith(MADE) for line in heading)
+    ours = os.path.realpath(path) in _written or tells_of_making(there or "")
     if not ours and there != text:
         remedy = "name another place, or give overwrite=True"
         raise MachineFileError(str(path), "exists, and armdesign did not make it", remedy)

@@ -167,6 +167,17 @@ def test_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(("stroke", "first"), [("1.26", "What looks odd"), ("1260", "20 t crawler excavator")])
+def test_what_all_else_may_follow_from_comes_first(stroke: str, first: str, tmp_path: Path) -> None:
+    """A number in another unit makes nonsense of what is worked out with it, so it is told before."""
+    file = written(tmp_path, ("stroke_mm = 1260", f"stroke_mm = {stroke}"))
+    sheets = check_sheets(inspect(ad.load(file), ad.Workspace.grid(ad.load(file), 3)))
+    assert sheets[0].title.startswith(first)
+    assert [sheet.title for sheet in sheets].count("What looks odd") == 1
+    if stroke == "1.26":
+        assert "1.26 mm looks like metres: write stroke_mm = 1260" in sheets[0].rows[0][1]
+
+
 # ------------------------------------------------------------------------------------------------- everything wrong
 
 

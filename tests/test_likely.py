@@ -192,6 +192,16 @@ def test_a_reversed_axis(name: str, joint: str) -> None:
     assert message.endswith(f"(line {line})")
 
 
+def test_limits_of_a_slide_in_millimetres() -> None:
+    """In the line of the URDF where they stand, and nothing else is blamed for what follows from them."""
+    urdf = changed_joint(CRANE.urdf_text, "extension", 'upper="[^"]*"', r'\g<1>upper="1550"')
+    line = urdf[: urdf.index('upper="1550"')].count("\n") + 1
+    (found,) = suspected(Machine.from_text(CRANE.text, urdf, Path("x.toml")))
+    assert found.part == "joint extension"
+    assert "limits [0, 1550] m look like millimetres" in found.words
+    assert f'upper="1.55" (line {line})' in found.words
+
+
 def test_other_angles_of_the_urdf() -> None:
     urdf = EXCAVATOR.urdf_text.replace(
         '<origin xyz="0.769 0 0.222" rpy="0 0 0"/>', '<origin xyz="0.769 0 0.222" rpy="0 90 0"/>'
@@ -291,3 +301,16 @@ def test_no_copy_of_another_size_is_suspected(name: str, length: float) -> None:
     """Laboratory models and mining shovels, of the same mass or of the same density."""
     for mass in (1.0, length**3):
         assert suspected(machines.scaled(machines.named(name), length=length, mass=mass)) == []
+
+
+@pytest.mark.parametrize("length", [0.03, 0.1])
+@pytest.mark.parametrize("name", ["mini_excavator_2t", "loader_crane"])
+def test_no_small_pump_is_suspected(name: str, length: float) -> None:
+    """Flows of a copy that moves as its original does shrink with the squares of its lengths."""
+    machine = machines.scaled(machines.named(name), length=length, mass=length**3)
+    flows = {
+        path: value * length**2
+        for path, value in machine_file.flat(machine.section).items()
+        if path.endswith("flow_l_per_min")
+    }
+    assert suspected(machine.replace(flows)) == []

@@ -7,8 +7,9 @@ with the comments that tell where their numbers are from.
 
 from __future__ import annotations
 
+import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from datetime import date
 from importlib.metadata import version
@@ -26,6 +27,7 @@ from armdesign.schema import NAME_LENGTH
 NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
 WAS = "# was "
 WIDTH = 98  # columns of the head's lines
+_STORY = re.compile(rf'{WAS}(?:"(?:\\.|[^"\\])*"|[^":])*(?:: (.*))?')  # what was, and what the comment said before
 _TABLE = "requirements."
 
 
@@ -41,8 +43,9 @@ def documented(machine: Machine, today: Machine, requirements: Requirements, com
     changes = _changes(machine, today)
     changes["name"] = today.name[: NAME_LENGTH - len(NEW_NAME)] + NEW_NAME
     changes["title"] = (today.section.title or today.name) + NEW_TITLE
-    text = machine_file.write(today.text, changes, today.source.name)
-    text = _with_head(_with_old_values(text, today.text, changes), _head(today, requirements, command))
+    told = _without_stories(today.text) if saving.tells_of_making(today.text) else today.text
+    text = machine_file.write(told, changes, today.source.name)
+    text = _with_head(_with_old_values(text, told, changes), _head(today, requirements, command))
     source = today.source.with_name(f"{changes['name']}.toml")
     return Machine.from_text(text, today.urdf_text, source, machine.arm).loaded_like(machine)
 
@@ -74,11 +77,30 @@ def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
     for line, words in lines.items():
         item, former = (_found(whole, line, item=True) for whole in (document, old))
         trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
-        told = f": {origin}" if origin and not trivia.comment.startswith(WAS) else ""
-        trivia.comment = f"{WAS}{', '.join(words)}{told}"
+        trivia.comment = f"{WAS}{', '.join(words)}{origin and f': {origin}'}"
         longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
         trivia.comment_ws = " " * max(len(trivia.comment_ws) - longer, 2)  # comments stay in their column
     return tomlkit.dumps(document)
+
+
+def _without_stories(text: str) -> str:
+    """The text of a file made here in which no line says any longer what it was before; what its comment said stays."""
+    document = tomlkit.parse(text)
+    for item in _items(document):
+        if story := _STORY.fullmatch(item.trivia.comment):
+            item.trivia.comment = f"# {story[1]}" if story[1] else ""
+            item.trivia.comment_ws = item.trivia.comment_ws if story[1] else ""
+    return tomlkit.dumps(document)
+
+
+def _items(table: Any) -> Iterator[Any]:
+    """Every item of a table that has a line, and of the tables in it."""
+    for key in table:
+        item = table.item(key) if hasattr(table, "item") else table[key]
+        if hasattr(item, "trivia"):
+            yield item
+        if isinstance(item, Mapping) and not isinstance(item, InlineTable):
+            yield from _items(item)
 
 
 def _line_of(document: Any, path: str) -> tuple[str, str]:

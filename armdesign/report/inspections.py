@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 
 def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:
-    """What a machine file amounts to, and what looks odd in it."""
-    return [
+    """What a machine file amounts to, and what looks odd in it, which comes first where all else may follow from it."""
+    odd = [_oddities(inspection, units)]
+    sheets = [
         _summary(inspection, units),
         _masses(inspection, units),
         _joints(inspection, units),
@@ -21,8 +22,8 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         *([_motors(inspection, units)] if inspection.machine.motors else []),
         _levers(inspection, units),
         _static_loads(inspection, units),
-        _oddities(inspection, units),
     ]
+    return [*odd, *sheets] if inspection.suspicions else [*sheets, *odd]
 
 
 def _summary(inspection: Inspection, units: Units) -> Sheet:

@@ -132,6 +132,22 @@ def test_a_new_machine_of_a_new_machine(design: ad.Design) -> None:
     assert not re.search(r"# was .*# was|was \d+: was", again.machine.text)
 
 
+def test_lines_that_did_not_change_again_say_nothing_of_their_past(design: ad.Design) -> None:
+    """Of a machine made twice, the second file tells the second change alone; comments of old lines stay."""
+    before = tomllib.loads(design.machine.text)
+    varied = ad.optimize(
+        design.machine, ad.Workspace.grid(design.machine, [3, 4]), vary=("cylinder.boom.bore_mm",), starts=1
+    )
+    text, after = varied.machine.text, tomllib.loads(varied.machine.text)
+    assert after["cylinder"]["stick"] == before["cylinder"]["stick"]
+    assert re.search(r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text)  # it had changed before
+    changed = sum(flat(varied.machine.section)[path] != value for path, value in flat(design.machine.section).items())
+    assert text.count("# was ") == changed
+    part = text[text.index("[cylinder.stick]") : text.index("[cylinder.stick.valve]")]
+    assert re.search(r"(?m)^bore_mm = \S+ +# replace$", part)
+    assert not re.search("(?m)[ \t]+$", text)
+
+
 def test_windows_line_ends_stay(crane: ad.Machine) -> None:
     machine = ad.Machine.from_text(crane.text.replace("\n", "\r\n"), crane.urdf_text, crane.source)
     text = ad.size_cylinders(machine, ad.Workspace.grid(machine, [3, 4])).machine.text
