@@ -22,6 +22,7 @@ from armdesign.units import deg, mm
 
 Own = list[tuple[Linkage, Cylinder]]  # what moves one joint alone
 MENDS = 0.3  # fit of strokes and limits that is enough for a cause of what cannot be used at all
+BY_CHANCE = 0.8  # and for lengths in centimetres or inches: so near to what stands there, that others may fit as well
 ODD, FITS = 0.85, 0.97  # the fit that is enough beside one below ODD
 ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
 TURN = 2 * np.pi + 0.01  # [rad] beyond which no cylinder turns a joint
@@ -34,13 +35,14 @@ LENGTHS = {"stroke_mm": ("stroke",), "closed_length_mm": ("closed_length",)}
 class Cause:
     """What would mend a joint, as it looks, and what to write.
 
-    ``path`` is a key path, or "axis", "limits", "urdf" of the URDF.
+    ``path`` is a key path, or "axis", "limits", "urdf" of the URDF; ``least`` is the fit that it takes to be believed.
     """
 
     path: str
     words: str
     remedy: str
     fit: float = 0.0
+    least: float = 0.0
 
     @property
     def in_urdf(self) -> bool:
@@ -54,10 +56,10 @@ def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
     if now > ALIKE:
         return None
     tried = [dataclasses.replace(cause, fit=_fit(*trial)) for cause, trial in _trials(arm, joint, own)]
-    enough = MENDS if faulty else FITS if now < ODD else FITS_EXACTLY
+    common = MENDS if faulty else FITS if now < ODD else FITS_EXACTLY
     best = max((cause.fit for cause in tried), default=0.0)
     # the simplest of those that are about as good
-    return next((cause for cause in tried if cause.fit >= enough and cause.fit > 0.95 * best), None)
+    return next((cause for cause in tried if cause.fit >= max(common, cause.least) and cause.fit > 0.95 * best), None)
 
 
 def _fit(arm: Arm, joint: int, own: Own) -> float:
@@ -159,4 +161,4 @@ def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -
     words = f"{' and '.join(now for _, now, _ in told)} mm {looks} like {unit}"
     base = ".".join(first.split(".")[:2]) + "."
     remedy = "write " + " and ".join(f"{path.removeprefix(base)} = {new}" for path, _, new in told)
-    return Cause(path=first, words=words, remedy=remedy)
+    return Cause(path=first, words=words, remedy=remedy, least=0.0 if factor > 100 else BY_CHANCE)

@@ -142,11 +142,11 @@ def list_meant(written: str, count: int) -> str:
 
 
 def number_meant(text: str, unit: str) -> tuple[str, str]:
-    """What is wrong with a text where a number belongs, and the remedy; both "" if it is no number at all."""
+    """What is wrong with a text where a number belongs, if not the quotes alone, and the remedy; "" if it is none."""
     text = text.strip()
     if _COMMA.fullmatch(text):
         return "decimal comma, and a text", with_point(text)
     if match := _NUMBER.fullmatch(text):
         words = f"write the number alone, in {unit}" if match[2] and unit else "write it without quotes"
-        return "a text", f"{words}: {match[1]}"
+        return "", f"{words}: {match[1]}"
     return "", ""

@@ -363,6 +363,8 @@ def _explained(fault: Any, source: str, places: Places, more: str = "") -> Machi
     cause, mended = _likely(fault, location, places.written(path))
     if cause:
         problem, remedy = f"{cause}: {problem}", f"{mended}; {remedy}"
+    elif mended:
+        remedy = f"{remedy}; {mended}"
     return MachineFileError(where, problem, remedy)
 
 

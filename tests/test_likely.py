@@ -244,8 +244,8 @@ WRITTEN = [
         'bore_mm = "120,5"',
         r'boom\.bore_mm: decimal comma, and a text: "120,5" .*write 120\.5; give a number',
     ),
-    ("bore_mm = 120", 'bore_mm = "120"', r"a text: .*write it without quotes: 120"),
-    ("bore_mm = 120", 'bore_mm = "120 mm"', r"a text: .*write the number alone, in mm: 120"),
+    ("bore_mm = 120", 'bore_mm = "120"', r'"120" is not allowed; give a number .*; write it without quotes: 120'),
+    ("bore_mm = 120", 'bore_mm = "120 mm"', r'"120 mm" is not allowed; .*; write the number alone, in mm: 120'),
     ("bore_mm = 120", "bore_mm = .5", r"no digit on one side of a point \(at line 34, column \d+\); write 0\.5"),
 ]
 

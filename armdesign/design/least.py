@@ -130,7 +130,7 @@ class _Hunt:
     problem: Problem
     of: str
     frequency: float
-    command: str
+    command: str = ""
     starts: Starts = field(default_factory=Starts)
 
     def free(self, starts: int | None, seed: int, workers: int) -> Search:

@@ -19,6 +19,7 @@ import tomlkit
 from tomlkit.items import InlineTable
 
 from armdesign import machine_file, saving
+from armdesign.bands import Bands
 from armdesign.design.requirements import Requirements
 from armdesign.errors import printable
 from armdesign.machine import Machine
@@ -51,8 +52,8 @@ def documented(machine: Machine, today: Machine, requirements: Requirements, com
 
 
 def call(function: str, **arguments: Any) -> str:
-    """A call of this package as it is written in Python, arguments that are None left out."""
-    words = ", ".join(f"{name}={value!r}" for name, value in arguments.items() if value is not None)
+    """A call of this package as it is written in Python; arguments that ask for nothing are left out."""
+    words = ", ".join(f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands()))
     return f"armdesign.{function}({words})"
 
 

@@ -275,9 +275,9 @@ def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
     """Pins may follow, but 120/80 thrusts 1.44 of today: that conflict is found with the sizes as they are."""
     with pytest.raises(InfeasibleError, match=r"with the sizes of the catalogue that were tried, .*thrust") as error:
         ad.optimize(double(), workspace_of("double"), Requirements(), catalogue=[(120 * mm, 80 * mm)], starts=1)
-    (only,) = error.value.conflict
-    assert only.name in ("thrust.lift", "thrust.fold")
-    assert only.together == pytest.approx(only.limit * (1.44 / 1.1 - 1), rel=1e-6)
+    assert {one.name for one in error.value.conflict} == {"thrust.lift", "thrust.fold"}  # each by itself
+    for one in error.value.conflict:
+        assert one.together == pytest.approx(one.limit * (1.44 / 1.1 - 1), rel=1e-4)  # rounded up as a setting
 
 
 def test_pins_follow_the_chosen_sizes() -> None:
