@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,9 @@ class Step:
     end: float = math.inf
 
     def __post_init__(self) -> None:
+        for name, given in vars(self).items():
+            if not isinstance(given, Real):
+                raise SimulationError(f"step: {name}", f"{given!r} is not a number", "give one")
         if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
             problem = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
             raise SimulationError("step", problem, "give a finite size and begin, and an end after it")

@@ -168,6 +168,8 @@ def test_tables_and_steps() -> None:
     for changes in ({"end": -1.0}, {"begin": math.nan}, {"size": math.inf}):
         with pytest.raises(SimulationError, match="give a finite size and begin, and an end after it"):
             ad.Step(**({"size": 1.0} | changes))
+    with pytest.raises(SimulationError, match=r"step: size: '0\.1' is not a number; give one"):
+        ad.Step(size="0.1")  # type: ignore[arg-type]
 
 
 def test_every_excitation_tells_its_breaks(excavator: Machine) -> None:
