@@ -13,7 +13,7 @@ from armdesign.design.catalogue import Sizes, offered
 from armdesign.design.choices import TOLERANCE, choices
 from armdesign.design.codesign import Search
 from armdesign.design.problem import Problem
-from armdesign.design.searching import MISSED, Starts, finished, met, multistart
+from armdesign.design.searching import MISSED, Starts, finished, led_back, multistart
 from armdesign.design.selection import Selection, select
 from armdesign.design.sizing import StepProgramme
 from armdesign.errors import ArmDesignError, InfeasibleError
@@ -47,13 +47,15 @@ def sizes_and_pins(
 
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
+    Where no design was found that meets all requirements, with free sizes or without, the search misses some: what they
+    must give is then asked of sizes of the catalogue, which need more than free ones.
+
     Raises:
         ArmDesignError: no size varies, or forces hang on the sizes.
-        InfeasibleError: no design meets the requirements, whatever its sizes.
     """
     refuse_fixed(problem)
     best, came_to = multistart(problem, starts, seed, workers, start and start[0])
-    return with_sizes(met(best), sizes, start), came_to
+    return with_sizes(led_back(best), sizes, start), came_to
 
 
 def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None = None) -> Search:

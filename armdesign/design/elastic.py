@@ -90,6 +90,7 @@ class Elastic:
         """Whether some design meets these requirements."""
         return not names or self.least((), names, ROUGH).met
 
+    @np.errstate(invalid="ignore", divide="ignore")
     def amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
         """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
         found = {}
@@ -146,6 +147,7 @@ class Elastic:
             if found.cost < answer.cost + MET:
                 break
 
+    @np.errstate(invalid="ignore", divide="ignore")  # a dead centre or an open four-bar on the way is no better
     def _at(self, x: Array, names: Collection[str] | None) -> _Missed:
         """Requirements of some names (all if None) at x."""
         watched = names is None or any(name.startswith("holding.") for name in names)
@@ -156,6 +158,7 @@ class Elastic:
         labels = [c.name for c, part in zip(kept, share, strict=True) for _ in range(part.shape[1])]
         return _Missed(labels, room[0].real, room.imag.T / STEP)
 
+    @np.errstate(invalid="ignore", divide="ignore")
     def _watched(
         self, x: Array, soft: Groups, hard: Collection[str], trust: float = 0.3, tolerance: float = FINE
     ) -> Answer:

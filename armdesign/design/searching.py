@@ -160,17 +160,22 @@ def _outcome(
     return search.x, search.rows, search.holding, search.reference
 
 
+def led_back(search: Search) -> Search:
+    """The search, on from where all requirements are met if it ended where one is missed and a way is found."""
+    if search.violation > MISSED:
+        elastic = Elastic(search.problem, search.x, search.holding)
+        found = elastic.least((), elastic.names, EXACT)
+        if found.met:
+            kept_within(search, found.x)
+    return search
+
+
 def met(search: Search) -> Search:
     """The search, on from where all requirements are met if it ended where one is missed.
 
     Raises:
         InfeasibleError: no design meets them all; names those that conflict and what they must give.
     """
-    if search.violation > MISSED:
-        elastic = Elastic(search.problem, search.x, search.holding)
-        found = elastic.least((), elastic.names, EXACT)
-        if found.met:
-            kept_within(search, found.x)
-        elif error := refusal(search):
-            raise error
+    if led_back(search).violation > MISSED and (error := refusal(search)):
+        raise error
     return search

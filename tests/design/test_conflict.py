@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from designs import MACHINES, problem_of, workspace_of
+from machines import four_bar
 
 import armdesign as ad
 from armdesign import Machine, Requirements
@@ -17,6 +18,7 @@ from armdesign.design.check import check, cylinder_mass
 from armdesign.design.conflict import Conflict, sentence
 from armdesign.design.limits import holding_rows
 from armdesign.design.requirements import Clearance, Lift, Speed
+from armdesign.design.searching import posed
 from armdesign.errors import Concession, InfeasibleError
 from armdesign.units import outward
 
@@ -217,6 +219,28 @@ def test_granting_what_a_conflict_says_gives_a_design(name: str, vary: tuple[str
     design = ad.optimize(machine, workspace, granted, vary=vary, starts=1)
     box = granted.box(machine, workspace)
     assert min(c.slack for c in check(design.machine, machine, workspace, replace(granted, pin_box=box))) >= -1e-9
+
+
+def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
+    """What pins with free sizes must give is not enough for a catalogue: its own sizes are asked at once."""
+    machine, workspace = MACHINES["single"](), workspace_of("single")
+    requirements = replace(Requirements.of(machine), **TWO | {"oil_total_share": 0.6, "pin_box": 0.01})
+    with pytest.raises(InfeasibleError, match="sizes of the catalogue") as error:
+        ad.optimize(machine, workspace, requirements, starts=1, catalogue="iso")
+    granted = requirements.granting(error.value.conflict)
+    design = ad.optimize(machine, workspace, granted, starts=1, catalogue="iso")
+    assert min(c.slack for c in design.checks) >= -1e-9
+
+
+def test_where_pins_close_no_linkage_nothing_is_met() -> None:
+    """A four-bar that cannot be assembled is far from meeting requirements, without a word on the way."""
+    machine = four_bar("left")
+    problem = posed(machine, ad.Workspace.grid(machine, 3), None, ("linkages",))
+    x = problem.bounds[1].copy()
+    while problem.closes(x):
+        x[2 * len(machine.cylinders) :] *= -1.5
+    conflict = Conflict(problem, x, np.zeros(1, dtype=int))
+    assert conflict.violated(x)
 
 
 def test_granting_a_little_less_than_one_alone_must_give_does_not() -> None:
