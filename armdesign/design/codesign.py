@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.limits import Limits, holding_rows, limits, relaxation
+from armdesign.design.limits import Limits, conditions_at, holding_rows, limits, relaxation
 from armdesign.design.problem import Problem
 from armdesign.design.sizing import Step, StepProgramme, certificate, dual_bound, lifted, programme
 from armdesign.errors import InfeasibleError
@@ -275,14 +275,23 @@ class Search:
 
         At the margin by its multiplier; the whole 1 % by solving again from here: another limit may soon be met, and
         designs of nearly the same frequency may lie far apart, so that no box around this one holds the answer.
+        Requirements that one setting states are relaxed together, as a designer relaxes them, and share the gain by
+        their multipliers.
         """
         here = replace(self, x=self.x, squared=self.squared)
         here.bounds, here.reference = self.bounds, self.reference
         here.run(PRICING, 10 * FINE, looks=2)
-        return {
-            name: Worth(at_margin=gain, gain=here._gain(name, gain) if gain > PRICED else gain)
-            for name, gain in here.margins().items()
-        }
+        margins = here.margins()
+        settings = {c.name: c.setting for c in conditions_at(self.problem, self.x, self.holding)}
+        together: dict[str, list[str]] = {}
+        for name in margins:
+            together.setdefault(settings.get(name) or name, []).append(name)
+        found: dict[str, Worth] = {}
+        for names in together.values():
+            first = sum(margins[name] for name in names)
+            share = here._gain(names, first) / first if first > PRICED else 1.0
+            found |= {name: Worth(at_margin=margins[name], gain=share * margins[name]) for name in names}
+        return found
 
     def margins(self) -> dict[str, float]:
         """Relative gain in the worst frequency per 1 % of each requirement, by its multiplier."""
@@ -315,11 +324,11 @@ class Search:
         cylinders = self.problem.machine.cylinders
         return [f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else "" for v in self.problem.variables]
 
-    def _gain(self, name: str, expected: float) -> float:
-        """Relative gain in frequency that is found from here with a requirement relaxed by 1 %."""
-        eased = replace(self, problem=self.problem.eased({name: RELAXED}), x=self.x)
+    def _gain(self, names: Sequence[str], expected: float) -> float:
+        """Relative gain in frequency that is found from here with requirements relaxed by 1 %."""
+        eased = replace(self, problem=self.problem.eased(dict.fromkeys(names, RELAXED)), x=self.x)
         low, high = self.bounds
-        more = RELAXED * high * (np.array(self._boxes) == name)
+        more = RELAXED * high * np.isin(self._boxes, names)
         eased.bounds, eased.reference = (low - more, high + more), self.reference
         eased.run(PRICING, max(FINE, ENOUGH * expected), looks=2)
         return math.sqrt(max(eased.squared / self.squared, 1.0)) - 1

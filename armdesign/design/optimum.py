@@ -47,8 +47,8 @@ class Design:
         today: the machine it was made from.
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
-        worth: for each requirement, the relative gain in the worst frequency if it alone were relaxed by 1 %; solved
-            again from the optimum.
+        worth: for each requirement, the relative gain in the worst frequency if it were relaxed by 1 %, solved again
+            from the optimum; requirements that one setting states are relaxed together and share the gain.
         at_margin: the same if it were what the first of that 1 % buys (its multiplier), before another limit is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within the bands that it
             was made for [Hz].

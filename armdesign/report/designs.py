@@ -145,7 +145,7 @@ def _binding(design: Design, units: Units) -> Sheet:
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
         note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; "
-        f"each gain is for that requirement alone{as_they_are}",
+        f"requirements of one setting are relaxed together and share the gain{as_they_are}",
     )
 
 
