@@ -277,7 +277,8 @@ def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
         ad.optimize(double(), workspace_of("double"), Requirements(), catalogue=[(120 * mm, 80 * mm)], starts=1)
     assert {one.name for one in error.value.conflict} == {"thrust.lift", "thrust.fold"}  # each by itself
     for one in error.value.conflict:
-        assert one.together == pytest.approx(one.limit * (1.44 / 1.1 - 1), rel=1e-4)  # rounded up as a setting
+        least = one.limit * (1.44 / 1.1 - 1)
+        assert least <= one.together <= 1.001 * least  # with a little for rounding, see ``refusal.MORE``
 
 
 def test_pins_follow_the_chosen_sizes() -> None:
