@@ -18,9 +18,7 @@ settings.register_profile(
     "house", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("house")
-signal.signal(
-    signal.SIGINT, signal.default_int_handler
-)  # a background job of a shell has it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell has it ignored
 
 SHIPPED = tuple(shipped())
 EVERY = (*SHIPPED, "heavy_bars", "slewing", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
