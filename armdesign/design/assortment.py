@@ -27,7 +27,7 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
     """The best sizes of a catalogue where nothing else varies, with their proof.
 
     Raises:
-        ArmDesignError: no size varies, or forces hang on the sizes.
+        ArmDesignError: no size varies, or forces depend on the sizes.
         InfeasibleError: no combination meets the requirements.
     """
     refuse_fixed(problem)
@@ -51,7 +51,7 @@ def sizes_and_pins(
     must give is then asked of sizes of the catalogue, which need more than free ones.
 
     Raises:
-        ArmDesignError: no size varies, or forces hang on the sizes.
+        ArmDesignError: no size varies, or forces depend on the sizes.
     """
     refuse_fixed(problem)
     best, came_to = multistart(problem, starts, seed, workers, start and start[0])

@@ -115,7 +115,7 @@ def slacks(
 
     Args:
         machine: pins, strokes and supply.
-        areas: of all functions (b, nc, 2) [m²], which static loads must not hang on.
+        areas: of all functions (b, nc, 2) [m²], which static loads must not depend on.
         today: as of ``check``.
         workspace: as of ``check``.
         requirements: as of ``check``.

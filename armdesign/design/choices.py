@@ -29,11 +29,10 @@ from armdesign.workspace import Workspace
 
 TOLERANCE = 1e-9  # of a slack
 PROBES = 40  # random combinations on which requirements must be sums
-TOUCHED = 1e-12  # a slack that moves less hangs on other things
+TOUCHED = 1e-12  # a slack that moves less depends on other things
 LOST = 1e3  # times its limit: a slack below minus this is as good as any other
 BATCH = 500  # combinations judged at a time
 ROUNDING = 1e-12  # of a slack
-NONE = np.zeros(0, dtype=int)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,7 +82,7 @@ class Choices:
         slack: of the shared requirements (m,), without the changes, and the tolerance; a combination is allowed at ≥ 0.
         changes: of every function, what each of its cylinders changes on them (sizes, m).
         judge: of all requirements.
-        touched: requirements that hang on the sizes, by their number: those that ``allowed`` looks at.
+        touched: requirements that depend on the sizes, by their number: those that ``allowed`` looks at.
     """
 
     cylinders: tuple[tuple[Cylinder, ...], ...]
@@ -146,7 +145,7 @@ def choices(
             "catalogue",
             f"{frame.name} has {len(frame.functions)} {'cylinders and motors' if frame.motors else 'cylinders'} "
             f"on {len(frame.joints)} joints: "
-            "their static forces hang on the sizes",
+            "their static forces depend on the sizes",
             "choose sizes without a catalogue",
         )
     judge = Judge(frame=frame, today=today, workspace=workspace, requirements=requirements, tolerance=tolerance)

@@ -6,9 +6,9 @@ is at most, for every design x that the requirements allow,
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
 
 Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a diagonal whose entry
-there, k r² − g H/r, hangs on that cylinder alone. So the maximum over x falls apart.
+there, k r² − g H/r, depends on that cylinder alone. So the maximum over x falls apart.
 
-Own masses that hang on x: let λ0 ≥ 0 and M_j0 be inertia without them, Y_j = L_j⁻ᵀ Z_j L_j⁻¹. Where λ(x) ≥ λ0,
+Own masses that depend on x: let λ0 ≥ 0 and M_j0 be inertia without them, Y_j = L_j⁻ᵀ Z_j L_j⁻¹. Where λ(x) ≥ λ0,
 
     0 ≤ Σ_j ⟨Y_j, K_j(x) − λ M_j(x)⟩ ≤ Σ_j ⟨Y_j, K_j(x) − λ0 (M_j(x) − M_j0)⟩ − λ Σ_j ⟨Y_j, M_j0⟩,
 
@@ -128,9 +128,9 @@ class Dual:
 
     problem: Problem
     drives: tuple[Drive, ...]
-    bars: Sequence[Barred]  # own masses that hang on x
+    bars: Sequence[Barred]  # own masses that depend on x
     loads: Rows  # all rows, own masses those of one design
-    near: float  # λ0: that design's lowest ω² where own masses hang on x, else 0, over the reference
+    near: float  # λ0: that design's lowest ω² where own masses depend on x, else 0, over the reference
     watched: Array  # rows that may enter
     reference: float  # [rad²/s²]
     rows: Array

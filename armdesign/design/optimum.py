@@ -34,7 +34,7 @@ from armdesign.maps import FrequencyMap, frequency_map
 from armdesign.units import WORKSHOP
 from armdesign.workspace import Workspace
 
-SMALLER = 0.99  # areas, to tell what hangs on them
+SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
@@ -197,7 +197,7 @@ class Design:
 
     @property
     def tightest(self) -> list[Check]:
-        """Requirements that hang on the areas, that of least slack first: what counts where sizes come in steps."""
+        """Requirements that depend on the areas, that of least slack first: what counts where sizes come in steps."""
         loads = static_loads(self.machine, self.workspace)
         areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
         both = np.stack([areas, SMALLER * areas])
@@ -235,7 +235,7 @@ def optimize(
         starts: how many starts the search makes; the first is today's machine, the others are drawn in the pin box.
             None: 3, or 6 where four-bars move.
         seed: of the drawn starts. The same seed gives the same answer.
-        workers: processes that share the starts. The answer does not hang on it; a process takes some seconds to set
+        workers: processes that share the starts. The answer does not depend on it; a process takes some seconds to set
             up, so that it pays from about ten starts, or three with four-bars.
         start: a design of the same machine under other limits, where the first start is then made.
         bands: what is not known exactly. The frequency that rises is then the worst within them; requirements are

@@ -5,7 +5,7 @@ span, ∂u = (∂d − u ∂ℓ)/ℓ and the next derivative likewise, all in in
 union counts. Masses are m = (m0/(A0 c0)) A c with closed length c, see ``own_masses``.
 
 Where a four-bar moves, its knee is anywhere within the rocker's length of the pivot, fixed to the pivot's link: that is
-so for all joints but its cylinder's own, which the bound holds then (``duality.drives``), so nothing hangs on that one.
+so for all joints but its cylinder's own, which the bound holds then (``duality.drives``): nothing depends on that one.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ class Barred:
 
 
 def barred(problem: Problem) -> list[Barred] | None:
-    """The cylinders whose bars hang on x; None where a four-bar moves whose pivot is not on the base pin's link."""
+    """The cylinders whose bars depend on x; None where a four-bar moves whose pivot is not on the base pin's link."""
     own, found = problem.own, []
     for i, names in own.bars.items() if own else ():
         today, four_bar = problem.machine.cylinders[i], problem.machine.linkages[i].four_bar

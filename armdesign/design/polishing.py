@@ -78,7 +78,7 @@ def _climbed(search: Search, rows: Array) -> Array:
             return np.full_like(value, FAILED), jacobian
         if z.tobytes() not in known:
             at = limits(problem, x, search.holding)
-            met = z[-1] * problem.scale  # where masses hang on x, slopes are exact for the ω² that bind
+            met = z[-1] * problem.scale  # where masses depend on x, slopes are exact for the ω² that bind
             base, slopes = (part / problem.scale for part in problem.matrices(x, rows, met))
             squared, vectors = np.linalg.eigh(base)
             slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES].reshape(-1, len(x))

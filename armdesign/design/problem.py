@@ -30,7 +30,7 @@ from armdesign.poses import static_forces
 class Rows:
     """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q with the load.
 
-    Own masses that hang on x are not in them. Where masses have bands, a load case at other masses is another one:
+    Own masses that depend on x are not in them. Where masses have bands, a load case at other masses is another one:
     ``payload`` counts on.
     """
 
@@ -96,7 +96,7 @@ class Problem(DesignSpace):
     def under(self, requirements: Requirements) -> Problem:
         """The same problem under other requirements that leave the pin boxes as they are."""
         other = self._like(dataclasses.replace(self, requirements=requirements))
-        for name in ("_asked", "variables"):  # the areas' ends hang on the thrust
+        for name in ("_asked", "variables"):  # the areas' ends depend on the thrust
             vars(other).pop(name, None)
         return other
 
@@ -111,7 +111,7 @@ class Problem(DesignSpace):
         return dataclasses.replace(self, machine=self._soft, bands=masses)
 
     def _like(self, other: Problem) -> Problem:
-        """A problem that differs in its limits alone: what does not hang on them is not computed again."""
+        """A problem that differs in its limits alone: what does not depend on them is not computed again."""
         fields = {f.name for f in dataclasses.fields(self)}
         vars(other).update({name: value for name, value in vars(self).items() if name not in fields})
         return other
@@ -123,7 +123,7 @@ class Problem(DesignSpace):
 
     @cached_property
     def bare(self) -> Machine:
-        """Today's machine without the own masses that hang on x."""
+        """Today's machine without the own masses that depend on x."""
         return self.machine if self.own is None else self.own.rest
 
     # ------------------------------------------------------------------------------------------------------------ loads
@@ -158,7 +158,7 @@ class Problem(DesignSpace):
         return mass + added[0], gravity + added[1], slope + added[2]
 
     def stepped_own(self, x: Array, rigid: RigidPoses) -> Loads:
-        """M, g and ∂g/∂q of the own masses that hang on x, with a complex step along each of its entries (nx, n, …)."""
+        """M, g and ∂g/∂q of own masses that depend on x, with a complex step along each of its entries (nx, n, …)."""
         assert self.own is not None
         linkages, areas, closed = self.linkages(x), self.stepped_areas(x), self.stepped_strokes(x)[0]
         own, units = self.own.masses(areas, closed, linkages), self.own.units(linkages, closed[0].real, rigid)
@@ -175,7 +175,7 @@ class Problem(DesignSpace):
         return total
 
     def lightness(self, x: Array, rows: Array) -> Array:
-        """L⁻¹M L⁻ᵀ (n, nq, nq) of rows without the own masses that hang on x, in the frame of M = L Lᵀ at x."""
+        """L⁻¹M L⁻ᵀ (n, nq, nq) of rows without the own masses that depend on x, in the frame of M = L Lᵀ at x."""
         lower = inverse_root(self.loads(x, self.rows, rows)[0])
         return np.asarray(lower @ self.rows.mass[rows] @ np.swapaxes(lower, 1, 2))
 
@@ -238,7 +238,7 @@ class Problem(DesignSpace):
 
     @cached_property
     def _still(self) -> Still | None:
-        """What areas leave alone, where no pin varies and neither static forces nor masses hang on the areas."""
+        """What areas leave alone, where no pin varies and neither static forces nor masses depend on the areas."""
         if self._fixed is None or self.own is not None or len(self.machine.functions) != len(self.machine.joints):
             return None
         g, pose, lower = self._fixed, self.rows.pose, self._inverse_cholesky
@@ -260,8 +260,8 @@ class Problem(DesignSpace):
     def matrices(self, x: Array, rows: Array, squared: float = 0.0) -> tuple[Array, Array]:
         """L⁻¹K L⁻ᵀ of rows (n, nq, nq) and its derivatives by x (nx, n, nq, nq).
 
-        Where M hangs on x, L stays and the derivatives are those of K − M·``squared``: the change of K x = ω² M x that
-        counts near an ω² of ``squared`` [rad²/s²].
+        Where M depends on x, L stays and the derivatives are those of K − M·``squared``: the change of K x = ω² M x
+        that counts near an ω² of ``squared`` [rad²/s²].
         """
         length, arm, curve = self.geometry(x, self.workspace.rigid[self.rows.pose[rows]], derivatives=True).stepped()
         (closed, stroke), areas = self.stepped_strokes(x), self.stepped_areas(x)
@@ -277,8 +277,8 @@ class Problem(DesignSpace):
     def scaled(self, x: Array, rows: Array, about: Array | None = None, squared: float = 0.0) -> Array:
         """L⁻¹K L⁻ᵀ of rows (n, nq, nq).
 
-        Where M hangs on x: L⁻¹(K − ω²(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ at ``about`` (x itself if None) with an ω²
-        of ``squared`` [rad²/s²]. Its lowest eigenvalue is above, at or below ω² where that of K v = λ M v is.
+        Where M depends on x: L⁻¹(K − ω²(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ at ``about`` (x itself if None) with an
+        ω² of ``squared`` [rad²/s²]. Its lowest eigenvalue is above, at or below ω² where that of K v = λ M v is.
         """
         matrix, mass, _ = self._assembled(x, rows)
         if self.own is None:

@@ -204,7 +204,7 @@ def nearest_misses(search: Search) -> list[Check]:
 
 
 def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array, Array] | None]:
-    """Today's sizes on pins and strokes on the grid, and its static loads; None where they hang on the sizes."""
+    """Today's sizes on pins and strokes on the grid, and its static loads; None where they depend on the sizes."""
     changes = _pin_changes(search.problem, search.x)
     frame = search.problem.machine.replace(changes) if changes else search.problem.machine
     still = search.problem.own is None and len(frame.functions) == len(frame.joints)

@@ -125,11 +125,11 @@ def dual_bound(step: Step, base: Array, slopes: Array, value: Array, jacobian: A
 
 
 def lifted(found: float, reached: float, weights: Array, light: Array) -> float:
-    """An upper bound on λ where M hangs on x too, from one on its stand-in near a λ that is ``reached``.
+    """An upper bound on λ where M depends on x too, from one on its stand-in near a λ that is ``reached``.
 
     Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``found`` ≥ Σ ⟨Z_j, that⟩ for all x.
     Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ found − reached − (λ − reached) Σ ⟨Z_j, L⁻¹M L⁻ᵀ⟩, and M is
-    never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light`` (n, nq, nq), the identity where M does not hang on x.
+    never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light`` (n, nq, nq), the identity where M does not depend on x.
     """
     return reached + max(found - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
 

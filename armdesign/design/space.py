@@ -163,7 +163,7 @@ class DesignSpace:
 
     @cached_property
     def own(self) -> OwnMasses | None:
-        """The bars that weigh and hang on x; None where none does."""
+        """The bars that weigh and depend on x; None where none does."""
         bars = {}
         for i, cylinder in enumerate(self.machine.cylinders):
             places = {place for place, _ in self.moves(i).values()}

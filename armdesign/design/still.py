@@ -11,7 +11,7 @@ from armdesign.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """All rows of a problem in which only areas vary and static forces do not hang on them.
+    """All rows of a problem in which only areas vary and static forces do not depend on them.
 
     Lengths, static forces (n, nc), and in the frame of L⁻¹, M = L Lᵀ: arm L⁻¹r (n, nc, nq) and rest, K without oil
     (n, nq, nq).

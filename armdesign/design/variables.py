@@ -108,7 +108,7 @@ def _known(machine: Machine) -> dict[str, set[str]]:
 def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
     """Paths of the coordinates of a cylinder's linkage that can move: its place and which of its coordinates.
 
-    None across several joints: its range hangs on other cylinders too, so its stroke would not follow from its pins.
+    None across several joints: its range depends on other cylinders too, so its stroke would not follow from its pins.
     """
     linkage, name = machine.linkages[i], machine.cylinders[i].name
     if len(linkage.joints) != 1:

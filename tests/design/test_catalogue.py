@@ -100,7 +100,7 @@ def test_one_actuator_by_hand() -> None:
     (cylinder,) = design.machine.cylinders
     assert (cylinder.bore, cylinder.rod) == pytest.approx((110 * mm, 67 * mm))
     assert design.bound == pytest.approx(design.unrounded, rel=1e-12)
-    # what hangs on sizes, the tightest first, by hand; pins and strokes do not
+    # what depends on sizes, the tightest first, by hand; pins and strokes do not
     annulus = 1 - (110**2 - 67**2) / (100**2 - 63**2) / 1.3
     by_hand = {"oil.annulus.lift": annulus, "thrust.lift": 1 - 1.21 / 1.25, "buckling.lift": (67 / 63) ** 4 / 1.21 - 1}
     by_hand["oil.cap.lift"] = 1 - 1.21 / 1.3

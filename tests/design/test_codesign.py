@@ -139,7 +139,7 @@ def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
     judged = new.requirements(old, points=(7, 7, 9))
     assert len(judged) > 30
     assert [name for name, (_, _, met) in judged.items() if not met and not name.startswith("digging ")] == []
-    for name in ("stick", "bucket"):  # the force at the tooth hangs on where the bucket stands: within 2 %
+    for name in ("stick", "bucket"):  # the force at the tooth depends on where the bucket stands: within 2 %
         value, limit, _ = judged[f"digging {name}"]
         assert value > limit - 0.02
 

@@ -1,4 +1,4 @@
-"""What an optimum must not hang on, and what it must beat, on machines that nobody shipped: drawn at random."""
+"""What an optimum must not depend on, and what it must beat, on machines that nobody shipped: drawn at random."""
 
 from __future__ import annotations
 
