@@ -19,6 +19,7 @@ from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
 from armdesign.simulation.loop import ENERGY, ByName, Command, Loop
 from armdesign.simulation.plant import Plant, stack_shape
+from armdesign.simulation.rest import Holding
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
@@ -241,27 +242,26 @@ def _refuse(case: Case) -> None:
 def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
     """Runs of one shape."""
     plants = [Plant(case.machine) for case in cases]
-    starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
+    starts, held = zip(*(_start(plant, case) for plant, case in zip(plants, cases, strict=True)), strict=True)
     loop = Loop.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
     return [
         _failure(loop.picked([row]), states, tolerance)
         if isinstance(states, GaveUpError)
-        else _recorded(loop.picked([row]), float(case.duration), states, _unheld(plants[row], case))
+        else _recorded(loop.picked([row]), float(case.duration), states, _unheld(held[row]))
         for row, (case, states) in enumerate(zip(cases, _states(loop, cases, tolerance), strict=True))
     ]
 
 
-def _start(plant: Plant, case: Case) -> Array:
-    """State (size,) at t = 0: rest, but for the velocity."""
-    state = plant.rest(case.q, case.preloaded)
+def _start(plant: Plant, case: Case) -> tuple[Array, tuple[Holding, ...]]:
+    """State (size,) at t = 0: rest, but for the velocity; and how each function holds its load there."""
+    state, held = plant.resting(case.q, case.preloaded)
     if case.velocity is not None:
         plant.split(state)[1][:] = case.velocity
-    return state
+    return state, held
 
 
-def _unheld(plant: Plant, case: Case) -> list[str]:
+def _unheld(held: Sequence[Holding]) -> list[str]:
     """What is not held at t = 0, in words: loads above a relief, leaks that no spool position makes up for."""
-    held = plant.holdings(case.q, case.preloaded)
     overcome, creeps = ([getattr(one, what) for one in held if getattr(one, what)] for what in ("overcome", "creeps"))
     return [*(f"{words} at 0 s" for words in overcome), *(f"{words} from 0 s on" for words in creeps)]
 

@@ -173,11 +173,11 @@ class Plant:
         Raises:
             PoseError: the pose cannot be taken.
         """
-        return self._resting(q, preloaded)[0]
+        return self.resting(q, preloaded)[0]
 
     def holdings(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Holding, ...]:
         """How every function of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
-        return self._resting(q, preloaded)[1]
+        return self.resting(q, preloaded)[1]
 
     def refuse_overcome(self, q: ArrayLike) -> None:
         """Refuse a pose (nq,) of one machine at which a load presses a relief open.
@@ -189,8 +189,11 @@ class Plant:
             remedy = "raise relief_bar, or choose a lighter load, a larger cylinder or another pose"
             raise SimulationError(f"{self.machine.name}: rest", words, remedy)
 
-    def _resting(self, q: ArrayLike, preloaded: bool | None) -> tuple[Array, tuple[Holding, ...]]:
-        """Where a flow-limited pump has to make up for leaks, its pressure falls until it gives as much."""
+    def resting(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Array, tuple[Holding, ...]]:
+        """``rest`` and ``holdings`` at once, which take one search.
+
+        Where a flow-limited pump has to make up for leaks, its pressure falls until it gives as much.
+        """
         from scipy.optimize import brentq
 
         poses, pump = self.machine.at(q), self._systems[0]
