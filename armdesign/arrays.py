@@ -41,12 +41,18 @@ def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
 
 
 def chunks(count: int) -> Iterator[slice]:
-    """Slices of at most ``CHUNK`` rows that cover ``count`` rows; one empty slice where there are none."""
+    """Slices of at most ``CHUNK`` rows that cover ``count`` rows.
+
+    One empty slice where there are none.
+    """
     return (slice(start, min(start + CHUNK, count)) for start in range(0, max(count, 1), CHUNK))
 
 
 def stacked(parts: Iterable[T], count: int) -> T:
-    """One dataclass of ``count`` rows from parts of its arrays, each let go once copied; the rest is the first's."""
+    """One dataclass of ``count`` rows from parts of its arrays, each let go once copied.
+
+    The rest is the first's.
+    """
     parts = iter(parts)
     part = next(parts)
     values: dict[str, Any] = {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
@@ -54,7 +60,9 @@ def stacked(parts: Iterable[T], count: int) -> T:
     row = len(next(iter(arrays.values())))
     if row == count:
         return part
-    whole = {name: np.empty((count, *array.shape[1:]), array.dtype) for name, array in arrays.items()}
+    whole = {
+        name: np.empty((count, *array.shape[1:]), array.dtype) for name, array in arrays.items()
+    }
     for name, array in arrays.items():
         whole[name][:row] = array
     for part in parts:
@@ -70,8 +78,9 @@ def stacked(parts: Iterable[T], count: int) -> T:
 def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:
     """Percentiles (k,) of values (n,) of which each counts as much as its weight (n,) ≥ 0, linear between neighbours.
 
-    0 % and 100 % are least and greatest of all values, those of weight zero too; equal weights give ``np.percentile``.
-    Of weights that are all zero each value counts as one. Infinite values are allowed.
+    0 % and 100 % are least and greatest of all values, those of weight zero too; equal weights
+    give ``np.percentile``. Of weights that are all zero each value counts as one. Infinite values
+    are allowed.
     """
     if not weights.any():
         weights = np.ones(len(values))
@@ -81,23 +90,34 @@ def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array
     place = below - below[0]
     shares = np.asarray(percents, dtype=float) / 100
     at = shares * place[-1]
-    after = np.clip(np.searchsorted(place, at, side="left"), min(1, len(values) - 1), len(values) - 1)
+    after = np.clip(
+        np.searchsorted(place, at, side="left"), min(1, len(values) - 1), len(values) - 1
+    )
     before = np.maximum(after - 1, 0)
     step = place[after] - place[before]
     part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
-    mixed = [np.where(share > 0, values[rows], 0.0) * share for rows, share in ((before, 1 - part), (after, part))]
+    mixed = [
+        np.where(share > 0, values[rows], 0.0) * share
+        for rows, share in ((before, 1 - part), (after, part))
+    ]
     ends = np.where(shares < 0.5, values[0], values[-1])
     return np.where((shares > 0) & (shares < 1), mixed[0] + mixed[1], ends)
 
 
 def weighted_share(flags: Flags, weights: Array) -> float:
-    """Share that is so (n,), each value counting as much as its weight (n,) ≥ 0; as one, where all are zero."""
+    """Share that is so (n,), each value counting as much as its weight (n,) ≥ 0.
+
+    As one, where all are zero.
+    """
     return float(np.average(flags, weights=weights if weights.any() else None))
 
 
 @cache
 def terminal() -> Console:
-    """The console on stderr; one for all who show progress, so that spinners and bars leave each other's lines."""
+    """The console on stderr.
+
+    One for all who show progress, so that spinners and bars leave each other's lines.
+    """
     from rich.console import Console
 
     return Console(stderr=True)

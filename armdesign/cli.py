@@ -1,6 +1,7 @@
 """The command line: ``armdesign map | optimize | validate | design MACHINE --out DIR``, ``armdesign check FILE`` ….
 
-Every command computes first and writes at the end, all files or none. Bad input is one line on stderr and exit code 2.
+Every command computes first and writes at the end, all files or none. Bad input is one line on
+stderr and exit code 2.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ from armdesign.transaction import as_interrupt
 from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.bands import Bands
-    from armdesign.design.catalogue import Sizes
-    from armdesign.design.optimum import Design
-    from armdesign.machine import Machine
-    from armdesign.workspace import Workspace
+    from armdesign.design.catalogue.sizes import Sizes
+    from armdesign.design.design import Design
+    from armdesign.frequency.bands import Bands
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import Machine
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
 
@@ -50,8 +51,12 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-MachineArgument = Annotated[str, typer.Argument(help="A shipped machine (excavator_20t), its folder, or a .toml file.")]
-OutOption = Annotated[Path, typer.Option("--out", help="Folder for everything the command writes.")]
+MachineArgument = Annotated[
+    str, typer.Argument(help="A shipped machine (excavator_20t), its folder, or a .toml file.")
+]
+OutOption = Annotated[
+    Path, typer.Option("--out", help="Folder for everything the command writes.")
+]
 PointsOption = Annotated[
     str, typer.Option("--points", help="Grid values per joint: one number, or one each: 21,21,61.")
 ]
@@ -59,22 +64,37 @@ VaryOption = Annotated[
     str,
     typer.Option(
         "--vary",
-        help="What may change, commas between: areas, pins, linkages (pins and four-bars), or key paths of the file: "
-        "cylinder.boom.bore_mm,cylinder.bucket.four_bar.",
+        help=(
+            "What may change, commas between: areas, pins, linkages (pins and four-bars), or key"
+            " paths of the file: cylinder.boom.bore_mm,cylinder.bucket.four_bar."
+        ),
     ),
 ]
 
-AgainstOption = Annotated[str, typer.Option("--against", help="The limit that moves: oil, thrust, digging, pin_box.")]
+AgainstOption = Annotated[
+    str, typer.Option("--against", help="The limit that moves: oil, thrust, digging, pin_box.")
+]
 ValuesOption = Annotated[
-    str, typer.Option("--values", help="Of that limit, commas between: shares of today's, or the pin box in m.")
+    str,
+    typer.Option(
+        "--values", help="Of that limit, commas between: shares of today's, or the pin box in m."
+    ),
 ]
 CatalogueOption = Annotated[
-    str, typer.Option("--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm.")
+    str,
+    typer.Option(
+        "--catalogue", help="Sizes to choose from: iso, 5mm, or a CSV file with bore_mm, rod_mm."
+    ),
 ]
 RobustOption = Annotated[
-    bool, typer.Option("--robust", help="Raise the worst frequency within the file's [bands], not at its values.")
+    bool,
+    typer.Option(
+        "--robust", help="Raise the worst frequency within the file's [bands], not at its values."
+    ),
 ]
-OutsideOption = Annotated[bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")]
+OutsideOption = Annotated[
+    bool, typer.Option("--allow-outside", help="Allow a URDF outside the machine file's folder.")
+]
 
 
 class Habit(StrEnum):
@@ -89,7 +109,9 @@ class Habit(StrEnum):
         return SI if self is Habit.si else WORKSHOP
 
 
-UnitsOption = Annotated[Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg or SI.")]
+UnitsOption = Annotated[
+    Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg or SI.")
+]
 
 
 @app.callback()
@@ -107,11 +129,12 @@ def map_command(
 ) -> None:
     """Find the worst pose; write map.csv, heatmaps.
 
-    Prints the worst pose, percentiles, which cylinder limits and what holds the lowest mode. Writes map.csv and
-    stiffness.csv, heatmaps over joints and over the tool's reach, static pressures, moment arms.
+    Prints the worst pose, percentiles, which cylinder limits and what holds the lowest mode.
+    Writes map.csv and stiffness.csv, heatmaps over joints and over the tool's reach, static
+    pressures, moment arms.
     """
-    from armdesign import plots
-    from armdesign.maps import frequency_map
+    from armdesign.frequency.maps import frequency_map
+    from armdesign.plots import drawing as plots
     from armdesign.report.maps import map_sheets
 
     with progress("mapping the workspace"):
@@ -133,15 +156,20 @@ def optimize(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
-    least: Annotated[str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")] = "",
-    frequency: Annotated[float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")] = 0.0,
+    least: Annotated[
+        str, typer.Option("--least", help="With --frequency: make oil, flow or mass least.")
+    ] = "",
+    frequency: Annotated[
+        float, typer.Option("--frequency", help="Worst frequency [Hz] that is enough.")
+    ] = 0.0,
     robust: RobustOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
     """Find new sizes and pins; write the machine.
 
-    Writes <name>_optimized.toml and its URDF, maps before and after on one colour scale, moment arms.
+    Writes <name>_optimized.toml and its URDF, maps before and after on one colour scale, moment
+    arms.
     """
     from armdesign.report.designs import design_sheets
 
@@ -177,9 +205,9 @@ def pareto(
 
     A best design for each value of one limit; writes pareto.csv and pareto.png.
     """
-    from armdesign import plots
     from armdesign.design.pareto import pareto as trade_off
     from armdesign.design.pareto import read_values
+    from armdesign.plots import drawing as plots
     from armdesign.report.designs import pareto_sheet
 
     with progress("looking for the best design under each limit"):
@@ -187,7 +215,13 @@ def pareto(
         model, workspace = _model(machine, points, out, allow_outside)
         bands, sizes = _bands(model) if robust else None, _offered(catalogue)
         found = trade_off(
-            model, workspace, against=against, values=numbers, vary=_words(vary), bands=bands, catalogue=sizes
+            model,
+            workspace,
+            against=against,
+            values=numbers,
+            vary=_words(vary),
+            bands=bands,
+            catalogue=sizes,
         )
         table = found.frame
     with outputs(out) as folder:
@@ -206,9 +240,10 @@ def validate(
 ) -> None:
     """Prove the linear answer in nonlinear runs.
 
-    Every cylinder at the worst, the median and the best pose; writes validation.csv and the frequency responses.
+    Every cylinder at the worst, the median and the best pose; writes validation.csv and the
+    frequency responses.
     """
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
@@ -233,9 +268,10 @@ def design(
 ) -> None:
     """The main job: all three, and report.html.
 
-    Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file, maps, CSVs and report.
+    Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file,
+    maps, CSVs and report.
     """
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.sheet import html
     from armdesign.report.validations import validation_sheet, verdict
@@ -244,18 +280,33 @@ def design(
     with progress("mapping the workspace") as say:
         model, workspace = _model(machine, points, out, allow_outside)
         check_urdf(model, out)
-        answer = _design(model, workspace, "areas,pins", catalogue, _bands(model) if robust else None, say)
+        answer = _design(
+            model, workspace, "areas,pins", catalogue, _bands(model) if robust else None, say
+        )
         say("simulating the worst, the median and the best pose, today and new")
-        proof = dict(zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True))
+        proof = dict(
+            zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True)
+        )
         say("writing the report")
-        sheets, worst = design_sheets(answer, units.units), {k: v.by_pose["worst"] for k, v in proof.items()}
-        every = {f"{label} {pose}": one for label, found in proof.items() for pose, one in found.by_pose.items()}
+        sheets, worst = (
+            design_sheets(answer, units.units),
+            {k: v.by_pose["worst"] for k, v in proof.items()},
+        )
+        every = {
+            f"{label} {pose}": one
+            for label, found in proof.items()
+            for pose, one in found.by_pose.items()
+        }
         said = verdict(list(proof.values()))
         with outputs(out) as folder:
             pictures = write_design(answer, folder)
             write_validations(proof, folder, "version")
-            response = plots.save(plots.frequency_responses(worst), folder / "frequency_responses.png")
-            pictures.append(("Nonlinear simulation: a small slow sweep at each machine's worst pose", response))
+            response = plots.save(
+                plots.frequency_responses(worst), folder / "frequency_responses.png"
+            )
+            pictures.append(
+                ("Nonlinear simulation: a small slow sweep at each machine's worst pose", response)
+            )
             title = f"{model.section.title or model.name}: new cylinders and pins"
             lead = f"{summary(answer)} In nonlinear simulation, {said}."
             page = html(title, lead, [*sheets, validation_sheet(every)], pictures)
@@ -274,13 +325,14 @@ def check(
 ) -> None:
     """Explain a machine file, or list all that is wrong.
 
-    Masses, joint ranges and what ends them, reach, moment arms, static pressures, what looks odd. Writes nothing.
+    Masses, joint ranges and what ends them, reach, moment arms, static pressures, what looks odd.
+    Writes nothing.
     """
-    from armdesign.inspection import inspect
-    from armdesign.machine import load
-    from armdesign.problems import problems
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.inspection.file_faults import problems
+    from armdesign.inspection.inspection import inspect
+    from armdesign.machine.machine import load
     from armdesign.report.inspections import check_sheets
-    from armdesign.workspace import Workspace
 
     counts = _counts(points)
     with progress("reading the file"):
@@ -306,10 +358,12 @@ def compare(
 ) -> None:
     """Two machines, or two versions of one, side by side.
 
-    Worst poses, percentiles, what limits, what differs in the files; compare.csv and heatmaps on one colour scale.
+    Worst poses, percentiles, what limits, what differs in the files; compare.csv and heatmaps on
+    one colour scale.
     """
-    from armdesign import comparison, plots
-    from armdesign.machine import load
+    from armdesign.machine.machine import load
+    from armdesign.plots import drawing as plots
+    from armdesign.report import comparison
 
     with progress("mapping both machines"):
         counts = _counts(points)
@@ -327,13 +381,15 @@ def compare(
 def new(
     name: Annotated[str, typer.Argument(help="Name of the new machine and its files.")],
     links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 6.")] = 2,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")
+    ] = None,
 ) -> None:
     """Write a commented starting machine file and URDF.
 
     It loads and maps at once; every number in it is a placeholder to be replaced.
     """
-    from armdesign import scaffold, schema
+    from armdesign.machine import scaffold, schema
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out
@@ -341,8 +397,12 @@ def new(
     files = {f"{name}.toml": text, f"{name}.urdf": urdf}
     for file in files:
         if (folder / file).exists():
-            raise ArmDesignError(str(folder / file), "exists already", "give another name or --out another folder")
-    if not (folder / "machine.schema.json").exists():  # which editors read; several machines may share it
+            raise ArmDesignError(
+                str(folder / file), "exists already", "give another name or --out another folder"
+            )
+    if not (
+        folder / "machine.schema.json"
+    ).exists():  # which editors read; several machines may share it
         files["machine.schema.json"] = schema.schema()
     with outputs(folder) as place:
         for file, content in files.items():
@@ -354,14 +414,14 @@ def new(
 def paper(out: OutOption = Path("out")) -> None:
     """The source paper's 40 configurations, simulated.
 
-    Its formulas against what nonlinear runs identify, its way and at small amplitude; its errata; what could have
-    given its printed error; what a sweep alone gets wrong. Writes paper.csv, paper_errors.csv, paper_errata.csv,
-    paper_scan.csv, paper_sweep_bias.csv and its figures.
+    Its formulas against what nonlinear runs identify, its way and at small amplitude; its errata;
+    what could have given its printed error; what a sweep alone gets wrong. Writes paper.csv,
+    paper_errors.csv, paper_errata.csv, paper_scan.csv, paper_sweep_bias.csv and its figures.
     """
-    from armdesign import paper as source
-    from armdesign import plots
-    from armdesign.report.paper import paper_sheets
-    from armdesign.simulation.bias import sweep_bias
+    from armdesign.paper import reproduction as source
+    from armdesign.paper.sheets import paper_sheets
+    from armdesign.plots import drawing as plots
+    from armdesign.simulation.identification.sweep_bias import sweep_bias
 
     check_out(out)
     with progress("sweeping 40 configurations"):
@@ -380,9 +440,14 @@ def paper(out: OutOption = Path("out")) -> None:
 
 
 def _design(
-    model: Machine, workspace: Workspace, vary: str, catalogue: str, bands: Bands | None, say: Callable[[str], None]
+    model: Machine,
+    workspace: Workspace,
+    vary: str,
+    catalogue: str,
+    bands: Bands | None,
+    say: Callable[[str], None],
 ) -> Design:
-    from armdesign.design.optimum import optimize, size_cylinders
+    from armdesign.design.design import optimize, size_cylinders
 
     words = _words(vary)
     say("looking for better sizes" if words == ("areas",) else "looking for a better design")
@@ -410,7 +475,15 @@ def _least(
 
     say(f"looking for the least {of}")
     sizes = _offered(catalogue)
-    made = least(model, workspace, frequency=frequency, of=of, vary=_words(vary), bands=bands, catalogue=sizes)
+    made = least(
+        model,
+        workspace,
+        frequency=frequency,
+        of=of,
+        vary=_words(vary),
+        bands=bands,
+        catalogue=sizes,
+    )
     say("mapping the new machine")
     _ = made.before, made.after
     return made
@@ -418,15 +491,18 @@ def _least(
 
 def _offered(catalogue: str) -> str | Sizes | None:
     """What ``--catalogue`` asks for."""
-    from armdesign.design.catalogue import read_sizes
+    from armdesign.design.catalogue.sizes import read_sizes
 
     return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
 
 
 def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[Machine, Workspace]:
-    """The machine and its workspace; what is wrong with the options is said before anything is computed."""
-    from armdesign.machine import load
-    from armdesign.workspace import Workspace
+    """The machine and its workspace.
+
+    What is wrong with the options is said before anything is computed.
+    """
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import load
 
     counts = _counts(points)
     check_out(out)
@@ -436,12 +512,16 @@ def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[M
 
 def _bands(model: Machine) -> Bands:
     """What ``--robust`` asks for: the bands of the file."""
-    from armdesign.bands import Bands
+    from armdesign.frequency.bands import Bands
 
     stated = Bands.of(model)
     if stated == Bands():
         example = "payload_share = [0.8, 1.2]"
-        raise ArmDesignError("--robust", f"{model.source.name} states no bands", f"add [bands] to it, like {example}")
+        raise ArmDesignError(
+            "--robust",
+            f"{model.source.name} states no bands",
+            f"add [bands] to it, like {example}",
+        )
     return stated
 
 
@@ -450,7 +530,9 @@ def _counts(points: str) -> int | list[int] | None:
     try:
         counts = [int(word) for word in points.split(",")] if points else None
     except ValueError:
-        raise ArmDesignError("--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61") from None
+        raise ArmDesignError(
+            "--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61"
+        ) from None
     return counts[0] if counts and len(counts) == 1 else counts
 
 
@@ -472,13 +554,20 @@ def main() -> None:
             sys.exit(2)
         except _UsageError as error:
             message = error.format_message().replace("Value error, ", "")
-            for line in message.splitlines() if message.startswith("Usage") else [f"armdesign: {message}"]:
+            for line in (
+                message.splitlines() if message.startswith("Usage") else [f"armdesign: {message}"]
+            ):
                 tell(line, sys.stderr)
             sys.exit(2)
         except (KeyboardInterrupt, typer.Abort) as error:
-            if isinstance(error.__cause__, EOFError):  # which typer takes for Ctrl-D; nobody is asked anything here
+            if isinstance(
+                error.__cause__, EOFError
+            ):  # which typer takes for Ctrl-D; nobody is asked anything here
                 raise error.__cause__ from None
-        tell(f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}", sys.stderr)
+        tell(
+            f"armdesign: interrupted; {'all was written' if changed else 'nothing was written'}",
+            sys.stderr,
+        )
         sys.exit(128 + came[-1] if came else INTERRUPTED)
 
 

@@ -7,12 +7,13 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-# C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of surrogate pairs
+# C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of
+# surrogate pairs
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def printable(text: str) -> str:
-    r"""A text in one line that no terminal takes for commands: control characters as Python writes them, ``\x1b``."""
+    """ "A text in one line that no terminal takes for commands: control characters as Python writes them, ``\x1b``."""
     return CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
 
 
@@ -27,7 +28,8 @@ class ArmDesignError(Exception):
         part: what is at fault: a key path (``cylinder.boom.bore_mm``), a file, a cylinder.
         problem: value with unit and allowed range.
         remedy: what to do about it.
-        line: of the file in which it stands; None where it stands in none, or the line is not known.
+        line: of the file in which it stands; None where it stands in none, or the line is not
+            known.
     """
 
     def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
@@ -64,14 +66,17 @@ class Concession:
         unit: SI, of all that follows.
         limit: that cannot be kept.
         at_least: whether that is a lower one.
-        together: what it gives where all of the conflict give so that the largest share is least, with what rounding to
-            a drawing's grid or a catalogue's sizes takes; 0 where it stands in the way and need not, or cannot, give.
+        together: what it gives where all of the conflict give so that the largest share is least,
+            with what rounding to a drawing's grid or a catalogue's sizes takes; 0 where it stands
+            in the way and need not, or cannot, give.
         alone: what it gives where no other of its part does; None where that does not help.
-        part: which of several conflicts that have nothing in common it belongs to; all of them must give.
-        setting: key under ``[requirements]`` that states the limit; empty where none does. ``speed.NAME`` stands for
-            all speeds of a motion.
-        value: of the setting that gives what is needed together, in the key's unit, as a factor for speeds; None where
-            it gives nothing. ``Requirements.granting`` makes requirements of the values of a conflict.
+        part: which of several conflicts that have nothing in common it belongs to; all of them
+            must give.
+        setting: key under ``[requirements]`` that states the limit; empty where none does.
+            ``speed.NAME`` stands for all speeds of a motion.
+        value: of the setting that gives what is needed together, in the key's unit, as a factor
+            for speeds; None where it gives nothing. ``Requirements.granting`` makes requirements
+            of the values of a conflict.
     """
 
     name: str
@@ -90,16 +95,21 @@ class InfeasibleError(ArmDesignError):
     """No design meets the requirements.
 
     Attributes:
-        conflict: requirements that cannot be met together, though without any one of them the others can; of several
-            such sets that have nothing in common all, see ``Concession.part``. What each gives ``together`` is enough
-            for a design, if all of them give it.
+        conflict: requirements that cannot be met together, though without any one of them the
+            others can; of several such sets that have nothing in common all, see
+            ``Concession.part``. What each gives ``together`` is enough for a design, if all of
+            them give it.
     """
 
-    def __init__(self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()) -> None:
+    def __init__(
+        self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()
+    ) -> None:
         super().__init__(part, problem, remedy)
         self.conflict = conflict
 
-    def __reduce__(self) -> tuple[type[InfeasibleError], tuple[str, str, str, tuple[Concession, ...]]]:  # type: ignore[override]
+    def __reduce__(
+        self,
+    ) -> tuple[type[InfeasibleError], tuple[str, str, str, tuple[Concession, ...]]]:  # type: ignore[override]
         """Travel whole between processes."""
         return type(self), (self.part, self.problem, self.remedy, self.conflict)
 
@@ -113,13 +123,18 @@ class SimulationError(ArmDesignError):
 
 
 def raise_together(errors: Sequence[ArmDesignError]) -> None:
-    """Raise an error of the first one's kind that says all of them, each once; nothing if there are none."""
+    """Raise an error of the first one's kind that says all of them, each once.
+
+    Nothing if there are none.
+    """
     different = list({str(error): error for error in errors}.values())
     if len(different) == 1:
         raise different[0]
     if different:
         first, *others = different
-        told = "; also: ".join([str(first).removeprefix(_line(f"{first.part}: ") + " "), *map(str, others)])
+        told = "; also: ".join(
+            [str(first).removeprefix(_line(f"{first.part}: ") + " "), *map(str, others)]
+        )
         raise type(first)(first.part, told)
 
 

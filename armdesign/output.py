@@ -17,9 +17,9 @@ from armdesign.errors import ArmDesignError, printable
 if TYPE_CHECKING:
     import pandas as pd
 
-    from armdesign.design.optimum import Design
-    from armdesign.machine import Machine
-    from armdesign.maps import FrequencyMap
+    from armdesign.design.design import Design
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.machine.machine import Machine
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.validation import Validation
 
@@ -33,7 +33,7 @@ def write_csv(frame: pd.DataFrame, path: Path) -> None:
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     """Lowest frequency over joints and over the tool's places, and the pressure that holds the load."""
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
 
     for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
         fig, (ax,) = plots.figure(1, *size)
@@ -47,17 +47,27 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
 
 def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     """Machine file, maps and pictures of a design; returns the pictures with their captions."""
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
 
     design.written_by(command_line()).save(folder / made_of(design.today))
     write_csv(design.before.frame, folder / "map_before.csv")
     write_csv(design.after.frame, folder / "map_after.csv")
     one = len(plots.drawn_joints(design.today)) == 1
-    over = "Natural frequencies over the joint" if one else "Lowest natural frequency over two joints"
+    over = (
+        "Natural frequencies over the joint" if one else "Lowest natural frequency over two joints"
+    )
     pictures = [
         (over, plots.before_after(design), "map_joints.png"),
-        ("Lowest natural frequency at each place of the tool", plots.before_after(design, "reach"), "map_reach.png"),
-        ("What the pins buy: the shape of the moment arms", plots.moment_arms(design), "moment_arms.png"),
+        (
+            "Lowest natural frequency at each place of the tool",
+            plots.before_after(design, "reach"),
+            "map_reach.png",
+        ),
+        (
+            "What the pins buy: the shape of the moment arms",
+            plots.moment_arms(design),
+            "moment_arms.png",
+        ),
     ]
     return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
 
@@ -88,7 +98,9 @@ def write_validations(validations: dict[str, Validation], folder: Path, label: s
     """All of them in one file; the names go into a column ``label``."""
     import pandas as pd
 
-    frames = [v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()]
+    frames = [
+        v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()
+    ]
     write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
 
 
@@ -101,18 +113,25 @@ def check_out(out: Path) -> None:
             f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
         ) from None
     if not there.is_dir() or not os.access(there, os.W_OK):
-        raise ArmDesignError(f"--out {out}", f"{there} is not a folder to write into", "name another folder")
+        raise ArmDesignError(
+            f"--out {out}", f"{there} is not a folder to write into", "name another folder"
+        )
     transaction.mend(out)
 
 
 @contextmanager
 def outputs(out: Path) -> Iterator[Path]:
-    """A folder to write into; its files move to ``out`` when all of them are there, all or none."""
+    """A folder to write into.
+
+    Its files move to ``out`` when all of them are there, all or none.
+    """
     with ExitStack() as told:
         try:
             with transaction.staged(out) as folder:
                 yield folder
-                written = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+                written = sorted(
+                    str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()
+                )
                 told.enter_context(transaction.undisturbed())
         except OSError as error:
             words = f"cannot be written ({error.strerror})"
@@ -128,7 +147,10 @@ def tell(text: str, file: TextIO | None = None) -> None:
 
 @contextmanager
 def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """A progress display on stderr that leaves no trace; call what it yields to change the text."""
+    """A progress display on stderr that leaves no trace.
+
+    Call what it yields to change the text.
+    """
     from rich.text import Text
 
     from armdesign.arrays import terminal
@@ -154,4 +176,6 @@ def show(items: Sequence[Sheet | str]) -> None:
         if item.rows:
             console.print(rich_table(item), highlight=False)
         if item.note:
-            console.print(f"{item.note}\n", style="italic", highlight=False, markup=False, emoji=False)
+            console.print(
+                f"{item.note}\n", style="italic", highlight=False, markup=False, emoji=False
+            )

@@ -1,10 +1,12 @@
 """Several files of one folder that change as one: all of them or none, whatever happens on the way.
 
-New files are written into a folder of their own beside their places, ``.writing-`` with ``new`` and ``old`` in it. When
-all are whole, and every place is free, the files that they replace are kept in ``old`` and the journal ``moving`` names
-them all; then each is moved. If a move fails, the journal becomes ``undoing`` and the old files return. Where a process
-is killed on the way, the next one that reads or writes there ends what the journal says. That the other is dead, and
-not at work, is told by a lock that ends with its process. Until then a reader may find new files beside old ones.
+New files are written into a folder of their own beside their places, ``.writing-`` with ``new``
+and ``old`` in it. When all are whole, and every place is free, the files that they replace are
+kept in ``old`` and the journal ``moving`` names them all; then each is moved. If a move fails, the
+journal becomes ``undoing`` and the old files return. Where a process is killed on the way, the
+next one that reads or writes there ends what the journal says. That the other is dead, and not at
+work, is told by a lock that ends with its process. Until then a reader may find new files beside
+old ones.
 """
 
 from __future__ import annotations
@@ -30,12 +32,16 @@ except ImportError:  # Windows: nothing is waited for, and nothing left behind i
 
 PREFIX = ".writing-"
 STAGE = re.compile(re.escape(PREFIX) + 8 * "[a-z0-9_]")  # as tempfile names them
-ENDS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+ENDS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 
 
 @contextlib.contextmanager
 def staged(place: Path) -> Iterator[Path]:
-    """A folder to write into; when the block ends its files move to ``place``, all of them or none.
+    """A folder to write into.
+
+    When the block ends its files move to ``place``, all of them or none.
 
     Raises:
         OSError: one that cannot be written, or whose place is taken; all is then as it was.
@@ -66,12 +72,16 @@ def mend(place: Path) -> None:
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
     """What would end the program meanwhile, Ctrl-C or a signal, does so after the block."""
-    if threading.current_thread() is not threading.main_thread():  # Python runs handlers in that one alone
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # Python runs handlers in that one alone
         yield
         return
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in ENDS}
-    known = {number: handler for number, handler in before.items() if handler is not None}  # None: not Python's own
+    known = {
+        number: handler for number, handler in before.items() if handler is not None
+    }  # None: not Python's own
     for number in known:
         signal.signal(number, lambda number, _: came.append(number))
     try:
@@ -85,14 +95,19 @@ def undisturbed() -> Iterator[None]:
 
 @contextlib.contextmanager
 def as_interrupt() -> Iterator[list[int]]:
-    """What else ends the program ends it as Ctrl-C does: SIGTERM, a closed terminal. Yields the signals that came."""
+    """What else ends the program ends it as Ctrl-C does: SIGTERM, a closed terminal.
+
+    Yields the signals that came.
+    """
     came: list[int] = []
 
     def end(number: int, _: object) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
-    left = [number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL]  # not those that nohup ignores
+    left = [
+        number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL
+    ]  # not those that nohup ignores
     for number in left:
         signal.signal(number, end)
     try:
@@ -124,14 +139,18 @@ class _Stage:
 
     def move(self) -> None:
         """Move all files from ``new`` to their places, or none."""
-        files = sorted(str(path.relative_to(self.new)) for path in self.new.rglob("*") if not path.is_dir())
+        files = sorted(
+            str(path.relative_to(self.new)) for path in self.new.rglob("*") if not path.is_dir()
+        )
         for file in files:
             self._check(file)
         replaced = [file for file in files if os.path.lexists(self.place / file)]
         for file in replaced:
             self._keep(file)
         parents = {str(folder) for file in files for folder in Path(file).parents}
-        folders = sorted((folder for folder in parents if not (self.place / folder).exists()), reverse=True)
+        folders = sorted(
+            (folder for folder in parents if not (self.place / folder).exists()), reverse=True
+        )
         journal = {"files": files, "replaced": replaced, "folders": folders}
         (self.root / "journal").write_text(json.dumps(journal), encoding="utf-8")
         os.replace(self.root / "journal", self.root / "moving")
@@ -150,7 +169,9 @@ class _Stage:
             if (there := self.place / folder).exists() and not there.is_dir():
                 raise NotADirectoryError(errno.ENOTDIR, f"{folder} is not a folder", str(there))
         if target.is_dir() and not target.is_symlink():
-            raise IsADirectoryError(errno.EISDIR, f"a folder named {file} is in the way", str(target))
+            raise IsADirectoryError(
+                errno.EISDIR, f"a folder named {file} is in the way", str(target)
+            )
 
     def _keep(self, file: str) -> None:
         """The old file under a second name; a copy where the file system has no such names."""
@@ -183,7 +204,10 @@ class _Stage:
         (self.root / "moving").unlink()
 
     def _undo(self) -> None:
-        """Old files return; where there was none, the new one goes back. What cannot be is left to the next run."""
+        """Old files return; where there was none, the new one goes back.
+
+        What cannot be is left to the next run.
+        """
         journal = self._journal("undoing")
         for file in journal["files"]:
             if os.path.lexists(self.old / file):
@@ -226,7 +250,11 @@ def _mend(place: Path) -> None:
 def _is_private(root: Path) -> bool:
     """Whether a folder can have been made by this user alone."""
     found = root.lstat()
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not stat.S_IMODE(found.st_mode) & 0o077
+    return (
+        stat.S_ISDIR(found.st_mode)
+        and found.st_uid == os.getuid()
+        and not stat.S_IMODE(found.st_mode) & 0o077
+    )
 
 
 @contextlib.contextmanager
@@ -249,7 +277,9 @@ def _lock(folder: Path, wait: bool) -> int | None:
         return None
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BaseException as error:  # held by another, or no locks on this file system; or the user will not wait
+    except (
+        BaseException
+    ) as error:  # held by another, or no locks on this file system; or the user will not wait
         os.close(opened)
         if isinstance(error, OSError):
             return None

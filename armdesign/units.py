@@ -1,7 +1,7 @@
 """Units: SI inside, everything else is a factor written where a number enters or leaves.
 
-``140 * mm`` is 0.14 m; ``pressure / bar`` prints a pressure in bar. ``WORKSHOP`` and ``SI`` are the two habits in which
-tables are printed.
+``140 * mm`` is 0.14 m; ``pressure / bar`` prints a pressure in bar. ``WORKSHOP`` and ``SI`` are
+the two habits in which tables are printed.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ def _joined(number: str, unit: str) -> str:
 
 
 def outward(value: float, digits: int, up: bool) -> float:
-    """A number with so many significant digits, rounded up or down; as it is where it has no more."""
+    """A number with so many significant digits, rounded up or down.
+
+    As it is where it has no more.
+    """
     if value == 0:
         return value
     step = 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)

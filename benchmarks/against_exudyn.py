@@ -1,41 +1,45 @@
-"""Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and printed.
+"""Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and
+printed.
 
-Run on an otherwise idle machine: ``python benchmarks/against_exudyn.py``. Both run in this process on one core, the
-best of five each. The plant is the 20 t machine without its four-bar (Exudyn's explicit solvers, its fast ones, take no
-loop), three valves open at once; in the batch by another share in each case. Each side's error is its greatest
-difference in a joint from its own finest run over the way gone: that both converge to the same motion is what
-``tests/exudyn`` proves. Exudyn runs as fast as it can: module without range checks, spools in closed form, nothing
-recorded that is not compared. It runs a batch one by one, we stack it.
+Run on an otherwise idle machine: ``python benchmarks/against_exudyn.py``. Both run in this process
+on one core, the best of five each. The plant is the 20 t machine without its four-bar (Exudyn's
+explicit solvers, its fast ones, take no loop), three valves open at once; in the batch by another
+share in each case. Each side's error is its greatest difference in a joint from its own finest run
+over the way gone: that both converge to the same motion is what ``tests/exudyn`` proves. Exudyn
+runs as fast as it can: module without range checks, spools in closed form, nothing recorded that
+is not compared. It runs a batch one by one, we stack it.
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+os.environ |= {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}  # before numpy starts its threads
 os.environ |= {"EXUDYN_MODULE": "fast"}
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
-
-sys.path.extend(str(Path(__file__).parents[1] / folder) for folder in ("tests", "tests/exudyn"))
 
 import numpy as np
-from exudyn_twin import Twin, Valves
 from test_free_vibration import named
 from test_valve_driven import step_response
 
 from armdesign import Machine
 from armdesign.arrays import Array
-from armdesign.simulation import motion
+from armdesign.simulation import simulate as motion
+from tests.exudyn.exudyn_twin import Twin, Valves
 
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
-SOLVERS = {"ExplicitMidpoint": (4, 10, 40, 100), "RK44": (2, 4, 10, 30)}  # Exudyn's steps per record
+SOLVERS = {
+    "ExplicitMidpoint": (4, 10, 40, 100),
+    "RK44": (2, 4, 10, 30),
+}  # Exudyn's steps per record
 FINEST = 200
 SHARES = (1.0,), tuple(np.linspace(0.3, 1.0, 8).tolist())  # of the steps: a single run, a batch
 
@@ -54,7 +58,12 @@ def ours(machine: Machine, shares: Sequence[float], tolerance: float) -> Array:
     """Joint positions (cases, n, nq) of our simulation at a tolerance of its integration."""
     cases = [
         motion.Case(
-            machine=machine, q=POSE, command=constant(share), duration=DURATION, rate=RATE, preloaded=True
+            machine=machine,
+            q=POSE,
+            command=constant(share),
+            duration=DURATION,
+            rate=RATE,
+            preloaded=True,
         )  # pressures stay between vapour and reliefs, which Exudyn's model does not know
         for share in shares
     ]
@@ -68,7 +77,9 @@ def constant(share: float) -> Callable[[float], list[float]]:
 
 def theirs(twin: Twin, valves: Sequence[Valves], solver: str, count: int) -> Array:
     """Joint positions (cases, n, nq) of Exudyn's with so many steps per record."""
-    return np.array([twin.run(solver, 1 / (RATE * count), DURATION, own, 1 / RATE).q for own in valves])
+    return np.array(
+        [twin.run(solver, 1 / (RATE * count), DURATION, own, 1 / RATE).q for own in valves]
+    )
 
 
 def spools(machine: Machine, share: float) -> Valves:
@@ -76,7 +87,9 @@ def spools(machine: Machine, share: float) -> Valves:
     responses = [step_response(cylinder.valve) for cylinder in machine.cylinders if cylinder.valve]
 
     def openings(now: float, _: Array) -> list[tuple[float, float]]:
-        positions = [share * step * response(now) for step, response in zip(STEPS, responses, strict=True)]
+        positions = [
+            share * step * response(now) for step, response in zip(STEPS, responses, strict=True)
+        ]
         return [(x, -x) for x in positions]
 
     return openings
@@ -90,20 +103,33 @@ def error(q: Array, finest: Array) -> float:
 
 def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, Array]]:
     """Errors and times [s] of Exudyn's solvers, coarse steps first; printed."""
-    start = motion.simulate(machine, POSE, lambda _: STEPS, duration=1 / RATE, rate=RATE, preloaded=True).pressures[0]
-    twin, valves = Twin(machine, np.array(POSE), start), [spools(machine, share) for share in shares]
+    start = motion.simulate(
+        machine, POSE, lambda _: STEPS, duration=1 / RATE, rate=RATE, preloaded=True
+    ).pressures[0]
+    twin, valves = (
+        Twin(machine, np.array(POSE), start),
+        [spools(machine, share) for share in shares],
+    )
     finest = theirs(twin, valves, "RK44", FINEST)
     found = {}
     for solver, counts in SOLVERS.items():
         runs = [best_of(partial(theirs, twin, valves, solver, count)) for count in counts]
-        found[solver] = np.array([error(q, finest) for _, q in runs]), np.array([seconds for seconds, _ in runs])
+        found[solver] = (
+            np.array([error(q, finest) for _, q in runs]),
+            np.array([seconds for seconds, _ in runs]),
+        )
         for count, off, seconds in zip(counts, *found[solver], strict=True):
-            print(f"Exudyn     {solver:<17} {RATE * count:6.0f} steps/s   {seconds:7.3f} s   error {off:.1e}")
+            print(
+                f"Exudyn     {solver:<17} {RATE * count:6.0f} steps/s   {seconds:7.3f} s   error"
+                f" {off:.1e}"
+            )
     return found
 
 
 def main() -> None:
-    """Measure and print everything: our time against the fastest solver's at our error, between its steps."""
+    """Measure and print everything: our time against the fastest solver's at our error, between
+    its steps.
+    """
     machine = named("direct_bucket")
     for shares in SHARES:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")
@@ -116,7 +142,10 @@ def main() -> None:
                 for solver, (errors, spent) in found.items()
             }
             best = min(times, key=lambda solver: times[solver])
-            print(f"armdesign  tolerance {tolerance:<21.0e}  {seconds:7.3f} s   error {off:.1e}", end="   ")
+            print(
+                f"armdesign  tolerance {tolerance:<21.0e}  {seconds:7.3f} s   error {off:.1e}",
+                end="   ",
+            )
             reached = "ok" if times[best] > seconds else "MISSED"
             print(f"{times[best] / seconds:5.2f} × as fast as {best}   target > 1   {reached}")
 

@@ -1,23 +1,28 @@
 """Co-design of every shipped machine against differential evolution, SLSQP multi-start and CMA-ES.
 
-Run on an otherwise idle machine: ``python benchmarks/against_optimisers.py [linkages] [machine …]``, half an hour for
-all. Each rival is given 20 × our time. ``linkages`` frees all of the four-bars too. Variables, boxes, requirements
-and objective are the same: the lowest coupled frequency over the default workspace and all load cases. Times are
-processor times of one process on one core.
+Run on an otherwise idle machine: ``python benchmarks/against_optimisers.py [linkages] [machine
+…]``, half an hour for all. Each rival is given 20 × our time. ``linkages`` frees all of the
+four-bars too. Variables, boxes, requirements and objective are the same: the lowest coupled
+frequency over the default workspace and all load cases. Times are processor times of one process
+on one core.
 
-What the rivals are given: variables scaled to [0, 1], areas boxed to 0.5 … 1.5 of today's; today's machine among the
-first; not the workspace's 30 000 rows but some hundreds, to which the lowest and most loaded join whenever the whole is
-looked at; requirements without derivatives where none are used, by the package's own formulas; exact derivatives of the
-eigenvalues and requirements for SLSQP. Each remembers its best design that meets all on the whole workspace as nearly
-as ours must. In the end every design is built as a machine and judged by ``check`` and ``frequency_map``, which know
-nothing of any optimiser.
+What the rivals are given: variables scaled to [0, 1], areas boxed to 0.5 … 1.5 of today's; today's
+machine among the first; not the workspace's 30 000 rows but some hundreds, to which the lowest and
+most loaded join whenever the whole is looked at; requirements without derivatives where none are
+used, by the package's own formulas; exact derivatives of the eigenvalues and requirements for
+SLSQP. Each remembers its best design that meets all on the whole workspace as nearly as ours must.
+In the end every design is built as a machine and judged by ``check`` and ``frequency_map``, which
+know nothing of any optimiser.
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+os.environ |= {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}  # before numpy starts its threads
 
 import math
 import sys
@@ -31,23 +36,35 @@ import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 import armdesign as ad
-from armdesign.arm import RigidPoses
 from armdesign.arrays import Array
-from armdesign.design.candidates import frame_of
-from armdesign.design.check import check
-from armdesign.design.codesign import hertz
-from armdesign.design.conditions import conditions, static_loads_held
-from armdesign.design.limits import Stepped, holding_rows, limits
-from armdesign.design.problem import Problem
-from armdesign.design.searching import MISSED
-from armdesign.design.space import RANGE_POSES, Geometry
-from armdesign.design.still import inverse_root, lowest
-from armdesign.poses import static_forces
-from armdesign.workspace import Workspace
+from armdesign.design.program.constraints import Stepped, holding_rows, limits
+from armdesign.design.program.design_vector import RANGE_POSES, Geometry
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.fixed_pins import inverse_root, lowest
+from armdesign.design.requirements.candidate import frame_of
+from armdesign.design.requirements.check import check
+from armdesign.design.requirements.relative import conditions, static_loads_held
+from armdesign.design.search.multistart import MISSED
+from armdesign.design.search.sequential_sdp import hertz
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.poses import static_forces
+from armdesign.mechanism.arm import RigidPoses
 
-MACHINES = ("excavator_20t", "mini_excavator_2t", "excavator_12t", "loader_crane", "patu_boom", "paper_1dof")
-LEAST = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}  # gain that is asked for
-FEASIBLE = 1e-4  # slack by which the check of a built machine may be missed: it looks at finer joint ranges
+MACHINES = (
+    "excavator_20t",
+    "mini_excavator_2t",
+    "excavator_12t",
+    "loader_crane",
+    "patu_boom",
+    "paper_1dof",
+)
+LEAST = {
+    "excavator_20t": 0.36,
+    "mini_excavator_2t": 0.35,
+    "excavator_12t": 0.08,
+}  # gain that is asked for
+# slack by which the check of a built machine may be missed: it looks at finer joint ranges
+FEASIBLE = 1e-4
 RIVALS = 20  # times our processor time that each rival has
 LONGEST = 60  # times for differential evolution on the first machine, to reach what we did
 FASTER = 30  # times that we must be faster than that
@@ -55,15 +72,23 @@ ALIKE = 1e-4  # of a frequency: what searches that stop at 1e-5 of ω² may diff
 CLOSE = 1e-3  # of a frequency: what counts as reached besides all of it
 PRICE = 5.0  # of ω² (relative) per unit of missed requirement
 FEW, MORE = 150, 12  # poses that a rival starts with, and that join at each look
-LOWEST, ROUNDS = 20, 10  # rows that join a programme of SLSQP at each round, and rounds from one start
-METHODS = {"evolution": "differential evolution", "adaptation": "CMA-ES", "programming": "SLSQP multi-start"}
+LOWEST, ROUNDS = (
+    20,
+    10,
+)  # rows that join a programme of SLSQP at each round, and rounds from one start
+METHODS = {
+    "evolution": "differential evolution",
+    "adaptation": "CMA-ES",
+    "programming": "SLSQP multi-start",
+}
 POPULATION, GENERATIONS = 5, 20  # of differential evolution: designs per variable; between looks
 LOOKS = 40  # looks at the whole workspace in the time that rivals have
 
 
 @dataclass(frozen=True, eq=False)
 class Plain(Stepped):
-    """The design at x as a candidate without derivatives; every linkage is evaluated once, on all ``poses``.
+    """The design at x as a candidate without derivatives; every linkage is evaluated once, on all
+    ``poses``.
 
     Those are the workspace's and after them each cylinder's over its joint's range.
     """
@@ -85,12 +110,19 @@ class Plain(Stepped):
         """See ``Candidate``."""
         found: list[tuple[Array, Array] | None] = []
         end = len(self.problem.workspace)
-        for i, (linkage, poses) in enumerate(zip(self.problem.machine.linkages, self.problem.ranges, strict=True)):
+        for i, (linkage, poses) in enumerate(
+            zip(self.problem.machine.linkages, self.problem.ranges, strict=True)
+        ):
             if poses is None:
                 found.append(None)
                 continue
             rows, end = slice(end, end + len(poses)), end + len(poses)
-            found.append((self.geometry.length[None, rows, i], self.geometry.arm[None, rows, i, linkage.joints[0]]))
+            found.append(
+                (
+                    self.geometry.length[None, rows, i],
+                    self.geometry.arm[None, rows, i, linkage.joints[0]],
+                )
+            )
         return found
 
     @cached_property
@@ -119,11 +151,18 @@ class Judge:
     @cached_property
     def poses(self) -> RigidPoses:
         """The workspace's and those of the joint ranges."""
-        parts = [self.problem.workspace.rigid, *(poses for poses in self.problem.ranges if poses is not None)]
-        return RigidPoses(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RigidPoses)))
+        parts = [
+            self.problem.workspace.rigid,
+            *(poses for poses in self.problem.ranges if poses is not None),
+        ]
+        return RigidPoses(
+            *(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RigidPoses))
+        )
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
-        """Lowest ω² (n,) [rad²/s²] and static forces (n, nc) [N] of all rows, and what each requirement misses, ≥ 0."""
+        """Lowest ω² (n,) [rad²/s²] and static forces (n, nc) [N] of all rows, and what each
+        requirement misses, ≥ 0.
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
             return self._at(x)
 
@@ -133,7 +172,10 @@ class Judge:
         mass, gravity, slope = problem.loads(x, problem.rows, rows)
         forces = static_forces(g.arm[pose], gravity, new.areas[0, :, 0])
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        stiffness = problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, forces) + slope
+        stiffness = (
+            problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, forces)
+            + slope
+        )
         lower = problem._inverse_cholesky if problem.own is None else inverse_root(mass)
         frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
         judged = [*conditions(new, frame), *static_loads_held(new, frame, forces[None])]
@@ -144,25 +186,37 @@ class Judge:
 
 @dataclass(eq=False)
 class Task:
-    """A problem as a rival sees it, the clock, and what it found: designs that meet all on the whole workspace."""
+    """A problem as a rival sees it, the clock, and what it found: designs that meet all on the
+    whole workspace.
+    """
 
     problem: Problem
     seconds: float  # processor time that it has
     goal: float = math.inf  # frequency [Hz] at which it may stop
     poses: Array = field(init=False)
-    trace: list[tuple[float, float, Array]] = field(default_factory=list)  # seconds, frequency [Hz], x of each record
-    hopes: list[tuple[float, Array]] = field(default_factory=list)  # merits and designs found since the last look
+    trace: list[tuple[float, float, Array]] = field(
+        default_factory=list
+    )  # seconds, frequency [Hz], x of each record
+    hopes: list[tuple[float, Array]] = field(
+        default_factory=list
+    )  # merits and designs found since the last look
     evaluations: int = 0
     looked: float = 0.0
 
     def __post_init__(self) -> None:
         low, high = self.problem.bounds
         areas = np.array([v.pin is None for v in self.problem.variables])
-        self.low, self.high = np.where(areas, np.maximum(low, 0.5), low), np.where(areas, np.minimum(high, 1.5), high)
+        self.low, self.high = (
+            np.where(areas, np.maximum(low, 0.5), low),
+            np.where(areas, np.minimum(high, 1.5), high),
+        )
         self.free = self.high > self.low
         squared = self.problem.frequencies(self.problem.start)
         rows = np.concatenate(
-            [np.argsort(squared)[: FEW // 2], np.arange(0, len(squared), max(1, 2 * len(squared) // FEW))]
+            [
+                np.argsort(squared)[: FEW // 2],
+                np.arange(0, len(squared), max(1, 2 * len(squared) // FEW)),
+            ]
         )
         self.poses = np.unique(self.problem.rows.pose[rows])
         self.random = np.random.default_rng(0)
@@ -242,7 +296,9 @@ class Task:
             frequency = hertz(float(squared.min()))
             if missed.max() <= MISSED and (not self.trace or frequency > self.trace[-1][1]):
                 self.trace.append((self.spent, frequency, x))
-            rows = np.concatenate([np.argsort(squared)[:MORE], holding_rows(self.problem, x, forces)])
+            rows = np.concatenate(
+                [np.argsort(squared)[:MORE], holding_rows(self.problem, x, forces)]
+            )
             poses = np.union1d(self.poses, self.problem.rows.pose[rows])
             grown = len(poses) > len(self.poses)
             if grown:
@@ -253,12 +309,16 @@ class Task:
 
 
 def evolution(task: Task) -> None:
-    """Scipy's differential evolution with an exact penalty, its population kept while poses join."""
+    """Scipy's differential evolution with an exact penalty, its population kept while poses
+    join.
+    """
     size = len(task.u(task.problem.start))
     population, round_ = None, 0
     while not task.over:
         if population is None or np.ptp(population, axis=0).max() < 1e-5:
-            population = np.array([task.u(task.best), *(task.drawn() for _ in range(POPULATION * size - 1))])
+            population = np.array(
+                [task.u(task.best), *(task.drawn() for _ in range(POPULATION * size - 1))]
+            )
         found = differential_evolution(
             task.cost,
             [(0.0, 1.0)] * size,
@@ -274,11 +334,20 @@ def evolution(task: Task) -> None:
 
 
 def adaptation(task: Task) -> None:
-    """CMA-ES with an exact penalty; restarts with twice the population, from today's, from the best, from anywhere."""
+    """CMA-ES with an exact penalty; restarts with twice the population, from today's, from the
+    best, from anywhere.
+    """
     size, round_ = 4 + int(3 * math.log(len(task.u(task.problem.start)))), 0
     while not task.over:
-        start = (task.drawn(), task.u(task.best))[round_ % 2] if round_ else task.u(task.problem.start)
-        settings = {"bounds": [0, 1], "seed": round_ + 1, "popsize": size * 2 ** min(round_, 5), "verbose": -9}
+        start = (
+            (task.drawn(), task.u(task.best))[round_ % 2] if round_ else task.u(task.problem.start)
+        )
+        settings = {
+            "bounds": [0, 1],
+            "seed": round_ + 1,
+            "popsize": size * 2 ** min(round_, 5),
+            "verbose": -9,
+        }
         strategy = cma.CMAEvolutionStrategy(start, 0.1, settings)
         while not strategy.stop() and not task.over:
             designs = strategy.ask()
@@ -288,7 +357,9 @@ def adaptation(task: Task) -> None:
 
 
 def programming(task: Task) -> None:
-    """SLSQP from today's machine and from drawn ones: maximise t below the two lowest ω² of the lowest poses."""
+    """SLSQP from today's machine and from drawn ones: maximise t below the two lowest ω² of the
+    lowest poses.
+    """
     u = task.u(task.problem.start)
     while not task.over:
         kept = np.empty(0, dtype=int)
@@ -309,7 +380,11 @@ def programming(task: Task) -> None:
 
 def _solved(task: Task, start: Array, rows: Array) -> Array:
     """The design to which SLSQP leads from another, by the frequencies of some rows."""
-    problem, width, scale = task.judge.problem, (task.high - task.low)[task.free], task.problem.scale
+    problem, width, scale = (
+        task.judge.problem,
+        (task.high - task.low)[task.free],
+        task.problem.scale,
+    )
     holding = holding_rows(problem, task.x(start))
     known: dict[bytes, tuple[Array, Array]] = {}
 
@@ -324,7 +399,9 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
             at = limits(problem, x, holding)
             base, slopes = (part / scale for part in problem.matrices(x, rows, z[-1] * scale))
             squared, vectors = np.linalg.eigh(base)
-            slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :2].reshape(-1, len(x))
+            slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :2].reshape(
+                -1, len(x)
+            )
             value = np.concatenate([squared[:, :2].ravel() - z[-1], at.values])
             jacobian = np.concatenate([slope, at.jacobian])[:, task.free] * width
             t = np.concatenate([-np.ones(len(slope)), np.zeros(len(at.values))])
@@ -342,7 +419,11 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
         np.append(start, lowest),
         jac=lambda z: np.append(np.zeros(len(start)), -1.0),
         bounds=[(0.0, 1.0)] * len(start) + [(None, None)],
-        constraints={"type": "ineq", "fun": lambda z: constraints(z)[0], "jac": lambda z: constraints(z)[1]},
+        constraints={
+            "type": "ineq",
+            "fun": lambda z: constraints(z)[0],
+            "jac": lambda z: constraints(z)[1],
+        },
         method="SLSQP",
         callback=stop,
         options={"maxiter": 100, "ftol": 1e-8},
@@ -350,12 +431,14 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
     return np.clip(found.x[:-1], 0, 1)
 
 
-# ---------------------------------------------------------------------------------------------------------- the table
+# --------------------------------------------------------------------------------------- the table
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method found, judged as a machine; ``frequency`` [Hz] on the workspace's poses, ``refined`` off them."""
+    """What a method found, judged as a machine; ``frequency`` [Hz] on the workspace's poses,
+    ``refined`` off them.
+    """
 
     method: str
     frequency: float
@@ -381,7 +464,9 @@ class Found:
 def built(problem: Problem, x: Array) -> ad.Machine:
     """The machine at x with all its digits."""
     machine, sizes = problem.placed(x), []
-    for cylinder, (bore_area, annulus_area) in zip(machine.cylinders, problem.areas(x), strict=False):
+    for cylinder, (bore_area, annulus_area) in zip(
+        machine.cylinders, problem.areas(x), strict=False
+    ):
         one = 4 / math.pi / cylinder.count
         bore, rod = math.sqrt(one * bore_area), math.sqrt(one * (bore_area - annulus_area))
         sizes.append(replace(cylinder, bore=bore, rod=rod))
@@ -413,7 +498,11 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
     best = 0.0
     for method in (evolution, adaptation, programming):
         longer = first and method is evolution
-        task = Task(problem, LONGEST * seconds if longer else budget, ours.frequency if longer else math.inf)
+        task = Task(
+            problem,
+            LONGEST * seconds if longer else budget,
+            ours.frequency if longer else math.inf,
+        )
         method(task)
         in_time = [x for spent, _, x in task.trace if spent <= budget]
         x = in_time[-1] if in_time else problem.start
@@ -422,7 +511,10 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
         best = max(best, found.frequency if found.feasible else 0.0)
         if longer:
             raced(task, ours, seconds)
-    print(f"  never below the best of the others: {judgement(best <= ours.frequency * (1 + ALIKE))}", flush=True)
+    print(
+        f"  never below the best of the others: {judgement(best <= ours.frequency * (1 + ALIKE))}",
+        flush=True,
+    )
     if name in LEAST:
         gain = ours.frequency / today - 1
         print(f"  gain {gain:+.1%}, target {LEAST[name]:+.0%}: {judgement(gain >= LEAST[name])}")
@@ -430,16 +522,24 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
 
 def told(found: Found, ours: Found, today: float) -> None:
     """One line of the table."""
-    figures = f"{found.frequency:8.4f} Hz {found.frequency / today - 1:+7.2%}, off the grid {found.refined:8.4f} Hz"
+    figures = (
+        f"{found.frequency:8.4f} Hz {found.frequency / today - 1:+7.2%}, off the grid"
+        f" {found.refined:8.4f} Hz"
+    )
     met = f"{'feasible' if found.feasible else 'infeasible'} (slack {found.slack:+.0e})"
     of_ours = f"{found.frequency / ours.frequency - 1:+.3%} of ours" if found is not ours else ""
-    print(f"  {found.method:<24} {figures}  {met}  {found.seconds:6.1f} s  {of_ours}".rstrip(), flush=True)
+    print(
+        f"  {found.method:<24} {figures}  {met}  {found.seconds:6.1f} s  {of_ours}".rstrip(),
+        flush=True,
+    )
 
 
 def raced(task: Task, ours: Found, seconds: float) -> None:
     """How long differential evolution took to what we found."""
     for share in (1 - CLOSE, 1 - 1e-6):
-        times = [spent for spent, frequency, _ in task.trace if frequency >= share * ours.frequency]
+        times = [
+            spent for spent, frequency, _ in task.trace if frequency >= share * ours.frequency
+        ]
         ratio = (times[0] if times else task.spent) / seconds
         reached = f"after {ratio:.0f} ×" if times else f"not in {ratio:.0f} ×"
         words = f"differential evolution reached {share:.4%} of it {reached} our time"

@@ -1,6 +1,8 @@
-"""Figures the main job must reach on excavator_20t, measured here and printed beside their targets.
+"""Figures the main job must reach on excavator_20t, measured here and printed beside their
+targets.
 
-Run on an otherwise idle machine: ``python benchmarks/main_job.py``. Times are the best of three in this process.
+Run on an otherwise idle machine: ``python benchmarks/main_job.py``. Times are the best of three in
+this process.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ def best_of(action: Callable[[], Any], times: int = 3) -> tuple[float, Any]:
 
 def command_time(*words: str) -> float:
     """Shortest wall time [s] of a command of this environment."""
-    return best_of(lambda: subprocess.run([sys.executable, *words], check=True, capture_output=True))[0]
+    return best_of(
+        lambda: subprocess.run([sys.executable, *words], check=True, capture_output=True)
+    )[0]
 
 
 def report(what: str, figure: str, target: str, reached: bool) -> None:
@@ -45,7 +49,9 @@ def main() -> None:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    ad.size_cylinders(machine, workspace)  # imports and first compilations are not part of the figures
+    ad.size_cylinders(
+        machine, workspace
+    )  # imports and first compilations are not part of the figures
 
     seconds, design = best_of(lambda: ad.optimize(machine, workspace))
     lowest = min(design.before.frame["f1_hz"])
@@ -63,9 +69,16 @@ def main() -> None:
     for label, frequencies in (("before", design.before), ("after", design.after)):
         worst = frequencies.worst
         case = frequencies.machine.with_payload(worst.payload)
-        seconds, validation = best_of(partial(ad.validate, case, worst.q, cylinders=[worst.cylinder]), 1)
+        seconds, validation = best_of(
+            partial(ad.validate, case, worst.q, cylinders=[worst.cylinder]), 1
+        )
         deviation = float(np.abs(validation.frame["deviation"]).max())
-        report(f"identified against linear, {label} ({seconds:.1f} s)", f"{deviation:.3%}", "< 2 %", deviation < 0.02)
+        report(
+            f"identified against linear, {label} ({seconds:.1f} s)",
+            f"{deviation:.3%}",
+            "< 2 %",
+            deviation < 0.02,
+        )
 
     with tempfile.TemporaryDirectory() as out:
         seconds = command_time("-m", "armdesign.cli", "design", MACHINE, "--out", out)

@@ -1,14 +1,18 @@
-"""Figures that poses and maps must reach on excavator_20t, measured here and printed beside their targets.
+"""Figures that poses and maps must reach on excavator_20t, measured here and printed beside their
+targets.
 
-Run on an otherwise idle machine: ``python benchmarks/maps.py``. Both sides of the ratio run in this process on one
-core, the best of five each; memory is the peak of processes of their own.
+Run on an otherwise idle machine: ``python benchmarks/maps.py``. Both sides of the ratio run in
+this process on one core, the best of five each; memory is the peak of processes of their own.
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+os.environ |= {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}  # before numpy starts its threads
 
 import resource
 import subprocess
@@ -45,7 +49,9 @@ def rigid_loop(model: pinocchio.Model, q: Array) -> tuple[Array, Array, Array]:
 
 
 def many(task: str) -> None:
-    """A million poses: all arrays of poses and modes, or the map with its worst pose; prints time and peak memory."""
+    """A million poses: all arrays of poses and modes, or the map with its worst pose; prints time
+    and peak memory.
+    """
     machine = ad.load(MACHINE).with_payload("full")
     start = time.perf_counter()
     if task == "modes":
@@ -54,7 +60,9 @@ def many(task: str) -> None:
     else:
         kept = ad.frequency_map(machine, ad.Workspace.grid(machine, points=round(MANY ** (1 / 3))))
     assert kept is not None
-    print(time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2)
+    print(
+        time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    )
 
 
 def main() -> None:
@@ -72,13 +80,24 @@ def main() -> None:
             action()
             seconds[name] = min(time.perf_counter() - start, seconds.get(name, np.inf))
     ratio = seconds["modes"] / seconds["loop"]
-    print(f"{POSES:,} poses, one payload: loop over pinocchio {seconds['loop']:.2f} s, modes {seconds['modes']:.2f} s")
-    print(f"ratio                        {ratio:5.2f}       target ≤ 4       {'ok' if ratio <= 4 else 'MISSED'}")
+    print(
+        f"{POSES:,} poses, one payload: loop over pinocchio {seconds['loop']:.2f} s, modes"
+        f" {seconds['modes']:.2f} s"
+    )
+    print(
+        f"ratio                        {ratio:5.2f}       target ≤ 4      "
+        f" {'ok' if ratio <= 4 else 'MISSED'}"
+    )
     for task in TASKS:
-        run = subprocess.run([sys.executable, __file__, task], check=True, capture_output=True, text=True)
+        run = subprocess.run(
+            [sys.executable, __file__, task], check=True, capture_output=True, text=True
+        )
         time_, memory = (float(word) for word in run.stdout.split())
         reached = "ok" if memory < 1 else "MISSED"
-        print(f"{MANY:,} poses, {task:<5} {time_:5.1f} s  {memory:5.2f} GiB   target < 1 GiB   {reached}")
+        print(
+            f"{MANY:,} poses, {task:<5} {time_:5.1f} s  {memory:5.2f} GiB   target < 1 GiB  "
+            f" {reached}"
+        )
 
 
 if __name__ == "__main__":

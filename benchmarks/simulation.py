@@ -1,15 +1,19 @@
-"""Figures that the simulation must reach on excavator_20t, measured here and printed beside their targets.
+"""Figures that the simulation must reach on excavator_20t, measured here and printed beside their
+targets.
 
-``python benchmarks/simulation.py``: one core, one process, simulated time over processor time (which is wall time on an
-idle machine), best of three. A sweep of the boom's valve to 1.5 × the lowest mode, three cylinders, with the slow loop
-and the energy book.
+``python benchmarks/simulation.py``: one core, one process, simulated time over processor time
+(which is wall time on an idle machine), best of three. A sweep of the boom's valve to 1.5 × the
+lowest mode, three cylinders, with the slow loop and the energy book.
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy starts its threads
+os.environ |= {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+}  # before numpy starts its threads
 
 import time
 from collections.abc import Callable
@@ -19,10 +23,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import armdesign as ad
+from armdesign.simulation.controlled_plant import Loop
 from armdesign.simulation.experiment import Experiment
-from armdesign.simulation.loop import Loop
-from armdesign.simulation.motion import Case, simulate_all
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import Case, simulate_all
 
 TOLERANCE, CASES = 1e-6, 40
 POSE = np.array([1.154, -1.199, -2.191])  # near the worst
@@ -47,12 +51,24 @@ def sweeps() -> list[Case]:
         experiment = Experiment.of(machine, pose, 0, 0)
         commands = experiment.commands(experiment.sweep(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
-        found.append(Case(machine=machine, q=pose, command=commands, duration=16.0, rate=60, hold=hold, preloaded=True))
+        found.append(
+            Case(
+                machine=machine,
+                q=pose,
+                command=commands,
+                duration=16.0,
+                rate=60,
+                hold=hold,
+                preloaded=True,
+            )
+        )
     return found
 
 
 def by_scipy(case: Case, method: str) -> float:
-    """Factor of real time of one case by one of scipy's integrators, with the same right-hand side."""
+    """Factor of real time of one case by one of scipy's integrators, with the same right-hand
+    side.
+    """
     plant = Plant(case.machine)
     loop = Loop.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
 

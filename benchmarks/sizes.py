@@ -1,7 +1,8 @@
-"""Figures of sizing on excavator_20t: many given poses, catalogues against enumeration, the reverse question.
+"""Figures of sizing on excavator_20t: many given poses, catalogues against enumeration, the
+reverse question.
 
-Run on an otherwise idle machine: ``python benchmarks/sizes.py``. Times are the best of three in this process; beside
-the wall time stands the processor time, which a busy machine spoils less.
+Run on an otherwise idle machine: ``python benchmarks/sizes.py``. Times are the best of three in
+this process; beside the wall time stands the processor time, which a busy machine spoils less.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 import armdesign as ad
-from armdesign.design.catalogue import Sizes, sized, sizes_of
-from armdesign.design.check import check
-from armdesign.design.choices import choices
-from armdesign.design.selection import select
-from armdesign.modes import lowest_frequency
+from armdesign.design.catalogue.branch_and_bound import select
+from armdesign.design.catalogue.separable import choices
+from armdesign.design.catalogue.sizes import Sizes, sized, sizes_of
+from armdesign.design.requirements.check import check
+from armdesign.frequency.modes import lowest_frequency
 from armdesign.units import mm
 
 MACHINE = "excavator_20t"
@@ -36,12 +37,22 @@ def best_of(action: Callable[[], Any], times: int = 3) -> tuple[str, Any]:
     return f"{shortest[0]:.2f} s ({shortest[1]:.2f} s)", result
 
 
-def enumerated(machine: ad.Machine, workspace: ad.Workspace, limits: ad.Requirements, sizes: Sizes) -> float:
-    """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped as a machine."""
+def enumerated(
+    machine: ad.Machine, workspace: ad.Workspace, limits: ad.Requirements, sizes: Sizes
+) -> float:
+    """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped as a
+    machine.
+    """
     best = 0.0
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
         made = tuple(sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True))
-        if min(c.slack for c in check(replace(machine, cylinders=made), machine, workspace, limits)) < -1e-9:
+        if (
+            min(
+                c.slack
+                for c in check(replace(machine, cylinders=made), machine, workspace, limits)
+            )
+            < -1e-9
+        ):
             continue
         cases = [replace(machine.with_payload(p.name), cylinders=made) for p in machine.payloads]
         held = [case.evaluate(workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
@@ -54,7 +65,9 @@ def main() -> None:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    ad.size_cylinders(machine, workspace)  # imports and first compilations are not part of the figures
+    ad.size_cylinders(
+        machine, workspace
+    )  # imports and first compilations are not part of the figures
 
     many = ad.Workspace.grid(machine, points=POINTS)
     _ = many.rigid
@@ -62,25 +75,39 @@ def main() -> None:
     print(f"sizing over {len(many.q)} given poses: {took}; target < 2 s")
 
     small = ad.Workspace.grid(machine, points=(5, 5, 9))
-    limits = replace(ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3)
+    limits = replace(
+        ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
+    )
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
     took, found = best_of(lambda: select(choices(machine, machine, small, limits, sizes)))
     slow, wanted = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
     print(
-        f"{len(sizes)}³ combinations, {len(small.q)} poses: {found.frequency:.9f} Hz, bound {found.bound:.9f}, {took}"
+        f"{len(sizes)}³ combinations, {len(small.q)} poses: {found.frequency:.9f} Hz, bound"
+        f" {found.bound:.9f}, {took}"
     )
     print(f"  enumeration: {wanted:.9f} Hz, {slow}")
 
     for catalogue in ("iso", "5mm"):
         for label, action in (("sizes", ad.size_cylinders), ("sizes and pins", ad.optimize)):
-            took, design = best_of(lambda f=action, c=catalogue: f(machine, workspace, catalogue=c), 1)  # type: ignore[misc]
+            took, design = best_of(
+                lambda f=action, c=catalogue: f(machine, workspace, catalogue=c), 1
+            )  # type: ignore[misc]
             gain = design.after.frame["f1_hz"].min() / design.before.frame["f1_hz"].min() - 1
             print(f"{catalogue}, {label}: {gain:+.1%}, {took}")
 
     today = ad.frequency_map(machine, workspace).frame["f1_hz"].min()
-    for amount, name in (("oil", "oil_total_share"), ("flow", "oil_each_share"), ("mass", "cylinder_mass")):
-        took, design = best_of(lambda a=amount: ad.least(machine, workspace, frequency=today, of=a), 1)  # type: ignore[misc]
-        print(f"today's frequency with least {amount}: {name} {getattr(design.requirements, name):.4g}, {took}")
+    for amount, name in (
+        ("oil", "oil_total_share"),
+        ("flow", "oil_each_share"),
+        ("mass", "cylinder_mass"),
+    ):
+        took, design = best_of(
+            lambda a=amount: ad.least(machine, workspace, frequency=today, of=a), 1
+        )  # type: ignore[misc]
+        print(
+            f"today's frequency with least {amount}: {name}"
+            f" {getattr(design.requirements, name):.4g}, {took}"
+        )
 
 
 if __name__ == "__main__":

@@ -1,19 +1,24 @@
-"""What the variables of a design buy on the excavators, measured here and printed beside the targets.
+"""What the variables of a design buy on the excavators, measured here and printed beside the
+targets.
 
-Run on an otherwise idle machine: ``python benchmarks/variables.py``. Gains are of the lowest frequency over the default
-grid, before rounding and of the saved machine.
+Run on an otherwise idle machine: ``python benchmarks/variables.py``. Gains are of the lowest
+frequency over the default grid, before rounding and of the saved machine.
 """
 
 from __future__ import annotations
 
 import time
 
-from main_job import report
-
 import armdesign as ad
+from benchmarks.main_job import report
 
 TARGETS = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}
-FREEDOMS = {"areas": ("areas",), "pins": ("pins",), "both": ("areas", "pins"), "both, four-bar": ("areas", "linkages")}
+FREEDOMS = {
+    "areas": ("areas",),
+    "pins": ("pins",),
+    "both": ("areas", "pins"),
+    "both, four-bar": ("areas", "linkages"),
+}
 
 
 def main() -> None:
@@ -30,7 +35,9 @@ def main() -> None:
             saved = design.after.frame["f1_hz"].min() / lowest - 1
             wanted = f"{target:+.0%}" if label == "both" else ""
             figure = f"{gain:+.1%} {saved:+.1%}"
-            report(f"{name}, {label} ({seconds:.1f} s)", figure, wanted, gain >= target or not wanted)
+            report(
+                f"{name}, {label} ({seconds:.1f} s)", figure, wanted, gain >= target or not wanted
+            )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """How far are the source paper's formulas from simulated frequencies over its 40 configurations?
 
-Root mean square: static mass in (11) 158.5 rad/s, (42) as printed 11.4; the exact formula is within 0.01 % of each.
+Root mean square: static mass in (11) 158.5 rad/s, (42) as printed 11.4; the exact formula is
+within 0.01 % of each.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign import paper
-from armdesign.simulation.bias import sweep_bias
+from armdesign.paper import reproduction as paper
+from armdesign.simulation.identification.sweep_bias import sweep_bias
 
 OUT = Path("out") / "00_paper_validation"
 OPENINGS = (0.002, 0.01, 0.05)  # of the valve in the raw sweep; the paper does not say
@@ -20,10 +21,11 @@ CORNERS = (50.0, 400.0), (0.5, 1.5)  # [kg, m]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
-    """Errors [rad/s] of every formula, and the measurements at the usual opening; ``fast`` measures four corners.
+    """Errors [rad/s] of every formula, and the measurements at the usual opening; ``fast``
+    measures four corners.
 
-    Columns: against the linear answer (closed form, always all 40), the frequencies fitted at small amplitude, and
-    the highest line of sweeps with each opening.
+    Columns: against the linear answer (closed form, always all 40), the frequencies fitted at
+    small amplitude, and the highest line of sweeps with each opening.
     """
     grid = paper.grid(ad.load(paper.MACHINE))
     computed = grid.frequencies
@@ -39,8 +41,10 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
 
 
 def main() -> None:
-    """Print the errors and save them with the frequencies, the errata, the scan and the paper's figures."""
-    from armdesign import plots
+    """Print the errors and save them with the frequencies, the errata, the scan and the paper's
+    figures.
+    """
+    from armdesign.plots import drawing as plots
 
     table, found = run()
     print(table.to_string(float_format="{:.4g}".format))

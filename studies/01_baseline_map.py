@@ -1,6 +1,7 @@
 """Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
 
-At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest cylinder limits ≥ 86 %.
+At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest
+cylinder limits ≥ 86 %.
 """
 
 from __future__ import annotations
@@ -10,13 +11,15 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine import shipped
+from armdesign.machine.machine import shipped
 
 OUT = Path("out") / "01_baseline_map"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes coarse grids."""
+    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes
+    coarse grids.
+    """
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -31,7 +34,9 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
             "median_hz": found.percentiles().loc["all", "50 %"],
             "most_often": found.limiting_shares.idxmax(),
             "share": found.limiting_shares.max(),
-            "joints": ", ".join(f"{j} {x:.3f}" for j, x in zip(found.worst.joints, found.worst.q, strict=True)),
+            "joints": ", ".join(
+                f"{j} {x:.3f}" for j, x in zip(found.worst.joints, found.worst.q, strict=True)
+            ),
         }
         for name, found in maps.items()
     ]
@@ -39,13 +44,19 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with every machine's map, figures of it and of the static pressures."""
-    from armdesign import plots
+    """Print the table; save it with every machine's map, figures of it and of the static
+    pressures.
+    """
+    from armdesign.plots import drawing as plots
 
     table, maps = run()
     print(
         table.to_string(
-            formatters={"worst_hz": "{:.3f}".format, "median_hz": "{:.3f}".format, "share": "{:.0%}".format}
+            formatters={
+                "worst_hz": "{:.3f}".format,
+                "median_hz": "{:.3f}".format,
+                "share": "{:.0%}".format,
+            }
         )
     )
     OUT.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,7 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
-The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up to +5 %, at worst +36 %.
+The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up to +5
+%, at worst +36 %.
 """
 
 from __future__ import annotations
@@ -12,20 +13,24 @@ import pandas as pd
 
 import armdesign as ad
 from armdesign.arrays import percentiles
-from armdesign.machine import shipped
+from armdesign.machine.machine import shipped
 
 OUT = Path("out") / "02_which_formula"
 FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static load as a mass"}
 
 
 def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
-    """What a formula says of every pose, its lowest over the cylinders, over the lowest coupled frequency."""
+    """What a formula says of every pose, its lowest over the cylinders, over the lowest coupled
+    frequency.
+    """
     names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
     return found.frame[names].min(axis=1) / found.frame["f1_hz"]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Median and worst ratio of both formulas on every machine, and the maps; ``fast`` takes coarse grids."""
+    """Median and worst ratio of both formulas on every machine, and the maps; ``fast`` takes
+    coarse grids.
+    """
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -42,15 +47,19 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
                 "p95": p95,
                 "worst": ratio.max(),
                 "lowest_pose": ratio.iloc[int(found.frame["f1_hz"].to_numpy().argmin())],
-                "where": ", ".join(f"{joint} {worst[joint]:.2f}" for joint in found.machine.joints),
+                "where": ", ".join(
+                    f"{joint} {worst[joint]:.2f}" for joint in found.machine.joints
+                ),
                 "payload": worst["payload"],
             }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["machine", "formula"]), maps
 
 
 def main() -> None:
-    """Print the table, save it with the share of joint space in which each formula is off by how much."""
-    from armdesign import plots
+    """Print the table, save it with the share of joint space in which each formula is off by how
+    much.
+    """
+    from armdesign.plots import drawing as plots
 
     table, maps = run()
     print(table.to_string(float_format="{:.2f}".format))
@@ -60,7 +69,11 @@ def main() -> None:
     for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
         for name, found in maps.items():
             percents = np.linspace(0, 100, 501)
-            ax.plot(percents, percentiles(ratios(found, formula).to_numpy(), found.weights, percents), label=name)
+            ax.plot(
+                percents,
+                percentiles(ratios(found, formula).to_numpy(), found.weights, percents),
+                label=name,
+            )
         ax.set(xlabel="share of joint space [%]", title=title)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("formula / lowest coupled frequency")

@@ -1,6 +1,8 @@
-"""How far do new bores and rods alone, with all pins where they are, raise every machine's lowest frequency?
+"""How far do new bores and rods alone, with all pins where they are, raise every machine's lowest
+frequency?
 
-By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is found by 0.9 %.
+By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is
+found by 0.9 %.
 """
 
 from __future__ import annotations
@@ -10,17 +12,21 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine import shipped
+from armdesign.machine.machine import shipped
 
 OUT = Path("out") / "03_areas_only"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Gain of new sizes on every machine, and what no sizes exceed; ``fast`` takes coarse grids."""
+    """Gain of new sizes on every machine, and what no sizes exceed; ``fast`` takes coarse
+    grids.
+    """
     designs = {}
     for name in shipped():
         machine = ad.load(name)
-        designs[name] = ad.size_cylinders(machine, ad.Workspace.grid(machine, points=9 if fast else None))
+        designs[name] = ad.size_cylinders(
+            machine, ad.Workspace.grid(machine, points=9 if fast else None)
+        )
     rows = [
         {
             "machine": name,
@@ -39,7 +45,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 def main() -> None:
     """Print the table; save it with a figure of the gains."""
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
 
     table, designs = run()
     print(table.to_string(formatters={"gain": "{:+.1%}".format, "gap": "{:.2%}".format}))

@@ -1,6 +1,7 @@
 """What do new pins buy on the 20 t excavator that new cylinder sizes alone cannot?
 
-Sizes alone give +5.5 %, pins alone +30 %, both together +38 %, all with today's oil, thrust and joint ranges.
+Sizes alone give +5.5 %, pins alone +30 %, both together +38 %, all with today's oil, thrust and
+joint ranges.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     designs = {
-        case: ad.size_cylinders(machine, workspace)
-        if vary == ("areas",)
-        else ad.optimize(machine, workspace, vary=vary, starts=1 if fast else 3)
+        case: (
+            ad.size_cylinders(machine, workspace)
+            if vary == ("areas",)
+            else ad.optimize(machine, workspace, vary=vary, starts=1 if fast else 3)
+        )
         for case, vary in CASES.items()
     }
     rows = [
@@ -41,7 +44,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 def main() -> None:
     """Print the table, save it with maps and moment arms of the best case."""
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
 
     table, designs = run()
     print(table.to_string(formatters={"gain": "{:+.1%}".format}))

@@ -1,6 +1,8 @@
-"""Do the frequencies of the 20 t excavator hold in nonlinear runs, before and after optimisation, under all payloads?
+"""Do the frequencies of the 20 t excavator hold in nonlinear runs, before and after optimisation,
+under all payloads?
 
-Yes: all 72 sweeps are within 0.28 %, at half the amplitude within 0.14 %; measured, the worst is 0.910 → 1.255 Hz.
+Yes: all 72 sweeps are within 0.28 %, at half the amplitude within 0.14 %; measured, the worst is
+0.910 → 1.255 Hz.
 """
 
 from __future__ import annotations
@@ -16,21 +18,29 @@ OUT = Path("out") / "05_nonlinear_proof"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
-    """All sweeps of both machines under every payload; ``fast`` takes a coarse grid and one start."""
+    """All sweeps of both machines under every payload; ``fast`` takes a coarse grid and one
+    start.
+    """
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     design = ad.optimize(machine, workspace, starts=1 if fast else 3)
     validations = {
-        f"{label}, {payload.name}": ad.validate(version, payloads=[payload.name], workspace=workspace)
+        f"{label}, {payload.name}": ad.validate(
+            version, payloads=[payload.name], workspace=workspace
+        )
         for label, version in (("today", machine), ("new", design.machine))
         for payload in machine.payloads
     }
-    frames = [found.frame.assign(machine=label.split(",")[0]) for label, found in validations.items()]
+    frames = [
+        found.frame.assign(machine=label.split(",")[0]) for label, found in validations.items()
+    ]
     return pd.concat(frames, ignore_index=True), validations
 
 
 def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
-    """Lowest linear frequency, gain and largest deviations, at full and at half amplitude, of each machine and load."""
+    """Lowest linear frequency, gain and largest deviations, at full and at half amplitude, of each
+    machine and load.
+    """
     half = sweeps.index % 2 == 1
     columns = {
         "lowest_hz": sweeps["linear_hz"],
@@ -45,7 +55,7 @@ def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
 
 def main() -> None:
     """Print the table, save it with every sweep and the measured responses of the worst poses."""
-    from armdesign import plots
+    from armdesign.plots import drawing as plots
 
     sweeps, validations = run()
     table = summary(sweeps)

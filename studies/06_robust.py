@@ -1,7 +1,9 @@
-"""What does a design cost and gain that is made for the worst of payload, air and oil on the 20 t excavator?
+"""What does a design cost and gain that is made for the worst of payload, air and oil on the 20 t
+excavator?
 
-Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the optimum for the
-file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser grids).
+Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the
+optimum for the file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser
+grids).
 """
 
 from __future__ import annotations
@@ -23,14 +25,18 @@ OUT = Path("out") / "06_robust"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Frequency bands of today's machine and of both optima; ``fast`` takes a coarse grid and one start."""
+    """Frequency bands of today's machine and of both optima; ``fast`` takes a coarse grid and one
+    start.
+    """
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     designs = {
         made_for: ad.optimize(machine, workspace, starts=1 if fast else 3, bands=bands)
         for made_for, bands in (("file", None), ("bands", BANDS))
     }
-    machines = {"today": machine} | {f"for the {name}": design.machine for name, design in designs.items()}
+    machines = {"today": machine} | {
+        f"for the {name}": design.machine for name, design in designs.items()
+    }
     rows = {}
     for name, model in machines.items():
         band = ad.frequency_band(model, workspace, BANDS)
@@ -46,8 +52,10 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 
 def main() -> None:
-    """Print the table; save it with a figure of the bands and the moment arms of the robust design."""
-    from armdesign import plots
+    """Print the table; save it with a figure of the bands and the moment arms of the robust
+    design.
+    """
+    from armdesign.plots import drawing as plots
 
     table, designs = run()
     print(table.to_string(float_format="{:.3f}".format))
@@ -55,9 +63,27 @@ def main() -> None:
     table.to_csv(OUT / "bands.csv")
     fig, (ax,) = plots.figure(1, 6.4, 3.2)
     for place, row in enumerate(table.itertuples()):
-        ax.plot([row.least_hz, row.greatest_hz], [place, place], "-", lw=6, color=plots.COMPUTED, alpha=0.5)
-        ax.plot(row.file_hz, place, "o", color=plots.INK, label="_nolegend_" if place else "as in the file")
-    ax.set(yticks=range(len(table)), yticklabels=table.index, xlabel="worst natural frequency [Hz]", xlim=(0, None))
+        ax.plot(
+            [row.least_hz, row.greatest_hz],
+            [place, place],
+            "-",
+            lw=6,
+            color=plots.COMPUTED,
+            alpha=0.5,
+        )
+        ax.plot(
+            row.file_hz,
+            place,
+            "o",
+            color=plots.INK,
+            label="_nolegend_" if place else "as in the file",
+        )
+    ax.set(
+        yticks=range(len(table)),
+        yticklabels=table.index,
+        xlabel="worst natural frequency [Hz]",
+        xlim=(0, None),
+    )
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)
     plots.save(fig, OUT / "bands.png")

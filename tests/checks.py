@@ -7,24 +7,36 @@ from collections.abc import Callable
 import numpy as np
 from numpy.testing import assert_allclose
 
-STEP = 2e-3  # [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
+# [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
+STEP = 2e-3
 DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 
 
-def difference(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = STEP) -> np.ndarray:
-    """∂function/∂x_j at each row of x (n, k) by eighth-order central differences; j becomes the last axis."""
+def difference(
+    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = STEP
+) -> np.ndarray:
+    """∂function/∂x_j at each row of x (n, k) by eighth-order central differences; j becomes the
+    last axis.
+    """
     columns = []
     for j in range(x.shape[1]):
         unit = step * np.eye(x.shape[1])[j]
         columns.append(
-            sum(c * (function(x + k * unit) - function(x - k * unit)) for k, c in enumerate(DIFFERENCE, start=1)) / step
+            sum(
+                c * (function(x + k * unit) - function(x - k * unit))
+                for k, c in enumerate(DIFFERENCE, start=1)
+            )
+            / step
         )
     return np.stack(columns, axis=-1)
 
 
-FLOOR = 1e-12  # rounding of lengths near 1 m over STEP is 1e-13: what a derivative that is zero by nature leaves
+# rounding of lengths near 1 m over STEP is 1e-13: what a derivative that is zero by nature leaves
+FLOOR = 1e-12
 
 
 def assert_same(actual: np.ndarray, expected: np.ndarray, relative: float) -> None:
-    """Equal to a share of the largest number in `expected`: small entries of a matrix are differences of large ones."""
+    """Equal to a share of the largest number in `expected`: small entries of a matrix are
+    differences of large ones.
+    """
     assert_allclose(actual, expected, rtol=0, atol=max(relative * np.abs(expected).max(), FLOOR))

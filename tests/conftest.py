@@ -6,22 +6,34 @@ import signal
 from collections.abc import Sequence
 from pathlib import Path
 
-import machines
 import pytest
-from commands import Refused, assert_one_line, main
 from hypothesis import HealthCheck, settings
 
 import armdesign as ad
-from armdesign.machine import shipped
+from armdesign.machine.machine import shipped
+from tests import machines
+from tests.commands import Refused, assert_one_line, main
 
 settings.register_profile(
-    "house", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
+    "house",
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("house")
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job of a shell has it ignored
+signal.signal(
+    signal.SIGINT, signal.default_int_handler
+)  # a background job of a shell has it ignored
 
 SHIPPED = tuple(shipped())
-EVERY = (*SHIPPED, "heavy_bars", "slewing", *machines.ODD, *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)))
+EVERY = (
+    *SHIPPED,
+    "heavy_bars",
+    "slewing",
+    *machines.ODD,
+    *(f"random_{seed}" for seed in (3, 8, 18, 25, 29)),
+)
 
 
 @pytest.fixture(params=EVERY)
@@ -37,8 +49,12 @@ def excavator() -> ad.Machine:
 
 
 @pytest.fixture
-def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Refused:
-    """Asserts that a command, run in an empty folder, says why it cannot in one line and leaves nothing behind."""
+def refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Refused:
+    """Asserts that a command, run in an empty folder, says why it cannot in one line and leaves
+    nothing behind.
+    """
 
     def assert_refused(words: Sequence[str], message: str) -> None:
         monkeypatch.chdir(tmp_path)

@@ -1,6 +1,8 @@
-"""Machines nobody would build, written as the text of a machine file and a URDF: tests go through the front door.
+"""Machines nobody would build, written as the text of a machine file and a URDF: tests go through
+the front door.
 
-`named` gives them, and the shipped ones, by name; `scaled` gives one another size, mass or oil by editing its texts.
+`named` gives them, and the shipped ones, by name; `scaled` gives one another size, mass or oil by
+editing its texts.
 """
 
 from __future__ import annotations
@@ -13,14 +15,17 @@ from pathlib import Path
 
 import numpy as np
 
-from armdesign import ArmDesignError, Machine, load, machine_file
-from armdesign.arm import Arm
-from armdesign.linkage import FourBar, Linkage, Pin
+from armdesign import ArmDesignError, Machine, load
+from armdesign.machine import machine_file
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.linkage import FourBar, Linkage, Pin
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint from `parent` to a link of the joint's own name, whose body has a box's inertia about `com`."""
+    """A joint from `parent` to a link of the joint's own name, whose body has a box's inertia
+    about `com`.
+    """
 
     name: str
     parent: str
@@ -60,13 +65,14 @@ def urdf(joints: list[Joint]) -> str:
         a, b, c = (1.2, 0.3, 0.2)  # a box's edges [m]
         inertia = [joint.mass / 12 * x for x in (b * b + c * c, a * a + c * c, a * a + b * b)]
         parts.append(
-            f'<joint name="{joint.name}" type="{joint.kind}">'
-            f'<parent link="{joint.parent}"/><child link="{joint.name}"/>'
-            f'<origin xyz="{_words(joint.xyz)}" rpy="{_words(joint.rpy)}"/><axis xyz="{_words(joint.axis)}"/>'
-            f'<limit lower="{joint.limits[0]}" upper="{joint.limits[1]}" effort="1" velocity="1"/></joint>'
-            f'<link name="{joint.name}"><inertial><origin xyz="{_words(joint.com)}" rpy="0.1 0.2 -0.3"/>'
-            f'<mass value="{joint.mass}"/><inertia ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" '
-            'ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="{joint.name}" type="{joint.kind}"><parent link="{joint.parent}"/><child'
+            f' link="{joint.name}"/><origin xyz="{_words(joint.xyz)}"'
+            f' rpy="{_words(joint.rpy)}"/><axis xyz="{_words(joint.axis)}"/><limit'
+            f' lower="{joint.limits[0]}" upper="{joint.limits[1]}" effort="1"'
+            f' velocity="1"/></joint><link name="{joint.name}"><inertial><origin'
+            f' xyz="{_words(joint.com)}" rpy="0.1 0.2 -0.3"/><mass value="{joint.mass}"/><inertia'
+            f' ixx="{inertia[0]}" iyy="{inertia[1]}" izz="{inertia[2]}" ixy="0" ixz="0"'
+            ' iyz="0"/></inertial></link>'
         )
     return f'<robot name="odd">{"".join(parts)}</robot>'
 
@@ -85,8 +91,12 @@ def _zero_length(arm: Arm, function: Function) -> float:
     if function.pivot:
         side = 1 if function.knee == "left" else -1
         pivot, lug = pin(function.pivot), pin(function.lug)
-        bars = FourBar(pivot=pivot, lug=lug, rocker=function.rocker, coupler=function.coupler, side=side)
-    linkage = Linkage(base=pin(function.base), rod_end=pin(function.rod_end), four_bar=bars, arm=arm)
+        bars = FourBar(
+            pivot=pivot, lug=lug, rocker=function.rocker, coupler=function.coupler, side=side
+        )
+    linkage = Linkage(
+        base=pin(function.base), rod_end=pin(function.rod_end), four_bar=bars, arm=arm
+    )
     return float(linkage.length(arm.kinematics(np.zeros((1, len(arm.joints)))))[0])
 
 
@@ -100,14 +110,21 @@ def build(
     air_percent: float = 0.0,
     more: str = "",
 ) -> Machine:
-    """The machine of these joints and cylinders, and of tables as text; `order` is that of q, if not the file's own."""
+    """The machine of these joints and cylinders, and of tables as text; `order` is that of q, if
+    not the file's own.
+    """
     order = order or [joint.name for joint in joints]
     robot = urdf(joints)
     arm = Arm(robot, order, {}, "odd.urdf")
     held = payload or (joints[-1].name, (1.0, 0.1, -0.2))
     text = [
-        f'name = "odd"\nurdf = "odd.urdf"\njoints = {order}\ntool = {_pin(held)}'.replace("'", '"'),
-        f'[payload.load]\nmass_kg = {payload_kg}\nlink = "{held[0]}"\nat_mm = {[1000 * float(x) for x in held[1]]}',
+        f'name = "odd"\nurdf = "odd.urdf"\njoints = {order}\ntool = {_pin(held)}'.replace(
+            "'", '"'
+        ),
+        (
+            f'[payload.load]\nmass_kg = {payload_kg}\nlink = "{held[0]}"\nat_mm ='
+            f" {[1000 * float(x) for x in held[1]]}"
+        ),
         f"[fluid]\nbulk_modulus_MPa = 1200\nentrained_air_percent = {air_percent}",
         "[supply]\npressure_bar = 300\nreturn_pressure_bar = 5\nflow_l_per_min = 200",
     ]
@@ -123,7 +140,8 @@ def build(
         else:
             text.append(
                 f"[cylinder.{f.name}.four_bar]\npivot = {_pin(f.pivot)}\nlug = {_pin(f.lug)}\n"
-                f'rocker_mm = {1000 * f.rocker}\ncoupler_mm = {1000 * f.coupler}\nknee = "{f.knee}"'
+                f"rocker_mm = {1000 * f.rocker}\ncoupler_mm = {1000 * f.coupler}\nknee ="
+                f' "{f.knee}"'
             )
     return Machine.from_text("\n\n".join([*text, more]), robot, Path("odd.toml"))
 
@@ -134,29 +152,65 @@ BUCKET = Joint("bucket", "stick", xyz=(1.6, 0, 0), rpy=(0, 0.3, 0), mass=80, com
 LIFT = Function("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
 FOLD = Function("fold", ("boom", (1.3, 0, 0.7)), ("stick", (-0.4, 0, 0.25)))
 BAR_MASSES = {"barrel": 110, "rod": 85}
-SOFT = "count = 2\ncompliance_m_per_N = 2e-8\nhose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"
+SOFT = (
+    "count = 2\ncompliance_m_per_N = 2e-8\nhose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa"
+    " = 400 }"
+)
 
 
 def four_bar(knee: str, base: tuple[str, tuple[float, ...]] = ("stick", (0.2, 0, 0.5))) -> Machine:
-    """Boom, stick and a bucket on a four-bar; with `base` on the boom its cylinder spans two joints."""
+    """Boom, stick and a bucket on a four-bar; with `base` on the boom its cylinder spans two
+    joints.
+    """
     height = 0.15 if knee == "left" else -0.1
-    tilt = Function("tilt", base, pivot=("stick", (1.3, 0, height)), lug=("bucket", (0.1, 0.02, 2 * height)), knee=knee)
+    tilt = Function(
+        "tilt",
+        base,
+        pivot=("stick", (1.3, 0, height)),
+        lug=("bucket", (0.1, 0.02, 2 * height)),
+        knee=knee,
+    )
     return build([BOOM, STICK, BUCKET], [LIFT, FOLD, tilt])
 
 
 def spatial() -> Machine:
-    """Slewing, a skew hinge, a telescope and a skew wrist; air, hoses, compliance, parallel cylinders."""
+    """Slewing, a skew hinge, a telescope and a skew wrist; air, hoses, compliance, parallel
+    cylinders.
+    """
     joints = [
         Joint("slew", "root", xyz=(0, 0, 1), axis=(0, 0, 1), mass=500, com=(-0.2, 0.1, 0.3)),
-        Joint("boom", "slew", xyz=(0.3, 0.1, 0.4), rpy=(0.2, -0.4, 0.1), axis=(0.1, -2, 0.3), mass=250),
-        Joint("slide", "boom", xyz=(0.8, 0, 0.1), axis=(3, 0.2, 0), kind="prismatic", limits=(-0.2, 0.4), mass=120),
+        Joint(
+            "boom",
+            "slew",
+            xyz=(0.3, 0.1, 0.4),
+            rpy=(0.2, -0.4, 0.1),
+            axis=(0.1, -2, 0.3),
+            mass=250,
+        ),
+        Joint(
+            "slide",
+            "boom",
+            xyz=(0.8, 0, 0.1),
+            axis=(3, 0.2, 0),
+            kind="prismatic",
+            limits=(-0.2, 0.4),
+            mass=120,
+        ),
         Joint("wrist", "slide", xyz=(1.2, 0.2, 0), rpy=(0.5, 0.2, 1), axis=(0.4, 0.5, 1), mass=60),
     ]
     cylinders = [
         Function("turn", ("root", (0.9, 0.6, 1.1)), ("slew", (0.3, 0.9, 0.2)), extra=SOFT),
-        Function("lift", ("slew", (0.9, 0, -0.3)), ("boom", (0.9, -0.1, 0.3)), bore_mm=140, rod_mm=80),
+        Function(
+            "lift", ("slew", (0.9, 0, -0.3)), ("boom", (0.9, -0.1, 0.3)), bore_mm=140, rod_mm=80
+        ),
         Function("reach", ("boom", (-0.1, 0.1, 0.3)), ("slide", (0.9, 0.2, 0.35)), extra=SOFT),
-        Function("swing", ("slide", (0.5, -0.3, 0.2)), ("wrist", (0.2, -0.5, 0.3)), bore_mm=63, rod_mm=36),
+        Function(
+            "swing",
+            ("slide", (0.5, -0.3, 0.2)),
+            ("wrist", (0.2, -0.5, 0.3)),
+            bore_mm=63,
+            rod_mm=36,
+        ),
     ]
     return build(joints, cylinders, air_percent=1.0)
 
@@ -168,7 +222,9 @@ def crossing() -> Machine:
 
 
 def branched() -> Machine:
-    """Two arms on one root; cylinders from one to the other see a joint from behind, one of them across a telescope."""
+    """Two arms on one root; cylinders from one to the other see a joint from behind, one of them
+    across a telescope.
+    """
     joints = [
         BOOM,
         replace(STICK, kind="prismatic", axis=(1, 0, 0.2), limits=(-0.2, 0.3)),
@@ -181,23 +237,43 @@ def branched() -> Machine:
 
 
 def redundant(reverse: bool = False) -> Machine:
-    """Four cylinders on two joints: two unlike ones on the boom, one on the stick, one across both."""
+    """Four cylinders on two joints: two unlike ones on the boom, one on the stick, one across
+    both.
+    """
     cylinders = [
         LIFT,
-        Function("help", ("root", (-0.6, 0, 0.2)), ("boom", (0.3, 0, 0.8)), bore_mm=63, rod_mm=36, extra=SOFT),
+        Function(
+            "help",
+            ("root", (-0.6, 0, 0.2)),
+            ("boom", (0.3, 0, 0.8)),
+            bore_mm=63,
+            rod_mm=36,
+            extra=SOFT,
+        ),
         FOLD,
-        Function("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), bore_mm=80, rod_mm=50),
+        Function(
+            "long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), bore_mm=80, rod_mm=50
+        ),
     ]
     return build([BOOM, STICK], cylinders[::-1] if reverse else cylinders, air_percent=0.2)
 
 
 def rotator() -> Machine:
-    """A motor that turns a skew wrist against gravity, between cylinders; compliance in its gear, hoses, air."""
-    wrist = Joint("wrist", "stick", xyz=(1.2, 0.1, 0), axis=(1, 0.3, 0.2), kind="continuous", com=(0.3, 0.4, 0.1))
+    """A motor that turns a skew wrist against gravity, between cylinders; compliance in its gear,
+    hoses, air.
+    """
+    wrist = Joint(
+        "wrist",
+        "stick",
+        xyz=(1.2, 0.1, 0),
+        axis=(1, 0.3, 0.2),
+        kind="continuous",
+        com=(0.3, 0.4, 0.1),
+    )
     motor = (
-        "[motor.turn]\njoint = 'wrist'\ncount = 2\ndisplacement_cm3 = 160\ngear_ratio = 24\n"
-        "trapped_volume_l = { a = 0.6, b = 0.9 }\nhose = { a_l = 0.2, b_l = 0.3, bulk_modulus_MPa = 400 }\n"
-        "compliance_rad_per_N_m = 2e-7"
+        "[motor.turn]\njoint = 'wrist'\ncount = 2\ndisplacement_cm3 = 160\ngear_ratio ="
+        " 24\ntrapped_volume_l = { a = 0.6, b = 0.9 }\nhose = { a_l = 0.2, b_l = 0.3,"
+        " bulk_modulus_MPa = 400 }\ncompliance_rad_per_N_m = 2e-7"
     )
     tilt = Function("tilt", ("wrist", (0.2, 0, 0.5)), ("bucket", (0.3, 0.1, 0.5)))
     joints = [BOOM, STICK, wrist, replace(BUCKET, parent="wrist")]
@@ -230,19 +306,30 @@ def named(name: str) -> Machine:
 
 def heavy_bars() -> Machine:
     """The 20 t machine with cylinders and four-bar that weigh: masses of that order, made up."""
-    masses = {f"{name}.{part}_kg": mass for name in ("boom", "stick", "bucket") for part, mass in BAR_MASSES.items()}
+    masses = {
+        f"{name}.{part}_kg": mass
+        for name in ("boom", "stick", "bucket")
+        for part, mass in BAR_MASSES.items()
+    }
     four_bar = {"bucket.four_bar.rocker_kg": 95, "bucket.four_bar.coupler_kg": 130}
-    return load("excavator_20t").replace({f"cylinder.{key}": value for key, value in (masses | four_bar).items()})
+    return load("excavator_20t").replace(
+        {f"cylinder.{key}": value for key, value in (masses | four_bar).items()}
+    )
 
 
 def slewing() -> Machine:
     """The 20 t machine free to slew on its motor, its load beside the arm's plane."""
-    aside = {"joints": ["swing", "boom", "stick", "bucket"], "payload.full.at_mm": [645.0, 700.0, 435.0]}
+    aside = {
+        "joints": ["swing", "boom", "stick", "bucket"],
+        "payload.full.at_mm": [645.0, 700.0, 435.0],
+    }
     return load("excavator_20t").replace(aside)
 
 
 def random_machine(seed: int) -> Machine:
-    """One to four joints about or along any axis, each with a cylinder from some link before it, no dead centre."""
+    """One to four joints about or along any axis, each with a cylinder from some link before it,
+    no dead centre.
+    """
     rng = np.random.default_rng(seed)
     for _ in range(50):
         try:
@@ -285,11 +372,18 @@ def _attempt(rng: np.random.Generator) -> Machine:
                 extra=SOFT if rng.random() < 0.3 else "",
             )
         )
-    return build(joints, cylinders, payload_kg=float(rng.uniform(0, 300)), air_percent=float(rng.choice([0, 0.5])))
+    return build(
+        joints,
+        cylinders,
+        payload_kg=float(rng.uniform(0, 300)),
+        air_percent=float(rng.choice([0, 0.5])),
+    )
 
 
 def inner_poses(machine: Machine, count: int, seed: int = 0) -> np.ndarray:
-    """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and holds its joint."""
+    """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and
+    holds its joint.
+    """
     q = _reachable(machine, np.random.default_rng(seed), 50 * count)
     assert len(q) >= count, "a machine without room to move is no test"
     return q[:count]
@@ -303,11 +397,17 @@ def _reachable(machine: Machine, rng: np.random.Generator, tries: int) -> np.nda
     return q[np.linalg.svd(arms, compute_uv=False)[:, -1] > 0.01]
 
 
-def scaled(machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus: float = 1.0) -> Machine:
-    """The same machine with all lengths, all masses and the moduli of oil and hoses times a factor each."""
+def scaled(
+    machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus: float = 1.0
+) -> Machine:
+    """The same machine with all lengths, all masses and the moduli of oil and hoses times a factor
+    each.
+    """
     robot = ET.fromstring(machine.urdf_text)
     for origin in robot.iter("origin"):
-        origin.set("xyz", _words(tuple(length * float(x) for x in origin.get("xyz", "0 0 0").split())))
+        origin.set(
+            "xyz", _words(tuple(length * float(x) for x in origin.get("xyz", "0 0 0").split()))
+        )
     for element in robot.iter("mass"):
         element.set("value", repr(mass * float(element.get("value", "0"))))
     for element in robot.iter("inertia"):
@@ -323,16 +423,35 @@ def scaled(machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus:
     def visit(table: dict[str, object], path: str) -> None:
         for key, value in table.items():
             where = f"{path}{key}"
-            volume = path.endswith(("dead_volume_l.", "hose.")) and key in ("cap", "annulus", "cap_l", "annulus_l")
+            volume = path.endswith(("dead_volume_l.", "hose.")) and key in (
+                "cap",
+                "annulus",
+                "cap_l",
+                "annulus_l",
+            )
             factor = (
-                length**3 if volume else mass if key == "mass_kg" else modulus if key == "bulk_modulus_MPa" else length
+                length**3
+                if volume
+                else mass
+                if key == "mass_kg"
+                else modulus
+                if key == "bulk_modulus_MPa"
+                else length
             )
             if isinstance(value, dict):
                 visit(value, f"{where}.")
             elif key == "compliance_m_per_N" and value:
-                changes[where] = value / (length * modulus)  # keeps its share of the oil's compliance
-            elif volume or key in ("mass_kg", "bulk_modulus_MPa") or (key.endswith("_mm") and value is not None):
-                changes[where] = [factor * x for x in value] if isinstance(value, list) else factor * value
+                changes[where] = value / (
+                    length * modulus
+                )  # keeps its share of the oil's compliance
+            elif (
+                volume
+                or key in ("mass_kg", "bulk_modulus_MPa")
+                or (key.endswith("_mm") and value is not None)
+            ):
+                changes[where] = (
+                    [factor * x for x in value] if isinstance(value, list) else factor * value
+                )
 
     kept = {"tool", "payload", "fluid", "cylinder"}
     visit(machine.section.model_dump(include=kept, exclude_unset=True), "")

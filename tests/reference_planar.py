@@ -1,20 +1,22 @@
-"""An independent planar reference for `armdesign`: the same physics by other methods, in plain numpy and scipy.
+"""An independent planar reference for `armdesign`: the same physics by other methods, in plain
+numpy and scipy.
 
-It reads the machine file (TOML and URDF) itself and imports nothing of `armdesign`. Where production code uses
-formulas, this file differentiates the definition:
+It reads the machine file (TOML and URDF) itself and imports nothing of `armdesign`. Where
+production code uses formulas, this file differentiates the definition:
 
 - inertia from the Jacobians of the links' centres of mass, in the plane;
 - gravity torque by complex step of the potential energy;
 - moment arm by complex step of the pin-to-pin length;
-- stiffness by eighth-order central differences of the net static torque with the oil trapped, so that neither the oil
+- stiffness by eighth-order central differences of the net static torque with the oil trapped, so
+  that neither the oil
 stiffness
   β (A1²/V1 + A2²/V2) nor the geometric stiffness ∂g/∂q − Σ F0 H is ever written down.
 
-Scope: a serial chain of revolute joints about −y (x right, z up, positive counter-clockwise), one cylinder per joint,
-pin to pin or through a four-bar; other joints frozen, at 0 unless their axis is −y too; constant bulk modulus, massless
-cylinders.
-Anything else in the file raises `NotImplementedError`. Arrays have the pose on axis 0, then the cylinder or joint. SI
-inside.
+Scope: a serial chain of revolute joints about −y (x right, z up, positive counter-clockwise), one
+cylinder per joint, pin to pin or through a four-bar; other joints frozen, at 0 unless their axis
+is −y too; constant bulk modulus, massless cylinders.
+Anything else in the file raises `NotImplementedError`. Arrays have the pose on axis 0, then the
+cylinder or joint. SI inside.
 """
 
 import itertools
@@ -30,8 +32,8 @@ from scipy.optimize import brentq
 GRAVITY = 9.81  # [m/s²], as in pinocchio and in the paper's M_eq = F/9.81
 STEEL = 210e9  # Young's modulus of the rods [Pa]; cancels in the ratio of two machines
 COMPLEX_STEP = 1e-30
-# Central difference of order 8: coefficients of f(q + k h) − f(q − k h), k = 1…4; with 4 mrad truncation and rounding
-# are both about 1e-11.
+# Central difference of order 8: coefficients of f(q + k h) − f(q − k h), k = 1…4; with 4 mrad
+# truncation and rounding are both about 1e-11.
 DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 DIFFERENCE_STEP = 4e-3  # [rad]
 PITCH_TOLERANCE = 1e-9  # [rad], so that a pose exactly on the limit of the pitch counts
@@ -50,7 +52,9 @@ DEFAULTS = dict(
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a link hangs: on `parent`, at (x, z), turned by `angle`, and by q[joint] if `joint` is not None."""
+    """Where a link hangs: on `parent`, at (x, z), turned by `angle`, and by q[joint] if `joint` is
+    not None.
+    """
 
     parent: str
     x: float
@@ -123,9 +127,14 @@ class Reference:
     def __init__(self, data, urdf):
         self.name = data["name"]
         self.joints = list(data["joints"])
-        self.links, self.bodies, self.limits = _read_urdf(urdf, self.joints, data.get("frozen", {}))
+        self.links, self.bodies, self.limits = _read_urdf(
+            urdf, self.joints, data.get("frozen", {})
+        )
         self.cylinders = [_read_cylinder(name, table) for name, table in data["cylinder"].items()]
-        self.cases = {name: _read_payload(name, table) for name, table in data.get("payload", {"empty": {}}).items()}
+        self.cases = {
+            name: _read_payload(name, table)
+            for name, table in data.get("payload", {"empty": {}}).items()
+        }
         self.tool = _read_pin(data["tool"])
         fluid, supply = data["fluid"], data["supply"]
         if fluid.get("entrained_air_percent", 0):
@@ -149,7 +158,8 @@ class Reference:
     def payloads(self):
         return list(self.cases)
 
-    # ---- geometry; works for real and for complex q ------------------------------------------------------------------
+    # ---- geometry; works for real and for complex q
+    # ------------------------------------------------------------------
 
     def frames(self, q):
         """x, z, angle of every link, (n,) each."""
@@ -172,7 +182,9 @@ class Reference:
         return frames
 
     def joint_chain(self, link):
-        """(joint, link whose origin lies on its axis) for every joint between the root and `link`."""
+        """(joint, link whose origin lies on its axis) for every joint between the root and
+        `link`.
+        """
         chain = []
         while link in self.links:
             here = self.links[link]
@@ -203,7 +215,10 @@ class Reference:
         along = (bar.rocker**2 - bar.coupler**2 + distance**2) / (2 * distance)
         square = bar.rocker**2 - along**2
         aside = bar.side * np.sqrt(np.where(square.real < 0, np.nan, square))
-        return pivot_x + along * along_x - aside * along_z, pivot_z + along * along_z + aside * along_x
+        return (
+            pivot_x + along * along_x - aside * along_z,
+            pivot_z + along * along_z + aside * along_x,
+        )
 
     def transmission_angles(self, q, cylinder):
         """Angle between the lines of rocker and coupler (n,) [rad], 0 at a dead centre."""
@@ -214,7 +229,10 @@ class Reference:
 
     def moment_arms(self, q):
         """∂ℓ/∂q (n, nc, nq) [m/rad], by complex step."""
-        return np.stack([self._complex_step(self.lengths, q, joint) for joint in range(len(self.joints))], axis=2)
+        return np.stack(
+            [self._complex_step(self.lengths, q, joint) for joint in range(len(self.joints))],
+            axis=2,
+        )
 
     def _complex_step(self, function, q, joint):
         stepped = _poses(q).astype(complex)
@@ -232,20 +250,26 @@ class Reference:
         x, z = _at(frames, self.tool)
         return np.hypot(x - frames[link][0], z - frames[link][1])
 
-    # ---- masses ------------------------------------------------------------------------------------------------------
+    # ---- masses
+    # ---------------------------------------------------------------------------------------------
 
     def bodies_with(self, payload):
         body = self.cases[payload].body
         return self.bodies if body is None else [*self.bodies, body]
 
     def mass_matrix(self, q, payload):
-        """Σ m JᵀJ + I over the bodies (n, nq, nq): a joint moves a point at right angles to the line from its axis."""
+        """Σ m JᵀJ + I over the bodies (n, nq, nq): a joint moves a point at right angles to the
+        line from its axis.
+        """
         q = _poses(q)
         frames = self.frames(q)
         mass_matrix = np.zeros((len(q), len(self.joints), len(self.joints)))
         for body in self.bodies_with(payload):
             x, z = _at(frames, body)
-            arms = {joint: (x - frames[link][0], z - frames[link][1]) for joint, link in self.joint_chain(body.link)}
+            arms = {
+                joint: (x - frames[link][0], z - frames[link][1])
+                for joint, link in self.joint_chain(body.link)
+            }
             for (i, (xi, zi)), (j, (xj, zj)) in itertools.product(arms.items(), repeat=2):
                 mass_matrix[:, i, j] += body.mass * (xi * xj + zi * zj) + body.inertia
         return mass_matrix
@@ -253,16 +277,22 @@ class Reference:
     def potential_energy(self, q, payload):
         """U(q) = Σ m g z (n,) [J]."""
         frames = self.frames(q)
-        return sum(body.mass * GRAVITY * _at(frames, body)[1] for body in self.bodies_with(payload))
+        return sum(
+            body.mass * GRAVITY * _at(frames, body)[1] for body in self.bodies_with(payload)
+        )
 
     def gravity_torque(self, q, payload):
         """∂U/∂q (n, nq) [N m], by complex step."""
         return np.stack(
-            [self._complex_step(lambda at: self.potential_energy(at, payload), q, j) for j in range(len(self.joints))],
+            [
+                self._complex_step(lambda at: self.potential_energy(at, payload), q, j)
+                for j in range(len(self.joints))
+            ],
             axis=1,
         )
 
-    # ---- hydraulics --------------------------------------------------------------------------------------------------
+    # ---- hydraulics
+    # ---------------------------------------------------------------------------------------------
 
     def forces(self, q, payload):
         """Static force of every cylinder (n, nc) [N], + pushes: g = Rᵀ F."""
@@ -275,12 +305,16 @@ class Reference:
             [(c.closed, c.stroke, c.dead_cap, c.dead_annulus) for c in self.cylinders]
         ).T
         extension = lengths - closed
-        return self.bore_areas * extension + dead_cap, self.annulus_areas * (stroke - extension) + dead_annulus
+        return (
+            self.bore_areas * extension + dead_cap,
+            self.annulus_areas * (stroke - extension) + dead_annulus,
+        )
 
     def stiffness_matrix(self, q, payload):
         """−∂/∂q of the net torque Rᵀ F − g with the oil trapped at q (n, nq, nq) [N m/rad].
 
-        In a closed chamber dp = −β dV/V, hence p = p0 + β ln(V0/V), and F = F0 + β (A1 ln(V10/V1) − A2 ln(V20/V2)).
+        In a closed chamber dp = −β dV/V, hence p = p0 + β ln(V0/V), and F = F0 + β (A1 ln(V10/V1)
+        − A2 ln(V20/V2)).
         """
         q = _poses(q)
         force = self.forces(q, payload)
@@ -288,15 +322,23 @@ class Reference:
 
         def net_torque(moved):
             cap_now, annulus_now = self.volumes(self.lengths(moved))
-            rise = self.bore_areas * np.log(cap / cap_now) - self.annulus_areas * np.log(annulus / annulus_now)
-            pushed = np.einsum("nij,ni->nj", self.moment_arms(moved), force + self.bulk_modulus * rise)
+            rise = self.bore_areas * np.log(cap / cap_now) - self.annulus_areas * np.log(
+                annulus / annulus_now
+            )
+            pushed = np.einsum(
+                "nij,ni->nj", self.moment_arms(moved), force + self.bulk_modulus * rise
+            )
             return pushed - self.gravity_torque(moved, payload)
 
         stiffness = np.zeros((len(q), len(self.joints), len(self.joints)))
-        for joint, (k, coefficient) in itertools.product(range(len(self.joints)), enumerate(DIFFERENCE, start=1)):
+        for joint, (k, coefficient) in itertools.product(
+            range(len(self.joints)), enumerate(DIFFERENCE, start=1)
+        ):
             step = np.zeros(len(self.joints))
             step[joint] = k * DIFFERENCE_STEP
-            stiffness[:, :, joint] -= coefficient * (net_torque(q + step) - net_torque(q - step)) / DIFFERENCE_STEP
+            stiffness[:, :, joint] -= (
+                coefficient * (net_torque(q + step) - net_torque(q - step)) / DIFFERENCE_STEP
+            )
         return stiffness
 
     def frequencies(self, q, payload):
@@ -307,14 +349,20 @@ class Reference:
         squares = np.array([eigh(k, m, eigvals_only=True, check_finite=False) for k, m in pairs])
         return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
 
-    # ---- ranges and workspace ----------------------------------------------------------------------------------------
+    # ---- ranges and workspace
+    # ----------------------------------------------------------------------------------------
 
     def _joint_of_each_cylinder(self):
-        """Joint of each cylinder. From the tree, because a probing pose need not close the four-bar."""
+        """Joint of each cylinder.
+
+        From the tree, because a probing pose need not close the four-bar.
+        """
         joints = []
         for cylinder in self.cylinders:
             far = cylinder.rod_end or cylinder.four_bar.lug
-            between = {j for j, _ in self.joint_chain(far.link)} ^ {j for j, _ in self.joint_chain(cylinder.base.link)}
+            between = {j for j, _ in self.joint_chain(far.link)} ^ {
+                j for j, _ in self.joint_chain(cylinder.base.link)
+            }
             if len(between) != 1:
                 raise NotImplementedError(f"{cylinder.name} cylinder spans {len(between)} joints")
             joints.append(between.pop())
@@ -323,13 +371,17 @@ class Reference:
         return joints
 
     def along(self, joint, values):
-        """Poses (n, nq) in which one joint takes `values`; the length of its cylinder does not feel the others."""
+        """Poses (n, nq) in which one joint takes `values`; the length of its cylinder does not
+        feel the others.
+        """
         q = np.zeros((len(values), len(self.joints)))
         q[:, joint] = values
         return q
 
     def ranges_with(self, end_margin):
-        """Joint ranges (nq, 2): every cylinder at least `end_margin` from its ends, cut by the URDF limits."""
+        """Joint ranges (nq, 2): every cylinder at least `end_margin` from its ends, cut by the
+        URDF limits.
+        """
         ranges = np.array(self.limits)
         for index, (cylinder, joint) in enumerate(zip(self.cylinders, self.joint_of, strict=True)):
 
@@ -343,7 +395,9 @@ class Reference:
             inside = np.flatnonzero(room(values) >= 0)
             if not len(inside):
                 raise ValueError(f"{cylinder.name} cylinder: no pose within its stroke")
-            first, last = max(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1), key=len)[[0, -1]]
+            first, last = max(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1), key=len)[
+                [0, -1]
+            ]
 
             def root(a, b, room=room):
                 return brentq(lambda value: room(value)[0], a, b, xtol=1e-14)
@@ -354,7 +408,9 @@ class Reference:
         return ranges
 
     def holds(self, q, payload):
-        """Whether the payload exists at these poses (n,): the pitch of its link is in the range the file gives."""
+        """Whether the payload exists at these poses (n,): the pitch of its link is in the range
+        the file gives.
+        """
         q, case = _poses(q), self.cases[payload]
         if case.pitch is None:
             return np.ones(len(q), dtype=bool)
@@ -363,7 +419,9 @@ class Reference:
         return beyond <= high - low + 2 * PITCH_TOLERANCE
 
     def onto_pitch_limits(self, q, payload, joint):
-        """Copies of the poses with one joint moved so that the payload stands exactly on a limit of its pitch."""
+        """Copies of the poses with one joint moved so that the payload stands exactly on a limit
+        of its pitch.
+        """
         case = self.cases[payload]
         if case.pitch is None or joint not in dict(self.joint_chain(case.body.link)):
             return q[:0]
@@ -375,12 +433,17 @@ class Reference:
         return np.concatenate(copies)
 
     def workspace(self, payload, end_margin=0.02, points=(21, 21, 121)):
-        """Joint grid with its edges (n, nq): ends of the ranges and poses exactly at the payload's pitch limits."""
+        """Joint grid with its edges (n, nq): ends of the ranges and poses exactly at the payload's
+        pitch limits.
+        """
         ranges = self.ranges_with(end_margin)
-        axes = [np.linspace(*bounds, number) for bounds, number in zip(ranges, points, strict=True)]
+        axes = [
+            np.linspace(*bounds, number) for bounds, number in zip(ranges, points, strict=True)
+        ]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         edges = [  # this joint solved for the limit, the others on the grid
-            self.onto_pitch_limits(grid[grid[:, joint] == axes[joint][0]], payload, joint) for joint in range(len(axes))
+            self.onto_pitch_limits(grid[grid[:, joint] == axes[joint][0]], payload, joint)
+            for joint in range(len(axes))
         ]
         return self._inside(np.concatenate([grid, *edges]), ranges, payload)
 
@@ -389,7 +452,8 @@ class Reference:
         return q[self.holds(q, payload)]
 
     def smallest(self, function, end_margin, points, payload, starts=6):
-        """(value, q) of the smallest `function(q)` over this machine's workspace, refined off the grid by zooming.
+        """(value, q) of the smallest `function(q)` over this machine's workspace, refined off the
+        grid by zooming.
 
         Infinite, with q None, where no pose of the workspace holds the payload.
         """
@@ -405,7 +469,9 @@ class Reference:
                 break
             best = np.nanargmin(values)
             found.append(self._zoom(function, values[best], q[best], spacing, ranges, payload))
-            values = np.where((abs(q - q[best]) <= 3 * spacing).all(axis=1), np.inf, values)  # next start: elsewhere
+            values = np.where(
+                (abs(q - q[best]) <= 3 * spacing).all(axis=1), np.inf, values
+            )  # next start: elsewhere
         return min(found, key=lambda pair: pair[0])
 
     def _zoom(self, function, value, best, spacing, ranges, payload):
@@ -421,11 +487,13 @@ class Reference:
         return value, best
 
     def worst(self, end_margin=0.02, points=(21, 21, 121), workspace_of=None):
-        """(frequency [Hz], q, payload) of the lowest coupled frequency over the workspace and the payload cases.
+        """(frequency [Hz], q, payload) of the lowest coupled frequency over the workspace and the
+        payload cases.
 
         `points`: of the grid, one number per joint.
 
-        The workspace is this machine's own, or that of `workspace_of`: a new design is judged on today's workspace.
+        The workspace is this machine's own, or that of `workspace_of`: a new design is judged on
+        today's workspace.
         """
         machine = workspace_of or self
         found = []
@@ -438,19 +506,23 @@ class Reference:
             found.append((float(value), q, payload))
         return min(found, key=lambda triple: triple[0])
 
-    # ---- requirements ------------------------------------------------------------------------------------------------
+    # ---- requirements
+    # ---------------------------------------------------------------------------------------------
 
     def joint_scan(self, cylinder, ranges):
-        """Lengths and moment arms of a cylinder over the whole range of its joint, and the poses."""
+        """Lengths and moment arms of a cylinder over the whole range of its joint, and the
+        poses.
+        """
         index = self.cylinders.index(cylinder)
         q = self.along(self.joint_of[index], np.linspace(*ranges[self.joint_of[index]], 20001))
         return q, self.lengths(q)[:, index], self.moment_arms(q)[:, index, self.joint_of[index]]
 
     def digging_force(self, cylinder, ranges, at=None):
-        """ISO 6015 force at the tool [N]: supply pressure on the bore, best angle of the driven joint.
+        """ISO 6015 force at the tool [N]: supply pressure on the bore, best angle of the driven
+        joint.
 
-        `at`: angles of the joints beyond the driven one. For the stick: the bucket where its own digging force is
-        largest.
+        `at`: angles of the joints beyond the driven one. For the stick: the bucket where its own
+        digging force is largest.
         """
         q, _, arm = self.joint_scan(cylinder, ranges)
         if at is not None:
@@ -460,22 +532,40 @@ class Reference:
         return force.max(), q[force.argmax(), joint]
 
     def digging(self, names, ranges):
-        """{cylinder: (digging force [N], bore area × largest moment arm [m³])}, outermost joint first."""
+        """{cylinder: (digging force [N], bore area × largest moment arm [m³])}, outermost joint
+        first.
+        """
         result, at = {}, np.full(len(self.joints), np.nan)
-        for cylinder in sorted(self.cylinders, key=lambda c: -self.joint_of[self.cylinders.index(c)]):
+        for cylinder in sorted(
+            self.cylinders, key=lambda c: -self.joint_of[self.cylinders.index(c)]
+        ):
             if cylinder.name in names:
                 force, angle = self.digging_force(cylinder, ranges, at)
                 at[self.joint_of[self.cylinders.index(cylinder)]] = angle
-                result[cylinder.name] = force, cylinder.bore_area * abs(self.joint_scan(cylinder, ranges)[2]).max()
+                result[cylinder.name] = (
+                    force,
+                    cylinder.bore_area * abs(self.joint_scan(cylinder, ranges)[2]).max(),
+                )
         return result
 
     def buckling_safety(self, cylinder):
-        """Euler load of the rod, pinned at both ends of the open cylinder, over the largest thrust of one cylinder."""
-        euler = np.pi**2 * STEEL * np.pi / 64 * cylinder.rod**4 / (cylinder.closed + cylinder.stroke) ** 2
+        """Euler load of the rod, pinned at both ends of the open cylinder, over the largest thrust
+        of one cylinder.
+        """
+        euler = (
+            np.pi**2
+            * STEEL
+            * np.pi
+            / 64
+            * cylinder.rod**4
+            / (cylinder.closed + cylinder.stroke) ** 2
+        )
         return euler / (self.supply_pressure * np.pi / 4 * cylinder.bore**2)
 
     def holding_shares(self, original, end_margin, points):
-        """{(direction, cylinder): largest static force / what supply against return pressure gives}, today's poses."""
+        """{(direction, cylinder): largest static force / what supply against return pressure
+        gives}, today's poses.
+        """
         push = self.supply_pressure * self.bore_areas - self.return_pressure * self.annulus_areas
         pull = self.supply_pressure * self.annulus_areas - self.return_pressure * self.bore_areas
         shares = {}
@@ -491,29 +581,51 @@ class Reference:
         return shares
 
     def requirements(self, original, points=(21, 21, 41)):
-        """{name: (value, limit, satisfied)} of the default requirements 1…8, relative to `original`, today's machine.
+        """{name: (value, limit, satisfied)} of the default requirements 1…8, relative to
+        `original`, today's machine.
 
         Shares are relative to today's, lengths [m], angles [deg]. Names end with the cylinder.
         """
         table, ranges, checks = original.requirement_table, original.ranges, {}
 
         def at_most(name, value, limit, slack=TOLERANCE):
-            checks[name] = float(value), float(limit), bool(value <= limit + slack * max(abs(limit), 1))
+            checks[name] = (
+                float(value),
+                float(limit),
+                bool(value <= limit + slack * max(abs(limit), 1)),
+            )
 
         def at_least(name, value, limit, slack=TOLERANCE):
-            checks[name] = float(value), float(limit), bool(value >= limit - slack * max(abs(limit), 1))
+            checks[name] = (
+                float(value),
+                float(limit),
+                bool(value >= limit - slack * max(abs(limit), 1)),
+            )
 
         today = {cylinder.name: cylinder for cylinder in original.cylinders}
         for cylinder in self.cylinders:
             name, old = cylinder.name, today[cylinder.name]
             q, length, arm = self.joint_scan(cylinder, ranges)
-            short = max(cylinder.closed - length.min(), length.max() - cylinder.closed - cylinder.stroke)
+            short = max(
+                cylinder.closed - length.min(), length.max() - cylinder.closed - cylinder.stroke
+            )
             at_most(f"range {name}", short, 0.0, RANGE_TOLERANCE)
-            at_least(f"dead_length {name}", cylinder.closed - cylinder.stroke, old.closed - old.stroke, RANGE_TOLERANCE)
+            at_least(
+                f"dead_length {name}",
+                cylinder.closed - cylinder.stroke,
+                old.closed - old.stroke,
+                RANGE_TOLERANCE,
+            )
             for side in ("bore_area", "annulus_area"):
-                swept = getattr(cylinder, side) * cylinder.stroke / (getattr(old, side) * old.stroke)
+                swept = (
+                    getattr(cylinder, side) * cylinder.stroke / (getattr(old, side) * old.stroke)
+                )
                 at_most(f"oil_each {side} {name}", swept, table["oil_each_share"])
-            thrust = self.supply_pressure * cylinder.bore_area / (original.supply_pressure * old.bore_area)
+            thrust = (
+                self.supply_pressure
+                * cylinder.bore_area
+                / (original.supply_pressure * old.bore_area)
+            )
             at_most(f"thrust {name}", thrust, table["thrust_share"])
             at_least(
                 f"moment_arm {name}",
@@ -526,23 +638,37 @@ class Reference:
                     for machine, part in ((self, cylinder), (original, old))
                 )
                 at_least(f"transmission {name}", angle, min(table["transmission_deg"], old_angle))
-            at_least(f"buckling {name}", self.buckling_safety(cylinder), original.buckling_safety(old))
+            at_least(
+                f"buckling {name}", self.buckling_safety(cylinder), original.buckling_safety(old)
+            )
             box = table.get("pin_box_mm", original.default_pin_box_mm()) / 1000
-            at_most(f"pin_box {name}", max(abs(a - b) for a, b in zip(_pins(cylinder), _pins(old), strict=True)), box)
+            at_most(
+                f"pin_box {name}",
+                max(abs(a - b) for a, b in zip(_pins(cylinder), _pins(old), strict=True)),
+                box,
+            )
         for side in ("bore_area", "annulus_area"):
-            swept, before = (sum(getattr(c, side) * c.stroke for c in m.cylinders) for m in (self, original))
+            swept, before = (
+                sum(getattr(c, side) * c.stroke for c in m.cylinders) for m in (self, original)
+            )
             at_most(f"oil_total {side}", swept / before, table["oil_total_share"])
-        for (direction, name), share in self.holding_shares(original, table["end_margin"], points).items():
+        for (direction, name), share in self.holding_shares(
+            original, table["end_margin"], points
+        ).items():
             at_most(f"holding {direction} {name}", share, table["holding_share"])
         if digging := table.get("digging"):
             now, before = (m.digging(digging["cylinders"], ranges) for m in (self, original))
             for name in digging["cylinders"]:
                 at_least(f"digging {name}", now[name][0] / before[name][0], digging["share"])
-                at_least(f"digging_torque {name}", now[name][1] / before[name][1], digging["share"])
+                at_least(
+                    f"digging_torque {name}", now[name][1] / before[name][1], digging["share"]
+                )
         return checks
 
     def default_pin_box_mm(self):
-        """2.5 % of the largest distance from the first joint to the tool over the joint ranges [mm]."""
+        """2.5 % of the largest distance from the first joint to the tool over the joint ranges
+        [mm].
+        """
         axes = [np.linspace(*bounds, 41) for bounds in self.ranges]
         q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         return 25 * self.tool_distance(q, 0).max()
@@ -553,7 +679,9 @@ def _poses(q):
 
 
 def _turned(x, z, angle, along, across):
-    """The point `along`, `across` of a frame at x, z turned by `angle`, counter-clockwise with x right and z up."""
+    """The point `along`, `across` of a frame at x, z turned by `angle`, counter-clockwise with x
+    right and z up.
+    """
     cos, sin = np.cos(angle), np.sin(angle)
     return x + cos * along - sin * across, z + sin * along + cos * across
 
@@ -573,7 +701,8 @@ def _pins(cylinder):
     return [value for pin in pins if pin for value in (pin.x, pin.z)]
 
 
-# ---- reading ----------------------------------------------------------------------------------------------------
+# ---- reading
+# -------------------------------------------------------------------------------------------------
 
 
 def _read_pin(table):
@@ -595,7 +724,11 @@ def _read_payload(name, table):
 
 def _read_cylinder(name, table):
     bar = table.get("four_bar")
-    odd = {key: table.get(key) for key in ("barrel_kg", "rod_kg", "compliance_m_per_N") if table.get(key)}
+    odd = {
+        key: table.get(key)
+        for key in ("barrel_kg", "rod_kg", "compliance_m_per_N")
+        if table.get(key)
+    }
     odd |= {key: bar.get(key) for key in ("rocker_kg", "coupler_kg") if bar and bar.get(key)}
     if any(table.get("hose", {}).get(key) for key in ("cap_l", "annulus_l")):
         odd["hose"] = table["hose"]
@@ -625,7 +758,9 @@ def _read_cylinder(name, table):
 
 
 def _read_urdf(text, joints, frozen):
-    """Links by name, bodies, and the limits of `joints`, from a URDF whose moving joints turn about −y."""
+    """Links by name, bodies, and the limits of `joints`, from a URDF whose moving joints turn
+    about −y.
+    """
     root = ElementTree.fromstring(text)
     links, limits = {}, [None] * len(joints)
     for joint in root.iter("joint"):
@@ -633,12 +768,18 @@ def _read_urdf(text, joints, frozen):
             continue
         name, kind = joint.get("name"), joint.get("type")
         x, z, angle = _planar_origin(joint)
-        planar = kind in ("revolute", "continuous") and _vector(joint.find("axis"), "xyz", "1 0 0") == [0, -1, 0]
+        planar = kind in ("revolute", "continuous") and _vector(
+            joint.find("axis"), "xyz", "1 0 0"
+        ) == [0, -1, 0]
         if name in joints:
             if not planar:
                 raise NotImplementedError(f"joint {name} does not turn about -y")
             limit = joint.find("limit")
-            low, high = (-np.pi, np.pi) if kind == "continuous" else (limit.get("lower"), limit.get("upper"))
+            low, high = (
+                (-np.pi, np.pi)
+                if kind == "continuous"
+                else (limit.get("lower"), limit.get("upper"))
+            )
             limits[joints.index(name)] = float(low), float(high)
         elif kind != "fixed":
             value = frozen[name]
@@ -647,18 +788,25 @@ def _read_urdf(text, joints, frozen):
             elif value:
                 raise NotImplementedError(f"joint {name} frozen at {value}: out of the plane")
         moving = joints.index(name) if name in joints else None
-        links[joint.find("child").get("link")] = Frame(joint.find("parent").get("link"), x, z, angle, moving)
+        links[joint.find("child").get("link")] = Frame(
+            joint.find("parent").get("link"), x, z, angle, moving
+        )
     bodies = []
     for link in root.findall("link"):
         if (inertial := link.find("inertial")) is not None:
             x, z, _ = _planar_origin(inertial)
-            mass, inertia = float(inertial.find("mass").get("value")), float(inertial.find("inertia").get("iyy"))
+            mass, inertia = (
+                float(inertial.find("mass").get("value")),
+                float(inertial.find("inertia").get("iyy")),
+            )
             bodies.append(Body(link.get("name"), mass, x, z, inertia))
     return links, bodies, limits
 
 
 def _planar_origin(element):
-    """x, z and the counter-clockwise turn in the plane (minus the URDF's pitch, which is about +y)."""
+    """x, z and the counter-clockwise turn in the plane (minus the URDF's pitch, which is about
+    +y).
+    """
     origin = element.find("origin")
     x, _, z = _vector(origin, "xyz", "0 0 0")
     roll, pitch, yaw = _vector(origin, "rpy", "0 0 0")
@@ -668,4 +816,7 @@ def _planar_origin(element):
 
 
 def _vector(element, key, default):
-    return [float(value) for value in (default if element is None else element.get(key, default)).split()]
+    return [
+        float(value)
+        for value in (default if element is None else element.get(key, default)).split()
+    ]

@@ -1,4 +1,6 @@
-"""The command line: what it writes, and that bad input is one line, exit code 2 and nothing written."""
+"""The command line: what it writes, and that bad input is one line, exit code 2 and nothing
+written.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +12,24 @@ import sys
 import tomllib
 from pathlib import Path
 
-import machines
 import pandas as pd
 import pytest
-from commands import Refused, assert_one_line, main
 
 import armdesign as ad
 from armdesign import cli
-from armdesign.bands import worst_within
 from armdesign.errors import ArmDesignError
+from armdesign.frequency.bands import worst_within
 from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
+from tests import machines
+from tests.commands import Refused, assert_one_line, main
 
-COMMANDS = ["map", "optimize", "validate", "design"]  # all take MACHINE, --out, --points and --units
+COMMANDS = [
+    "map",
+    "optimize",
+    "validate",
+    "design",
+]  # all take MACHINE, --out, --points and --units
 OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
@@ -30,7 +37,14 @@ OTHERS = {  # and what they take
     "pareto": ["--against", "--values", "--vary", "--robust", "--out", "--points", "--units"],
 }
 QUICK = {  # what each writes for the one-joint machine
-    "map": {"map.csv", "stiffness.csv", "map_joints.png", "map_reach.png", "map_holding.png", "moment_arms.png"},
+    "map": {
+        "map.csv",
+        "stiffness.csv",
+        "map_joints.png",
+        "map_reach.png",
+        "map_holding.png",
+        "moment_arms.png",
+    }
 }
 ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
 
@@ -47,7 +61,7 @@ def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedPr
     )
 
 
-# ------------------------------------------------------------------------------------------------------- what it does
+# ------------------------------------------------------------------------------------ what it does
 
 
 @pytest.mark.parametrize("command", QUICK)
@@ -64,9 +78,22 @@ def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Pat
 def test_optimize_from_a_catalogue_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The machine written has sizes of the list, and the report says that they are proved the best."""
-    (tmp_path / "own.csv").write_text("bore_mm,rod_mm\n120,85\n140,100\n115,85\n", encoding="utf-8")
-    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    """The machine written has sizes of the list, and the report says that they are proved the
+    best.
+    """
+    (tmp_path / "own.csv").write_text(
+        "bore_mm,rod_mm\n120,85\n140,100\n115,85\n", encoding="utf-8"
+    )
+    words = [
+        "optimize",
+        "excavator_20t",
+        "--vary",
+        "areas",
+        "--points",
+        "3,3,5",
+        "--out",
+        str(tmp_path / "a"),
+    ]
     assert main([*words, "--catalogue", str(tmp_path / "own.csv")], monkeypatch) == 0
     machine = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
     assert {(round(c.bore, 9), round(c.rod, 9)) for c in machine.cylinders} <= {
@@ -82,19 +109,30 @@ def test_optimize_from_a_catalogue_file(
 def test_least_oil_for_a_frequency(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The machine written has the frequency on the poses that counted, and sweeps no more oil than today's."""
-    words = ["optimize", "excavator_20t", "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    """The machine written has the frequency on the poses that counted, and sweeps no more oil than
+    today's.
+    """
+    words = [
+        "optimize",
+        "excavator_20t",
+        "--vary",
+        "areas",
+        "--points",
+        "3,3,5",
+        "--out",
+        str(tmp_path / "a"),
+    ]
     assert main([*words, "--least", "oil", "--frequency", "0.9"], monkeypatch) == 0
-    machine, today = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml"), machines.named("excavator_20t")
+    machine, today = (
+        ad.load(tmp_path / "a" / "excavator_20t_optimized.toml"),
+        machines.named("excavator_20t"),
+    )
     frame = ad.frequency_map(machine, ad.Workspace.grid(today, [3, 3, 5])).frame
     assert frame["f1_hz"].min() >= 0.9
     oil = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, today)]
     assert oil[0] < oil[1]
     capsys.readouterr()
-    for more in (
-        ["--least", "oil"],
-        ["--frequency", "1"],
-    ):
+    for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err
 
@@ -110,12 +148,28 @@ def stated(folder: Path, more: str = BANDED) -> str:
     return str(folder / "own.toml")
 
 
-@pytest.mark.parametrize("more", [[], ["--catalogue", "5mm"], ["--least", "oil", "--frequency", "0.7"]])
+@pytest.mark.parametrize(
+    "more", [[], ["--catalogue", "5mm"], ["--least", "oil", "--frequency", "0.7"]]
+)
 def test_robust_is_for_the_bands_of_the_file(
-    more: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    more: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The machine written is that of ``ad.size_cylinders`` with the file's bands, and the report says so."""
-    words = ["optimize", stated(tmp_path), "--vary", "areas", "--points", "3,3,5", "--out", str(tmp_path / "a")]
+    """The machine written is that of ``ad.size_cylinders`` with the file's bands, and the report
+    says so.
+    """
+    words = [
+        "optimize",
+        stated(tmp_path),
+        "--vary",
+        "areas",
+        "--points",
+        "3,3,5",
+        "--out",
+        str(tmp_path / "a"),
+    ]
     assert main([*words, *more, "--robust"], monkeypatch) == 0
     printed = " ".join(capsys.readouterr().out.split())
     machine = ad.load(tmp_path / "own.toml")
@@ -133,12 +187,17 @@ def test_robust_is_for_the_bands_of_the_file(
 
 @pytest.mark.parametrize("command", ["optimize", "design", "pareto"])
 def test_robust_without_bands_is_refused(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     words = [command, "excavator_20t", "--robust", "--points", "3", "--out", str(tmp_path / "a")]
     assert main(words, monkeypatch) == 2
-    assert capsys.readouterr().err == (
-        "armdesign: --robust: excavator_20t.toml states no bands; add [bands] to it, like payload_share = [0.8, 1.2]\n"
+    assert (
+        capsys.readouterr().err
+        == "armdesign: --robust: excavator_20t.toml states no bands; add [bands] to it, like"
+        " payload_share = [0.8, 1.2]\n"
     )
     assert not (tmp_path / "a").exists()
 
@@ -148,38 +207,55 @@ def test_map_csv_is_the_frame_of_the_map(tmp_path: Path, monkeypatch: pytest.Mon
     assert main(["map", "excavator_20t", "--out", str(out), "--points", "3,3,5"], monkeypatch) == 0
     machine = machines.named("excavator_20t")
     frame = ad.frequency_map(machine, ad.Workspace.grid(machine, [3, 3, 5])).frame
-    pd.testing.assert_frame_equal(pd.read_csv(out / "map.csv"), frame, check_dtype=False, rtol=1e-8, atol=1e-8)
+    pd.testing.assert_frame_equal(
+        pd.read_csv(out / "map.csv"), frame, check_dtype=False, rtol=1e-8, atol=1e-8
+    )
 
 
 def test_the_worst_frequency_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """0.910 Hz by boom cylinder, full bucket: tests/reference_planar.py."""
-    assert main(["map", "excavator_20t", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
+    assert (
+        main(["map", "excavator_20t", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
+    )
     printed = capsys.readouterr().out
     assert "0.910 Hz" in printed
     assert "boom" in printed
     assert "payload full" in printed
 
 
-def test_a_second_run_replaces_its_files_and_leaves_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_run_replaces_its_files_and_leaves_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     for points in ("5", "6"):
-        assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", points], monkeypatch) == 0
+        assert (
+            main(["map", "paper_1dof", "--out", str(tmp_path), "--points", points], monkeypatch)
+            == 0
+        )
     assert len(pd.read_csv(tmp_path / "map.csv")) == 6
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert {path.name for path in tmp_path.iterdir()} == {*QUICK["map"], "notes.txt"}
 
 
 @pytest.mark.parametrize("command", ["", *COMMANDS, *OTHERS])
-def test_help(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([*([command] if command else []), "--help"], monkeypatch) == 0
     printed = capsys.readouterr().out
-    for word in [command, *OTHERS.get(command, ["--out", "--points", "--units"])] if command else [*COMMANDS, *OTHERS]:
+    for word in (
+        [command, *OTHERS.get(command, ["--out", "--points", "--units"])]
+        if command
+        else [*COMMANDS, *OTHERS]
+    ):
         assert word in printed
 
 
-def test_tables_in_si(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_in_si(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The same pose in both habits: 66.1° is 1.1545 rad."""
     words = ["map", "excavator_20t", "--out", str(tmp_path), "--points", "5"]
     printed = []
@@ -192,7 +268,9 @@ def test_tables_in_si(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
 
 
 def test_every_table_in_both_habits() -> None:
-    """One table of units serves all sheets: a bore of 120 mm is 0.1200 m, 350 bar × area is in kN or N."""
+    """One table of units serves all sheets: a bore of 120 mm is 0.1200 m, 350 bar × area is in kN
+    or N.
+    """
     machine = machines.named("excavator_20t")
     found = ad.size_cylinders(machine, ad.Workspace.grid(machine, 4))
     workshop, si = (design_sheets(found, units) for units in (WORKSHOP, SI))
@@ -208,7 +286,18 @@ def test_every_table_in_both_habits() -> None:
 def test_a_trade_off_is_a_table_and_a_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["pareto", "paper_1dof", "--values", "0.9,1", "--vary", "areas", "--points", "9", "--out", str(tmp_path)]
+    words = [
+        "pareto",
+        "paper_1dof",
+        "--values",
+        "0.9,1",
+        "--vary",
+        "areas",
+        "--points",
+        "9",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(words, monkeypatch) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"pareto.csv", "pareto.png"}
     table = pd.read_csv(tmp_path / "pareto.csv")
@@ -224,22 +313,38 @@ def test_a_trade_off_is_a_table_and_a_picture(
         (["--values", "1,x"], '--values: "1,x" is not a list of numbers; give 0.9,1.0,1.1'),
         (["--values", "0,9"], '--values: "0,9" may be 0.9, or 0 and 9; give 0.9, or 0.0,9.0'),
         (["--values", "0.8,1,2"], '--values: "1,2" may be 1.2, or 1 and 2; give 1.2, or 1.0,2.0'),
-        (["--values", "0.0,1.0"], "--values: 0 of today's is not allowed; give 0.1 to 3 of today's"),
-        (["--values", "1.0,9.0"], "--values: 9 of today's is not allowed; give 0.1 to 3 of today's"),
+        (
+            ["--values", "0.0,1.0"],
+            "--values: 0 of today's is not allowed; give 0.1 to 3 of today's",
+        ),
+        (
+            ["--values", "1.0,9.0"],
+            "--values: 9 of today's is not allowed; give 0.1 to 3 of today's",
+        ),
         (["--values", "nan"], "--values: nan of today's is not allowed"),
-        (["--against", "pin_box", "--values", "50"], "--values: 50 m is not allowed; give 0 to 3 m"),
-        (["--against", "speed"], "against: 'speed' is not allowed; choose from: oil, thrust, digging, pin_box"),
+        (
+            ["--against", "pin_box", "--values", "50"],
+            "--values: 50 m is not allowed; give 0 to 3 m",
+        ),
+        (
+            ["--against", "speed"],
+            "against: 'speed' is not allowed; choose from: oil, thrust, digging, pin_box",
+        ),
     ],
 )
 def test_bad_trade_offs_are_one_line(
-    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["pareto", "paper_1dof", *words, "--out", str(tmp_path / "out")], monkeypatch) == 2
     assert_one_line(capfd.readouterr().err, message)
     assert not list(tmp_path.iterdir())
 
 
-# ---------------------------------------------------------------------------------------------------------- bad input
+# --------------------------------------------------------------------------------------- bad input
 
 
 def broken(folder: Path, old: str, new: str) -> str:
@@ -256,20 +361,28 @@ BAD = [
     (["none.toml"], "none.toml: no such file"),
     ([""], "holds no"),
     (["."], "holds no"),
-    (["excavator_20t", "--points", "x"], '--points: "x" is not a list of numbers; give 21 or 21,21,61'),
+    (
+        ["excavator_20t", "--points", "x"],
+        '--points: "x" is not a list of numbers; give 21 or 21,21,61',
+    ),
     (["excavator_20t", "--points", "1"], "points: 1 is not allowed"),
     (["excavator_20t", "--points", "3,3"], "points: [3, 3] is not allowed"),
     (["excavator_20t", "--points", "3,3,3,3"], "is not allowed; give one number ≥ 2, or 3"),
     (["excavator_20t", "--points", "-5"], "points: -5 is not allowed"),
     (["excavator_20t", "--points", "3.5"], "is not a list of numbers"),
-    (["excavator_20t", "--units", "inch"], "Invalid value for '--units': 'inch' is not one of 'workshop', 'si'."),
+    (
+        ["excavator_20t", "--units", "inch"],
+        "Invalid value for '--units': 'inch' is not one of 'workshop', 'si'.",
+    ),
     (["excavator_20t", "--points", "999999"], "poses are too many; give at most 5"),
 ]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_arguments_are_one_line(command: str, words: list[str], message: str, refused: Refused) -> None:
+def test_bad_arguments_are_one_line(
+    command: str, words: list[str], message: str, refused: Refused
+) -> None:
     refused([command, *words, "--out", "out"], message)
 
 
@@ -279,12 +392,36 @@ def test_bad_arguments_of_check(words: list[str], message: str, refused: Refused
 
 
 FILES = [
-    ("bore_mm = 120", "bore = 120", 'broken.toml: cylinder.boom.bore: unknown key; did you mean "bore_mm"?'),
-    ("bore_mm = 120\n", "", "broken.toml: cylinder.boom.bore_mm: missing; add bore_mm: a number in (0, 100000] mm"),
-    ("bore_mm = 120", "bore_mm = nan", "cylinder.boom.bore_mm: nan is not allowed; give a number in (0, 100000] mm"),
-    ("bore_mm = 120", 'bore_mm = "120"', 'cylinder.boom.bore_mm: "120" is not allowed; give a number'),
-    ("bore_mm = 120", "bore_mm = -120", "cylinder.boom.bore_mm: -120 is not allowed; give a number in (0, 100000] mm"),
-    ('link = "chassis"', 'link = "chasis"', 'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean'),
+    (
+        "bore_mm = 120",
+        "bore = 120",
+        'broken.toml: cylinder.boom.bore: unknown key; did you mean "bore_mm"?',
+    ),
+    (
+        "bore_mm = 120\n",
+        "",
+        "broken.toml: cylinder.boom.bore_mm: missing; add bore_mm: a number in (0, 100000] mm",
+    ),
+    (
+        "bore_mm = 120",
+        "bore_mm = nan",
+        "cylinder.boom.bore_mm: nan is not allowed; give a number in (0, 100000] mm",
+    ),
+    (
+        "bore_mm = 120",
+        'bore_mm = "120"',
+        'cylinder.boom.bore_mm: "120" is not allowed; give a number',
+    ),
+    (
+        "bore_mm = 120",
+        "bore_mm = -120",
+        "cylinder.boom.bore_mm: -120 is not allowed; give a number in (0, 100000] mm",
+    ),
+    (
+        'link = "chassis"',
+        'link = "chasis"',
+        'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean',
+    ),
     ("closed_length_mm = 1825", "closed_length_mm = 9000", "cylinder.boom.stroke_mm: over joint"),
     ("rocker_mm = 578.7", "rocker_mm = 5000", "cylinder.bucket.four_bar: does not close at any"),
     (
@@ -298,7 +435,9 @@ FILES = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "message"), FILES, ids=[message[:40] for *_, message in FILES])
+@pytest.mark.parametrize(
+    ("old", "new", "message"), FILES, ids=[message[:40] for *_, message in FILES]
+)
 def test_a_broken_file_is_one_line(
     old: str,
     new: str,
@@ -309,7 +448,10 @@ def test_a_broken_file_is_one_line(
 ) -> None:
     """The list of the requirement, each with key, value, range and remedy."""
     monkeypatch.chdir(tmp_path)
-    before = {path.name for path in tmp_path.iterdir()} | {broken(tmp_path, old, new), "excavator_20t.urdf"}
+    before = {path.name for path in tmp_path.iterdir()} | {
+        broken(tmp_path, old, new),
+        "excavator_20t.urdf",
+    }
     assert main(["map", "broken.toml", "--out", "out", "--points", "3"], monkeypatch) == 2
     out, err = capfd.readouterr()
     assert out == ""
@@ -327,9 +469,13 @@ def test_a_process_of_its_own_says_the_same(command: str, tmp_path: Path) -> Non
     assert done.returncode == 2
     assert done.stdout == ""
     assert_one_line(
-        done.stderr, "broken.toml: cylinder.boom.rod_mm: 850 mm does not fit the bore; give a rod in (0, 120)"
+        done.stderr,
+        "broken.toml: cylinder.boom.rod_mm: 850 mm does not fit the bore; give a rod in (0, 120)",
     )
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.toml", "excavator_20t.urdf"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "broken.toml",
+        "excavator_20t.urdf",
+    ]
 
 
 @pytest.mark.parametrize("out", ["/proc/none", "/dev/null/x", "notes.txt", "l" * 300])
@@ -344,7 +490,9 @@ def test_a_place_that_cannot_be_written(
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize("words", [["map"], ["nothing"], ["map", "a", "b"], ["map", "a", "--nothing"]])
+@pytest.mark.parametrize(
+    "words", [["map"], ["nothing"], ["map", "a", "b"], ["map", "a", "--nothing"]]
+)
 def test_wrong_usage_is_code_2(words: list[str], tmp_path: Path) -> None:
     done = run(*words, folder=tmp_path)
     assert done.returncode == 2
@@ -352,15 +500,22 @@ def test_wrong_usage_is_code_2(words: list[str], tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-# -------------------------------------------------------------------------------------------------------- interruption
+# ------------------------------------------------------------------------------------ interruption
 
 
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")])
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")]
+)
 def test_a_failed_write_leaves_the_old_files(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    error: Exception,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """The CSV is written, then the second picture fails: neither is there, the files of the last run are."""
-    from armdesign import plots
+    """The CSV is written, then the second picture fails: neither is there, the files of the last
+    run are.
+    """
+    from armdesign.plots import drawing as plots
 
     assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -389,8 +544,12 @@ cli.main()
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("where", [("maps", "frequency_map"), ("plots", "save")])
-def test_ended_in_the_middle(number: signal.Signals, where: tuple[str, str], tmp_path: Path) -> None:
-    """By Ctrl-C, as a service ends or with the terminal, while computing or writing: no traceback, nothing written."""
+def test_ended_in_the_middle(
+    number: signal.Signals, where: tuple[str, str], tmp_path: Path
+) -> None:
+    """By Ctrl-C, as a service ends or with the terminal, while computing or writing: no traceback,
+    nothing written.
+    """
     process = subprocess.Popen(
         [sys.executable, "-c", WAITING.format(*where)],
         cwd=tmp_path,
@@ -425,14 +584,18 @@ def test_ended_while_files_move(
     assert {path.name for path in tmp_path.iterdir()} == QUICK["map"]
 
 
-def test_an_end_of_file_is_no_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_end_of_file_is_no_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """typer takes it for Ctrl-D; what a damaged file says of itself is not hidden behind that."""
 
     def ended(*_: object) -> None:
         raise EOFError("Ran out of input")
 
-    monkeypatch.setattr("armdesign.maps.frequency_map", ended)
-    monkeypatch.setattr(sys, "argv", ["armdesign", "map", "paper_1dof", "--points", "5", "--out", str(tmp_path)])
+    monkeypatch.setattr("armdesign.frequency.maps.frequency_map", ended)
+    monkeypatch.setattr(
+        sys, "argv", ["armdesign", "map", "paper_1dof", "--points", "5", "--out", str(tmp_path)]
+    )
     with pytest.raises(EOFError, match="Ran out of input"):
         cli.main()
 
@@ -442,7 +605,9 @@ def test_a_folder_in_the_way(
 ) -> None:
     (tmp_path / "stiffness.csv").mkdir()
     assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, "cannot be written (a folder named stiffness.csv is in the way)")
+    assert_one_line(
+        capfd.readouterr().err, "cannot be written (a folder named stiffness.csv is in the way)"
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["stiffness.csv"]
 
 
@@ -450,7 +615,10 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-c", WAITING.format("plots", "save")], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", WAITING.format("plots", "save")],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
@@ -459,7 +627,9 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     process.communicate(timeout=30)
     assert list((tmp_path / "out").iterdir())
     monkeypatch.chdir(tmp_path)
-    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2  # even one that is refused later
+    assert (
+        main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
+    )  # even one that is refused later
     assert main(["map", "none.toml"], monkeypatch) == 2
     assert not list((tmp_path / "out").iterdir())
 
@@ -467,15 +637,22 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
 def test_the_urdf_of_another_machine_is_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Another is refused before anything is computed; that of an earlier design of the same machine is replaced."""
+    """Another is refused before anything is computed; that of an earlier design of the same
+    machine is replaced.
+    """
     words = ["optimize", "paper_1dof", "--vary", "areas", "--points", "5", "--out", str(tmp_path)]
     (tmp_path / "paper_1dof.urdf").write_text("mine")
     assert main(words, monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, "another paper_1dof.urdf is there; name another folder")
+    assert_one_line(
+        capfd.readouterr().err, "another paper_1dof.urdf is there; name another folder"
+    )
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
     (tmp_path / "paper_1dof_optimized.toml").write_text('urdf = "paper_1dof.urdf"')
     assert main(words, monkeypatch) == 0
-    assert ad.load(tmp_path / "paper_1dof_optimized.toml").urdf_text == machines.named("paper_1dof").urdf_text
+    assert (
+        ad.load(tmp_path / "paper_1dof_optimized.toml").urdf_text
+        == machines.named("paper_1dof").urdf_text
+    )
 
 
 def test_what_is_installed_as_a_script() -> None:
@@ -484,7 +661,9 @@ def test_what_is_installed_as_a_script() -> None:
 
 
 def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One pin alone, by the path that it has in the file: nothing else moves, but the stroke follows."""
+    """One pin alone, by the path that it has in the file: nothing else moves, but the stroke
+    follows.
+    """
     words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
     assert main([*words, "cylinder.boom.base"], monkeypatch) == 0
     old, new = (
@@ -494,7 +673,9 @@ def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert {key for key in old["boom"] if new["boom"][key] != old["boom"][key]} == {
         "base", "stroke_mm", "closed_length_mm"
     }  # fmt: skip
-    assert [new[name] for name in ("stick", "bucket")] == [old[name] for name in ("stick", "bucket")]
+    assert [new[name] for name in ("stick", "bucket")] == [
+        old[name] for name in ("stick", "bucket")
+    ]
 
 
 def test_an_unknown_vary_is_one_line(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -12,75 +13,25 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "armdesign"
 
-# From the ground up: a module may import those above it in this list only.
-ORDER = [
-    *("units", "errors", "folders", "transaction", "arrays", "arguments"),
-    *("fluid", "valve", "cylinder", "column", "formulas"),
-    *("urdf_faults", "urdf", "jets", "arm", "linkage"),
-    *("places", "schema", "likely", "machine_file", "saving", "scaffold", "foreign", "poses", "ranges", "parts"),
-    *("causes", "machine", "modes"),
-    *("workspace", "maps", "bands", "plausibility", "inspection", "problems"),
-    *("design.requirements", "design.lifting", "design.outlines", "design.catalogue", "design.own_masses"),
-    *("design.candidates", "design.explicit", "design.conditions", "design.check"),
-    *("design.variables", "design.space", "design.still", "design.problem"),
-    *("design.limits", "design.grid", "design.elastic", "design.conflict", "design.sizing"),
-    *("design.codesign", "design.polishing", "design.settling", "design.rounding", "design.refusal"),
-    *("design.choices", "design.selection"),
-    *(
-        "design.intervals",
-        "design.own_bounds",
-        "design.pin_boxes",
-        "design.shapes",
-        "design.own_limits",
-        "design.branching",
-    ),
-    *("design.duality", "design.bound", "design.searching", "design.assortment", "design.provenance"),
-    *("design.optimum",),
-    *("design.least", "design.pareto"),
-    *(
-        "simulation.compiled",
-        "simulation.vectors",
-        "simulation.kinematics",
-        "simulation.hydraulics",
-        "simulation.bodies",
-        "simulation.balance",
-        "simulation.rest",
-        "simulation.plant",
-        "simulation.excitation",
-        "simulation.neighbours",
-        "simulation.identification",
-        "simulation.bias",
-        "simulation.response",
-        "simulation.decay",
-        "simulation.integrator",
-        "simulation.loop",
-        "simulation.events",
-        "simulation.motion",
-    ),
-    *("linearization", "simulation.experiment", "simulation.validation", "paper"),
-    *("plots", "report.sheet", "report.maps", "report.designs", "report.validations", "report.inspections"),
-    *("report.paper", "comparison", "output", "cli"),
-]
-# Results draw themselves: two lines that open the door to drawing when they are asked to.
-UPWARDS = {
-    ("maps", "plots"),
-    ("design.optimum", "plots"),
-    ("design.pareto", "plots"),
-    ("simulation.validation", "plots"),
-    ("simulation.motion", "plots"),
-    ("linearization", "plots"),
-    ("paper", "plots"),
-}
+# From the ground up: a module imports from its own room and from those above it in this list only.
+ROOMS = (
+    *("units", "errors", "user_folders", "transaction", "arrays"),
+    *("hydraulics", "mechanism", "machine", "frequency", "inspection"),
+    *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
+    *("design.catalogue", "design.bound", "design"),
+    *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
+    *("plots", "report", "paper", "output", "cli"),
+)
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"arm", "simulation.bodies"},
-    "matplotlib": {"plots"},
-    "cvxpy": {"design.sizing"},
-    "tomlkit": {"machine_file", "design.provenance"},
-    "pydantic": {"schema", "machine_file"},
+    "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
+    "matplotlib": {"plots.drawing"},
+    "cvxpy": {"design.search.semidefinite"},
+    "tomlkit": {"machine.machine_file", "design.provenance"},
+    "pydantic": {"machine.schema", "machine.machine_file"},
     "typer": {"cli"},
     "jinja2": {"report.sheet"},
-    "control": {"linearization"},
-    "numba": {"simulation.compiled"},
+    "control": {"simulation.linearization"},
+    "numba": {"simulation.plant.compiled"},
 }
 
 
@@ -95,48 +46,67 @@ SOURCES = {
 }
 
 
-def imports(tree: ast.Module) -> set[str]:
+def room_of(module: str) -> int:
+    """The place in ``ROOMS`` of the longest name that the module's begins with."""
+    return max(
+        (len(room), n) for n, room in enumerate(ROOMS) if f"{module}.".startswith(f"{room}.")
+    )[1]
+
+
+def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
+    blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If)]
+    typing = [block for block in blocks if "TYPE_CHECKING" in ast.unparse(block.test)]
+    return {node for block in typing for child in block.body for node in ast.walk(child)}
+
+
+def inside_plot(tree: ast.Module) -> set[ast.AST]:
+    """What is in methods ``plot``: results draw themselves, and open the door to drawing for
+    it.
+    """
+    methods = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "plot"]
+    return {node for method in methods for node in ast.walk(method)}
+
+
+def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     """Dotted names of all imports, inside functions too, but not those for type checkers alone."""
-    hidden = {
-        id(node)
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.unparse(block.test)
-        for child in block.body
-        for node in ast.walk(child)
-    }
-    found: set[str] = set()
+    left_out = for_type_checkers(tree) | (set() if drawing else inside_plot(tree))
+    names: set[str] = set()
     for node in ast.walk(tree):
-        if id(node) in hidden:
+        if node in left_out:
             continue
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "absolute imports only"
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
 
 
 def own(tree: ast.Module) -> set[str]:
-    """Modules of the package that a module imports."""
-    found = set()
-    for name in imports(tree):
+    """Modules of the package that a module imports, but for those with which its results draw
+    themselves.
+    """
+    modules = set()
+    for name in imports(tree, drawing=False):
         words = name.split(".")
         if words[0] == "armdesign":
-            module = next((".".join(words[1:n]) for n in (4, 3, 2) if ".".join(words[1:n]) in SOURCES), None)
-            assert module is not None, name
-            found.add(module)
-    return found
+            starts = (".".join(words[1:n]) for n in range(len(words), 1, -1))
+            modules.add(next(start for start in starts if start in SOURCES))
+    return modules
 
 
-def test_the_order_names_every_module() -> None:
-    assert set(ORDER) == set(SOURCES)
-    assert len(ORDER) == len(set(ORDER))
+def test_every_room_is_there() -> None:
+    assert {room_of(module) for module in SOURCES} == set(range(len(ROOMS)))
 
 
-@pytest.mark.parametrize("module", ORDER)
+@pytest.mark.parametrize("module", SOURCES)
 def test_imports_point_downwards(module: str) -> None:
-    above = {other for other in own(SOURCES[module]) if ORDER.index(other) >= ORDER.index(module)}
-    assert {(module, other) for other in above} <= UPWARDS
+    above = {other for other in own(SOURCES[module]) if room_of(other) > room_of(module)}
+    assert not above
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    TopologicalSorter({module: own(tree) for module, tree in SOURCES.items()}).prepare()
 
 
 def test_simulation_and_design_do_not_know_each_other() -> None:
@@ -148,18 +118,31 @@ def test_simulation_and_design_do_not_know_each_other() -> None:
 
 @pytest.mark.parametrize("library", DOORS)
 def test_each_library_has_its_door(library: str) -> None:
-    users = {module for module, tree in SOURCES.items() if library in {name.split(".")[0] for name in imports(tree)}}
+    users = {
+        module
+        for module, tree in SOURCES.items()
+        if library in {name.split(".")[0] for name in imports(tree)}
+    }
     assert users <= DOORS[library]
 
 
 def test_importing_the_package_loads_no_heavy_library() -> None:
     """In a process of its own: `import armdesign` and the command line's module."""
-    heavy = ["pinocchio", "cvxpy", "matplotlib", "pandas", "scipy", "numpy", "joblib", "pydantic", "numba"]
+    heavy = [
+        "pinocchio",
+        "cvxpy",
+        "matplotlib",
+        "pandas",
+        "scipy",
+        "numpy",
+        "joblib",
+        "pydantic",
+        "numba",
+    ]
     code = (
-        "import sys, armdesign, armdesign.cli\n"
-        f"print([name for name in {heavy} if name in sys.modules])\n"
-        "armdesign.load, armdesign.optimize\n"
-        "print([name for name in ('cvxpy', 'matplotlib', 'pandas', 'pinocchio') if name in sys.modules])"
+        f"import sys, armdesign, armdesign.cli\nprint([name for name in {heavy} if name in"
+        " sys.modules])\narmdesign.load, armdesign.optimize\nprint([name for name in ('cvxpy',"
+        " 'matplotlib', 'pandas', 'pinocchio') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.splitlines() == ["[]", "[]"], run.stdout
@@ -173,22 +156,44 @@ def test_public_names() -> None:
         assert getattr(ad, name) is not None
         assert name in dir(ad)
     assert {name for name in dir(ad) if not name.startswith("__")} == set(ad.__all__)
-    core = {"load", "Machine", "natural_modes", "Modes", "Poses", "Workspace", "frequency_map", "FrequencyMap"}
-    more = {"Requirements", "optimize", "size_cylinders", "Design", "simulate", "validate", "Validation", "linearize"}
+    core = {
+        "load",
+        "Machine",
+        "natural_modes",
+        "Modes",
+        "Poses",
+        "Workspace",
+        "frequency_map",
+        "FrequencyMap",
+    }
+    more = {
+        "Requirements",
+        "optimize",
+        "size_cylinders",
+        "Design",
+        "simulate",
+        "validate",
+        "Validation",
+        "linearize",
+    }
     assert core | more | {"ArmDesignError", "formulas"} <= set(ad.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = ad.nothing
 
 
 @pytest.mark.parametrize(
-    "command", [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]], ids=["lint", "format", "types"]
+    "command",
+    [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]],
+    ids=["lint", "format", "types"],
 )
 def test_tools_are_content(command: list[str]) -> None:
-    run = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
 
 
-# --------------------------------------------------------------------------------------------------------- docstrings
+# -------------------------------------------------------------------------------------- docstrings
 
 
 def public(tree: ast.Module) -> list[tuple[str, ast.FunctionDef | ast.ClassDef]]:
@@ -198,7 +203,11 @@ def public(tree: ast.Module) -> list[tuple[str, ast.FunctionDef | ast.ClassDef]]
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             found.append((node.name, node))
             if isinstance(node, ast.ClassDef):
-                methods = [m for m in node.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")]
+                methods = [
+                    m
+                    for m in node.body
+                    if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")
+                ]
                 found += [(f"{node.name}.{m.name}", m) for m in methods]
     return found
 
@@ -220,9 +229,11 @@ def section(docstring: str, title: str) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("module", ORDER)
+@pytest.mark.parametrize("module", SOURCES)
 def test_docstrings_say_what_the_code_has(module: str) -> None:
-    """Every public thing has one that ends its first line as a sentence; the names it lists exist."""
+    """Every public thing has one that ends its first line as a sentence; the names it lists
+    exist.
+    """
     assert ast.get_docstring(SOURCES[module]), f"{module} has no docstring"
     for name, node in public(SOURCES[module]):
         text = ast.get_docstring(node)
@@ -231,16 +242,27 @@ def test_docstrings_say_what_the_code_has(module: str) -> None:
         assert first.rstrip()[-1] in ".:;?!", f"{module}.{name}: {first}"
         if isinstance(node, ast.FunctionDef):
             arguments = node.args
-            known = [a.arg for a in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]]
+            known = [
+                a.arg for a in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+            ]
             known += [a.arg for a in (arguments.vararg, arguments.kwarg) if a]
             listed = section(text, "Args")
             assert set(listed) <= set(known), f"{module}.{name} has no {set(listed) - set(known)}"
             if arguments.kwarg is None and listed:
-                assert set(known) - {"self", "cls"} == set(listed), f"{module}.{name}: {known} but {listed}"
+                assert set(known) - {"self", "cls"} == set(listed), (
+                    f"{module}.{name}: {known} but {listed}"
+                )
         else:
-            fields = {f.target.id for f in node.body if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name)}
+            fields = {
+                f.target.id
+                for f in node.body
+                if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name)
+            }
             fields |= {m.name for m in node.body if isinstance(m, ast.FunctionDef)}
-            init = next((m for m in node.body if isinstance(m, ast.FunctionDef) and m.name == "__init__"), None)
+            init = next(
+                (m for m in node.body if isinstance(m, ast.FunctionDef) and m.name == "__init__"),
+                None,
+            )
             if init is not None:
                 assigned = [n for n in ast.walk(init) if isinstance(n, ast.Attribute)]
                 fields |= {a.arg for a in init.args.args} | {n.attr for n in assigned}
@@ -248,15 +270,24 @@ def test_docstrings_say_what_the_code_has(module: str) -> None:
             assert set(listed) <= fields, f"{module}.{name} has no {set(listed) - fields}"
 
 
-@pytest.mark.parametrize("module", ORDER)
+@pytest.mark.parametrize("module", SOURCES)
 def test_messages_did_not_lose_their_f(module: str) -> None:
     """A string with a name in braces is formatted, unless it is a documented template."""
     formatted = {
-        id(part) for node in ast.walk(SOURCES[module]) if isinstance(node, ast.JoinedStr) for part in node.values
+        id(part)
+        for node in ast.walk(SOURCES[module])
+        if isinstance(node, ast.JoinedStr)
+        for part in node.values
     }
     raised = [node for node in ast.walk(SOURCES[module]) if isinstance(node, ast.Raise | ast.Call)]
     for node in raised:
         for part in ast.walk(node):
-            if isinstance(part, ast.Constant) and isinstance(part.value, str) and id(part) not in formatted:
+            if (
+                isinstance(part, ast.Constant)
+                and isinstance(part.value, str)
+                and id(part) not in formatted
+            ):
                 names = [text.split("}")[0] for text in part.value.split("{")[1:] if "}" in text]
-                assert not any(name.replace("_", "a").replace(".", "a").isalnum() for name in names), part.value
+                assert not any(
+                    name.replace("_", "a").replace(".", "a").isalnum() for name in names
+                ), part.value

@@ -22,13 +22,20 @@ def study(name: str) -> ModuleType:
 
 
 def test_paper_validation_finds_its_headline() -> None:
-    """All 40 in closed form, four of them simulated; the exact formula's worst is among the four."""
+    """All 40 in closed form, four of them simulated; the exact formula's worst is among the
+    four.
+    """
     module = study("00_paper_validation")
-    found = re.search(r"\(11\) ([\d.]+) rad/s, \(42\) as printed ([\d.]+); .* within ([\d.]+) %", module.__doc__ or "")
+    found = re.search(
+        r"\(11\) ([\d.]+) rad/s, \(42\) as printed ([\d.]+); .* within ([\d.]+) %",
+        module.__doc__ or "",
+    )
     assert found is not None
     table, measured = module.run(fast=True)
     linear = table["linear"][["static_11", "joint_42_as_printed"]]
-    assert linear.to_list() == pytest.approx([float(found[1]), float(found[2])], abs=0.05)  # the printed digits
+    assert linear.to_list() == pytest.approx(
+        [float(found[1]), float(found[2])], abs=0.05
+    )  # the printed digits
     off = abs(measured.identified / measured.computed["joint_exact"] - 1)
     assert 100 * off.max() <= float(found[3])
 
@@ -40,10 +47,14 @@ def test_baseline_map_finds_its_headline() -> None:
     table, maps = module.run(fast=True)
     assert len(maps) >= 6
     assert table.index[0] == "excavator_20t"  # sorted: the lowest of all
-    assert table["worst_hz"].iloc[0] == pytest.approx(float(found[1]), abs=5e-4)  # the printed digits; refined
+    assert table["worst_hz"].iloc[0] == pytest.approx(
+        float(found[1]), abs=5e-4
+    )  # the printed digits; refined
     assert list(table["cylinder"]) == list(table["most_often"])
     assert set(table["cylinder"]) == {"boom", "lift"}
-    assert 100 * table["share"].min() == pytest.approx(float(found[2]), abs=4)  # a coarse grid counts edges more
+    assert 100 * table["share"].min() == pytest.approx(
+        float(found[2]), abs=4
+    )  # a coarse grid counts edges more
 
 
 def test_which_formula_finds_its_headline() -> None:
@@ -63,7 +74,8 @@ def test_pins_and_areas_finds_its_headline() -> None:
     module = study("04_pins_and_areas")
     printed = [float(n) / 100 for n in re.findall(r"\+([\d.]+) %", module.__doc__ or "")]
     gains = module.run(fast=True)[0]["gain"]
-    # printed without decimals; the coarse grid of the fast run and rounding to 0.1 mm cost up to a per cent
+    # printed without decimals; the coarse grid of the fast run and rounding to 0.1 mm cost up to a
+    # per cent
     assert gains[["sizes", "pins", "both"]].to_list() == pytest.approx(printed, abs=0.015)
 
 
@@ -73,7 +85,9 @@ def test_areas_only_finds_its_headline() -> None:
     table = module.run(fast=True)[0]
     assert table.index[0] == "loader_crane"
     found = [100 * table["gain"].max(), 100 * table["gain"]["excavator_20t"]]
-    assert found == pytest.approx(printed[:2], abs=0.1)  # one decimal is printed; refined between poses
+    assert found == pytest.approx(
+        printed[:2], abs=0.1
+    )  # one decimal is printed; refined between poses
     assert table["gain"][["paper_1dof", "patu_boom"]].abs().max() < 1e-9
     assert 100 * table["gap"].max() <= printed[2]
 
@@ -81,11 +95,16 @@ def test_areas_only_finds_its_headline() -> None:
 def test_robust_finds_its_headline() -> None:
     module = study("06_robust")
     words = module.__doc__ or ""
-    gain, cost = (float(re.findall(pattern, words)[0]) / 100 for pattern in (r"\+(\d+) %", r"cost of (\d+) %"))
+    gain, cost = (
+        float(re.findall(pattern, words)[0]) / 100
+        for pattern in (r"\+(\d+) %", r"cost of (\d+) %")
+    )
     robust, today = (float(n) for n in re.findall(r"\(([\d.]+) against ([\d.]+) Hz\)", words)[0])
     table = module.run(fast=True)[0]
     least, file = table["least_hz"], table["file_hz"]
-    assert [least["for the bands"], least["today"]] == pytest.approx([robust, today], abs=0.01)  # two digits; coarse
+    assert [least["for the bands"], least["today"]] == pytest.approx(
+        [robust, today], abs=0.01
+    )  # two digits; coarse
     assert least["for the bands"] / least["today"] - 1 == pytest.approx(gain, abs=0.015)
     assert 1 - file["for the bands"] / file["for the file"] == pytest.approx(cost, abs=0.01)
     assert least["for the file"] / least["today"] - 1 < 0.16
@@ -94,17 +113,23 @@ def test_robust_finds_its_headline() -> None:
 def test_speed_frequency_finds_its_headline() -> None:
     module = study("07_speed_frequency")
     words = module.__doc__ or ""
-    within, fixed = (float(re.findall(pattern, words)[0]) for pattern in (r"within ([\d.]+) %", r"\+(\d+) %"))
+    within, fixed = (
+        float(re.findall(pattern, words)[0]) for pattern in (r"within ([\d.]+) %", r"\+(\d+) %")
+    )
     printed = [float(n) for n in re.findall(r"×(\d\.\d+)", words)]
     table = module.run(fast=True)[0]["squared_times_speed"]
     assert 100 * (table["all bores, dead volumes too"] - 1).abs().max() <= within
     assert 100 * (table["all bores, dead volumes fixed", 1.2] - 1) == pytest.approx(fixed, abs=0.5)
     found = [table["cylinders", 1.0], table["pins too", 1.0]]
-    assert found == pytest.approx(printed, abs=0.02)  # squares of gains that a coarse grid has within 0.5 %
+    assert found == pytest.approx(
+        printed, abs=0.02
+    )  # squares of gains that a coarse grid has within 0.5 %
 
 
 def test_nonlinear_proof_finds_its_headline() -> None:
-    """The coarse grid of the fast run has other median and best poses, whose deviations differ by a few 0.01 %."""
+    """The coarse grid of the fast run has other median and best poses, whose deviations differ by
+    a few 0.01 %.
+    """
     module = study("05_nonlinear_proof")
     words = module.__doc__ or ""
     count = re.search(r"all (\d+) sweeps", words)

@@ -1,4 +1,6 @@
-"""Files that change as one: whatever fails, and wherever the process is killed, all are old or all are new."""
+"""Files that change as one: whatever fails, and wherever the process is killed, all are old or all
+are new.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ OLD = {"a.csv": "old", "notes.txt": "mine", "sub/b.png": "old"}
 NEW = {"a.csv": "new", "c.csv": "new", "other/d.toml": "new", "sub/b.png": "new"}
 AFTER = OLD | NEW
 
-# Each try in a process of its own that kills itself before its n-th step on the file system, or lets it fail.
+# Each try in a process of its own that kills itself before its n-th step on the file system, or
+# lets it fail.
 KILLED = """
 import os, shutil, signal, sys
 from pathlib import Path
@@ -86,7 +89,11 @@ def fill(place: Path, files: dict[str, str]) -> None:
 
 
 def contents(place: Path) -> dict[str, str]:
-    return {str(path.relative_to(place)): path.read_text() for path in place.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(place)): path.read_text()
+        for path in place.rglob("*")
+        if path.is_file()
+    }
 
 
 def write(place: Path) -> None:
@@ -100,13 +107,19 @@ def place(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-# --------------------------------------------------------------------------------------------------------- all or none
+# ------------------------------------------------------------------------------------- all or none
 
 
 def test_new_files_replace_old_ones_and_leave_others(place: Path) -> None:
     write(place)
     assert contents(place) == AFTER
-    assert sorted(path.name for path in place.iterdir()) == ["a.csv", "c.csv", "notes.txt", "other", "sub"]
+    assert sorted(path.name for path in place.iterdir()) == [
+        "a.csv",
+        "c.csv",
+        "notes.txt",
+        "other",
+        "sub",
+    ]
 
 
 @pytest.mark.parametrize("name", [*NEW, "other"])
@@ -126,8 +139,12 @@ def test_what_is_in_the_way_is_seen_before_anything_moves(name: str, place: Path
 
 
 @pytest.mark.parametrize("number", range(1, 6))
-def test_a_move_that_fails_is_undone(number: int, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The journal's own move, then each file's; what failed once fails again, so undoing must not need it."""
+def test_a_move_that_fails_is_undone(
+    number: int, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The journal's own move, then each file's; what failed once fails again, so undoing must not
+    need it.
+    """
     calls, real = [0], os.replace
 
     def failing(source: str, target: str) -> None:
@@ -144,7 +161,9 @@ def test_a_move_that_fails_is_undone(number: int, place: Path, monkeypatch: pyte
     assert sorted(path.name for path in place.iterdir()) == ["a.csv", "notes.txt", "sub"]
 
 
-def test_without_hard_links_the_old_files_are_copied(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_hard_links_the_old_files_are_copied(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def none(*_: object, **__: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
@@ -179,11 +198,13 @@ def test_folders_made_for_nothing_are_removed(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-# -------------------------------------------------------------------------------------------------------------- killed
+# ------------------------------------------------------------------------------------------ killed
 
 
 def test_killed_at_any_step_all_files_are_old_or_new(tmp_path: Path) -> None:
-    """Before every step of a move, of one that fails and is undone, and of what mends it, killed again and again."""
+    """Before every step of a move, of one that fails and is undone, and of what mends it, killed
+    again and again.
+    """
     words = [sys.executable, "-c", KILLED, str(tmp_path), str(Path(__file__).parent)]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
@@ -240,13 +261,15 @@ def test_two_runs_at_a_time_do_not_mix(place: Path) -> None:
         "        for name in 'abcdefgh':\n"
         "            (folder / name).write_text(f'{sys.argv[2]} {i}')\n"
     )
-    both = [subprocess.Popen([sys.executable, "-c", code, str(place), name]) for name in ("one", "two")]
+    both = [
+        subprocess.Popen([sys.executable, "-c", code, str(place), name]) for name in ("one", "two")
+    ]
     assert [process.wait(60) for process in both] == [0, 0]
     assert len({(place / name).read_text() for name in "abcdefgh"}) == 1
     assert not list(place.glob(".*"))
 
 
-# ------------------------------------------------------------------------------------------------------------- signals
+# ----------------------------------------------------------------------------------------- signals
 
 
 @pytest.mark.parametrize("number", transaction.ENDS)

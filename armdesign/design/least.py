@@ -1,12 +1,13 @@
 """The reverse question: how little oil, pump flow or cylinder mass is enough for a given frequency.
 
-The best worst frequency never falls when a limit is loosened. So the least amount is the root of *best frequency under
-that limit = frequency asked for*, found by the secant rule within a bracket; each search starts from the last answer.
+The best worst frequency never falls when a limit is loosened. So the least amount is the root of
+*best frequency under that limit = frequency asked for*, found by the secant rule within a bracket;
+each search starts from the last answer.
 
-With a catalogue and given pins each search is a selection with its proof, and the bracket closes on an amount that a
-combination uses: under a little less none is enough. Where pins vary, sizes are chosen under the least amount of free
-sizes, the amount follows the sizes, and both are repeated: sizes that need less are sizes that reach more under the
-same limit.
+With a catalogue and given pins each search is a selection with its proof, and the bracket closes
+on an amount that a combination uses: under a little less none is enough. Where pins vary, sizes
+are chosen under the least amount of free sizes, the amount follows the sizes, and both are
+repeated: sizes that need less are sizes that reach more under the same limit.
 """
 
 from __future__ import annotations
@@ -18,21 +19,26 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.bands import Bands
-from armdesign.design.assortment import bettered, refuse_fixed, sizes_for_pins, with_sizes
-from armdesign.design.catalogue import Sizes, sizes_of
-from armdesign.design.check import cylinder_mass
-from armdesign.design.codesign import PRICED, Search, hertz
-from armdesign.design.optimum import Design
-from armdesign.design.problem import Problem
+from armdesign.design.catalogue.alternation import (
+    bettered,
+    refuse_fixed,
+    sizes_for_pins,
+    with_sizes,
+)
+from armdesign.design.catalogue.branch_and_bound import Selection
+from armdesign.design.catalogue.sizes import Sizes, sizes_of
+from armdesign.design.design import Design
+from armdesign.design.program.dynamics import Problem
 from armdesign.design.provenance import call
-from armdesign.design.requirements import Requirements
-from armdesign.design.rounding import worst_on_poses
-from armdesign.design.searching import MISSED, Starts, finished, met, multistart, posed
-from armdesign.design.selection import Selection
+from armdesign.design.requirements.check import cylinder_mass
+from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.multistart import MISSED, Starts, finished, met, multistart, posed
+from armdesign.design.search.rounding import worst_on_poses
+from armdesign.design.search.sequential_sdp import PRICED, Search, hertz
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
-from armdesign.machine import Machine
-from armdesign.workspace import Workspace
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
 
 AMOUNTS = {"oil": "oil_total_share", "flow": "oil_each_share", "mass": "cylinder_mass"}
 WIDEST = 4.0  # times today's amount
@@ -61,24 +67,28 @@ def least(
 ) -> Design:
     """The machine that needs least oil, pump flow or steel and still has a given worst frequency on the workspace.
 
-    Its ``requirements`` state the amount: the limit on what was made least takes the place of the one given.
+    Its ``requirements`` state the amount: the limit on what was made least takes the place of the
+    one given.
 
     Args:
         machine: today's machine.
         workspace: poses that count; default grid if None.
         requirements: all other limits; those of the machine's file if None.
-        frequency: lowest coupled frequency [Hz] that no pose of the workspace and load case may fall below.
-        of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever is the larger share
-            of today's (``oil_total_share``). "flow": pump flow at which every function, moving alone, crosses its
-            range in today's time: the largest share of today's swept volume of any cylinder and side
-            (``oil_each_share``) × today's flow. "mass": estimated mass of all cylinders (``cylinder_mass`` [kg]).
+        frequency: lowest coupled frequency [Hz] that no pose of the workspace and load case may
+            fall below.
+        of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever
+            is the larger share of today's (``oil_total_share``). "flow": pump flow at which every
+            function, moving alone, crosses its range in today's time: the largest share of today's
+            swept volume of any cylinder and side (``oil_each_share``) × today's flow. "mass":
+            estimated mass of all cylinders (``cylinder_mass`` [kg]).
         vary: as in ``optimize``.
         starts: as in ``optimize``.
         seed: as in ``optimize``.
         workers: as in ``optimize``.
-        bands: what is not known exactly: the worst frequency within them is then what may not fall below.
-        catalogue: as in ``optimize``. Where no pin varies the answer is the least of all combinations;
-            ``selection.below`` says whether that is proved.
+        bands: what is not known exactly: the worst frequency within them is then what may not fall
+            below.
+        catalogue: as in ``optimize``. Where no pin varies the answer is the least of all
+            combinations; ``selection.below`` says whether that is proved.
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
@@ -122,7 +132,9 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(eq=False, kw_only=True)
 class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount; ``starts``: those of the first.
+    """Searches for a ``frequency`` [Hz] under several limits on one amount.
+
+    ``starts``: those of the first.
 
     ``command`` is what asked for it.
     """
@@ -135,7 +147,9 @@ class _Hunt:
 
     def free(self, starts: int | None, seed: int, workers: int) -> Search:
         """The best design under today's amount, with any sizes."""
-        search, self.starts = multistart(self._under(self.problem, self._today), starts, seed, workers)
+        search, self.starts = multistart(
+            self._under(self.problem, self._today), starts, seed, workers
+        )
         return search
 
     def least(self, search: Search) -> Search:
@@ -182,7 +196,10 @@ class _Hunt:
         return best
 
     def selected(self, sizes: Sizes) -> tuple[Search, Selection]:
-        """The combination of a catalogue that needs least with today's pins; of equals the one that reaches most."""
+        """The combination of a catalogue that needs least with today's pins.
+
+        Of equals the one that reaches most.
+        """
         search, selection = self._chosen(WIDEST * self._today, sizes)
         if _frequency(search) < self.frequency:
             raise self._out_of_reach(_frequency(search))
@@ -223,7 +240,9 @@ class _Hunt:
             if worst >= self.frequency:
                 return design
         raise InfeasibleError(
-            self.problem.machine.name, f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz", "ask for less"
+            self.problem.machine.name,
+            f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz",
+            "ask for less",
         )
 
     def _search(self, amount: float, near: Search) -> Search:
@@ -241,14 +260,19 @@ class _Hunt:
     def _amount(self, search: Search) -> float:
         return float(getattr(search.problem.requirements, AMOUNTS[self.of]))
 
-    def _out_of_reach(self, reached: float, margins: Mapping[str, float] | None = None) -> InfeasibleError:
+    def _out_of_reach(
+        self, reached: float, margins: Mapping[str, float] | None = None
+    ) -> InfeasibleError:
         """The error that says what is reached, and which limits hold it back, by their ``margins`` if known."""
         gains = margins or {}
-        dear = sorted((name for name, gain in gains.items() if gain > PRICED), key=lambda name: -gains[name])
+        dear = sorted(
+            (name for name, gain in gains.items() if gain > PRICED), key=lambda name: -gains[name]
+        )
         dearest = f", {' and '.join(dear[:NAMED])} first," if dear else ""
         return InfeasibleError(
             self.problem.machine.name,
-            f"{self.frequency:.4g} Hz is out of reach: the other requirements allow {reached:.4g} Hz",
+            f"{self.frequency:.4g} Hz is out of reach: the other requirements allow"
+            f" {reached:.4g} Hz",
             f"loosen them{dearest} or ask for less",
         )
 

@@ -1,7 +1,8 @@
 """Trade-offs: what the worst frequency costs in oil, thrust, digging force or room for pins.
 
-One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser one, so every point
-starts where its tighter neighbour ended and cannot be worse, but for rounding to a drawing's grid.
+One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser
+one, so every point starts where its tighter neighbour ended and cannot be worse, but for rounding
+to a drawing's grid.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.bands import Bands
-from armdesign.design.catalogue import sizes_of
-from armdesign.design.optimum import Design, optimize
-from armdesign.design.requirements import Requirements
+from armdesign.design.catalogue.sizes import sizes_of
+from armdesign.design.design import Design, optimize
+from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
-from armdesign.machine import Machine
-from armdesign.workspace import Workspace
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,26 +66,31 @@ class Pareto:
     def frame(self) -> pd.DataFrame:
         """A row for each design, with what it has of everything that trades against frequency.
 
-        ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``: of the optimum, on
-        the workspace's poses; ``gain``. ``banded_hz``: the worst within the bands that the designs were made for, on
-        the workspace's poses (no column without bands). ``oil_share``, ``annulus_oil_share``: summed over the
-        cylinders, over today's; ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those
-        whose digging counts (no column where none does); ``pin_move_m``: largest move of any pin coordinate or bar.
-        ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the pump's flow makes of the speed, over
-        today's.
+        ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``:
+        of the optimum, on the workspace's poses; ``gain``. ``banded_hz``: the worst within the
+        bands that the designs were made for, on the workspace's poses (no column without bands).
+        ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
+        ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose
+        digging counts (no column where none does); ``pin_move_m``: largest move of any pin
+        coordinate or bar. ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the
+        pump's flow makes of the speed, over today's.
         """
         import pandas as pd
 
-        return pd.DataFrame([_row(limit, design) for limit, design in zip(self.limits, self.designs, strict=True)])
+        return pd.DataFrame(
+            [_row(limit, design) for limit, design in zip(self.limits, self.designs, strict=True)]
+        )
 
     @property
     def sentences(self) -> list[str]:
         """Which limits are left out, and why."""
-        return [f"{self.against} {limit:g} is left out: {why}" for limit, why in self.left_out.items()]
+        return [
+            f"{self.against} {limit:g} is left out: {why}" for limit, why in self.left_out.items()
+        ]
 
     def plot(self, ax: Any = None) -> Any:
         """Worst frequency over the limit, with today's machine; returns the axes."""
-        from armdesign import plots
+        from armdesign.plots import drawing as plots
 
         return plots.trade_off(self, ax)
 
@@ -109,13 +115,13 @@ def pareto(
         machine: today's machine.
         workspace: poses that count; default grid if None.
         requirements: limits; those of the machine's file if None.
-        against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it ``oil_each_share``, 1.1 × it;
-            "thrust": ``thrust_share``; "digging": ``digging_share``; "pin_box": ``pin_box`` [m], pins with a box of
-            their own keep that.
+        against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
+            ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``;
+            "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
-        starts: how many starts each point has: its tighter neighbour, today's machine and drawn ones, in this order.
-            As in ``optimize`` if None.
+        starts: how many starts each point has: its tighter neighbour, today's machine and drawn
+            ones, in this order. As in ``optimize`` if None.
         seed: of the drawn starts.
         workers: processes that share the starts.
         bands: as in ``optimize``: every design is made for the worst within them.
@@ -128,9 +134,13 @@ def pareto(
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     if against not in SHARES:
-        raise ArmDesignError("against", f"{against!r} is not allowed", choose(str(against), list(SHARES)))
+        raise ArmDesignError(
+            "against", f"{against!r} is not allowed", choose(str(against), list(SHARES))
+        )
     if against == "digging" and not requirements.digging:
-        raise ArmDesignError("against", "no cylinder's digging force counts", "name some in requirements.digging")
+        raise ArmDesignError(
+            "against", "no cylinder's digging force counts", "name some in requirements.digging"
+        )
     sizes = None if catalogue is None else sizes_of(catalogue)
     found: dict[float, Design] = {}
     left_out: dict[float, str] = {}
@@ -146,8 +156,16 @@ def pareto(
         except InfeasibleError as error:
             left_out[limit], refused = error.problem, error
     if not found:
-        raise InfeasibleError(machine.name, f"no value of {against} can be met", refused.problem, refused.conflict)
-    return Pareto(against=against, limits=tuple(found), designs=tuple(found.values()), left_out=left_out, today=machine)
+        raise InfeasibleError(
+            machine.name, f"no value of {against} can be met", refused.problem, refused.conflict
+        )
+    return Pareto(
+        against=against,
+        limits=tuple(found),
+        designs=tuple(found.values()),
+        left_out=left_out,
+        today=machine,
+    )
 
 
 def read_values(text: str, against: str) -> list[float] | None:
@@ -158,13 +176,16 @@ def read_values(text: str, against: str) -> list[float] | None:
         against: the limit.
 
     Raises:
-        ArmDesignError: no numbers, a comma that may be a decimal one, or numbers that nobody means.
+        ArmDesignError: no numbers, a comma that may be a decimal one, or numbers that nobody
+            means.
     """
     words = [word.strip() for word in text.split(",") if word.strip()]
     try:
         values = [float(word) for word in words]
     except ValueError:
-        raise ArmDesignError("--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1") from None
+        raise ArmDesignError(
+            "--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1"
+        ) from None
     whole = re.search(r"(?<![\d.])(\d+),(\d+)(?![\d.])", text)
     if whole:
         one, two = whole.groups()
@@ -173,18 +194,26 @@ def read_values(text: str, against: str) -> list[float] | None:
     low, high, unit = PLAUSIBLE.get(against, OF_SHARES)
     for value in values:
         if against in SHARES and not low <= value <= high:
-            raise ArmDesignError("--values", f"{value:g} {unit} is not allowed", f"give {low:g} to {high:g} {unit}")
+            raise ArmDesignError(
+                "--values", f"{value:g} {unit} is not allowed", f"give {low:g} to {high:g} {unit}"
+            )
     return values or None
 
 
 def _limits(
-    machine: Machine, workspace: Workspace, requirements: Requirements, against: str, values: Sequence[float] | None
+    machine: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    against: str,
+    values: Sequence[float] | None,
 ) -> list[float]:
     """The values of the limit, the tightest first."""
     if values is None:
         unit = requirements.box(machine, workspace) if against == "pin_box" else 1.0
         values = [share * unit for share in SHARES[against]]
-    usable = [isinstance(v, int | float | np.number) and math.isfinite(v) and v >= 0 for v in values]
+    usable = [
+        isinstance(v, int | float | np.number) and math.isfinite(v) and v >= 0 for v in values
+    ]
     if not usable or not all(usable):
         raise ArmDesignError("values", f"{list(values)} is not allowed", "give finite numbers ≥ 0")
     return sorted({float(v) for v in values}, reverse=against == "digging")
@@ -204,17 +233,26 @@ def _row(limit: float, design: Design) -> dict[str, float]:
     before, after = design.before.worst.frequency, design.after.worst.frequency
     pairs = list(zip(new.cylinders, today.cylinders, strict=True))
     oil, annulus = (
-        sum(getattr(c, area) * c.stroke for c, _ in pairs) / sum(getattr(c, area) * c.stroke for _, c in pairs)
+        sum(getattr(c, area) * c.stroke for c, _ in pairs)
+        / sum(getattr(c, area) * c.stroke for _, c in pairs)
         for area in ("bore_area", "annulus_area")
     )
-    digging = [c.slack for c in design.checks if c.name.startswith("digging.")]  # of today's torque
-    moved = np.abs(design.x[[v.pin is not None for v in design.problem.variables]]).max(initial=0.0)
+    digging = [
+        c.slack for c in design.checks if c.name.startswith("digging.")
+    ]  # of today's torque
+    moved = np.abs(design.x[[v.pin is not None for v in design.problem.variables]]).max(
+        initial=0.0
+    )
     return {
         "limit": limit,
         "frequency_hz": after,
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
-        **({"banded_hz": design.band_after.low.frequency} if design.problem.bands != Bands() else {}),
+        **(
+            {"banded_hz": design.band_after.low.frequency}
+            if design.problem.bands != Bands()
+            else {}
+        ),
         "oil_share": oil,
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),

@@ -1,8 +1,8 @@
 """The story that a new machine's file tells: from what, when, by which command and within which limits it was made.
 
-The comments at the head of today's file tell of today's machine, so the new file has a head of its own. Every line
-whose value differs says what it was, followed by what its comment said of that. All other lines stay as they are,
-with the comments that tell where their numbers are from.
+The comments at the head of today's file tell of today's machine, so the new file has a head of its
+own. Every line whose value differs says what it was, followed by what its comment said of that.
+All other lines stay as they are, with the comments that tell where their numbers are from.
 """
 
 from __future__ import annotations
@@ -18,21 +18,25 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable
 
-from armdesign import machine_file, saving
-from armdesign.bands import Bands
-from armdesign.design.requirements import Requirements
+from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import printable
-from armdesign.machine import Machine
-from armdesign.schema import NAME_LENGTH
+from armdesign.frequency.bands import Bands
+from armdesign.machine import machine_file, saving
+from armdesign.machine.machine import Machine
+from armdesign.machine.schema import NAME_LENGTH
 
 NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
 WAS = "# was "
 WIDTH = 98  # columns of the head's lines
-_STORY = re.compile(rf'{WAS}(?:"(?:\\.|[^"\\])*"|[^":])*(?:: (.*))?')  # what was, and what the comment said before
+_STORY = re.compile(
+    rf'{WAS}(?:"(?:\\.|[^"\\])*"|[^":])*(?:: (.*))?'
+)  # what was, and what the comment said before
 _TABLE = "requirements."
 
 
-def documented(machine: Machine, today: Machine, requirements: Requirements, command: str) -> Machine:
+def documented(
+    machine: Machine, today: Machine, requirements: Requirements, command: str
+) -> Machine:
     """The new machine under its own name and title, with the story of how it was made in its file.
 
     Args:
@@ -52,18 +56,27 @@ def documented(machine: Machine, today: Machine, requirements: Requirements, com
 
 
 def call(function: str, **arguments: Any) -> str:
-    """A call of this package as it is written in Python; arguments that ask for nothing are left out."""
-    words = ", ".join(f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands()))
+    """A call of this package as it is written in Python.
+
+    Arguments that ask for nothing are left out.
+    """
+    words = ", ".join(
+        f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands())
+    )
     return f"armdesign.{function}({words})"
 
 
 def _changes(machine: Machine, today: Machine) -> dict[str, Any]:
     """Values of the new file that differ from today's, by key path."""
     before = machine_file.flat(today.section)
-    return {path: value for path, value in machine_file.flat(machine.section).items() if value != before.get(path)}
+    return {
+        path: value
+        for path, value in machine_file.flat(machine.section).items()
+        if value != before.get(path)
+    }
 
 
-# ------------------------------------------------------------------------------------------------ what a line was
+# --------------------------------------------------------------------------------- what a line was
 
 
 def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
@@ -80,12 +93,17 @@ def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
         trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
         trivia.comment = f"{WAS}{', '.join(words)}{origin and f': {origin}'}"
         longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
-        trivia.comment_ws = " " * max(len(trivia.comment_ws) - longer, 2)  # comments stay in their column
+        trivia.comment_ws = " " * max(
+            len(trivia.comment_ws) - longer, 2
+        )  # comments stay in their column
     return tomlkit.dumps(document)
 
 
 def _without_stories(text: str) -> str:
-    """The text of a file made here in which no line says any longer what it was before; what its comment said stays."""
+    """The text of a file made here in which no line says any longer what it was before.
+
+    What its comment said stays.
+    """
     document = tomlkit.parse(text)
     for item in _items(document):
         if story := _STORY.fullmatch(item.trivia.comment):
@@ -124,14 +142,20 @@ def _found(document: Any, path: str, item: bool = False) -> Any:
     return node if item else tomlkit.item(node).unwrap()
 
 
-# ------------------------------------------------------------------------------------------------------- the head
+# ---------------------------------------------------------------------------------------- the head
 
 
 def _with_head(text: str, head: list[str]) -> str:
-    """The text with the comments in front of its first key replaced; a ``#:schema`` line stays the first."""
+    """The text with the comments in front of its first key replaced.
+
+    A ``#:schema`` line stays the first.
+    """
     lines = text.splitlines(keepends=True)
     end = "\r\n" if lines and lines[0].endswith("\r\n") else "\n"
-    first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
+    first = next(
+        (k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")),
+        len(lines),
+    )
     schema = [line for line in lines[:first] if line.startswith(saving.DIRECTIVE)]
     return "".join([*schema, *(f"# {line}".rstrip() + end for line in head), end, *lines[first:]])
 
@@ -140,8 +164,10 @@ def _head(today: Machine, requirements: Requirements, command: str) -> list[str]
     """Lines of the new head."""
     source = today.source.name
     paragraphs = [
-        f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on {date.today().isoformat()} from {source}: "
-        f"{today.section.title or today.name}.",
+        (
+            f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on"
+            f" {date.today().isoformat()} from {source}: {today.section.title or today.name}."
+        ),
         f"Command: {command}",
         f"Requirements: {_stated(today, requirements)}.",
         f"Changed lines say what they were. Where all other numbers are from: {source}.",
@@ -157,7 +183,10 @@ def _stated(today: Machine, requirements: Requirements) -> str:
         if path.startswith(_TABLE)
     )
     of_file = Requirements.of(today)
-    pairs = ((f.name, getattr(requirements, f.name), getattr(of_file, f.name)) for f in fields(Requirements))
+    pairs = (
+        (f.name, getattr(requirements, f.name), getattr(of_file, f.name))
+        for f in fields(Requirements)
+    )
     instead = ", ".join(f"{name} = {value!r}" for name, value, before in pairs if value != before)
     return f"{words}; instead of these, in SI units: {instead}" if instead else words
 
@@ -165,5 +194,9 @@ def _stated(today: Machine, requirements: Requirements) -> str:
 def _wrapped(words: str) -> list[str]:
     """Lines that a comment can hold: nothing in them ends the line but their end."""
     return textwrap.wrap(
-        printable(words), WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+        printable(words),
+        WIDTH,
+        subsequent_indent="  ",
+        break_long_words=False,
+        break_on_hyphens=False,
     )

@@ -6,17 +6,17 @@ import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from armdesign.bands import Bands
+from armdesign.frequency.bands import Bands
 from armdesign.report.maps import spread_sheet
 from armdesign.report.sheet import Sheet, dimensions, pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.design.optimum import Design
+    from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
-    from armdesign.linkage import Pin
-    from armdesign.machine import Machine
-    from armdesign.workspace import Workspace
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.linkage import Pin
 
 NEAREST = 6  # requirements shown where none has a price
 
@@ -24,15 +24,31 @@ NEAREST = 6  # requirements shown where none has a price
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, sizes and pins, what binds, forces and oil, percentiles, of one design."""
     spread = spread_sheet({"today": design.before, "new": design.after})
-    sheets = [_gain(design, units), _sizes(design, units), _binding(design, units), _loads(design, units), spread]
+    sheets = [
+        _gain(design, units),
+        _sizes(design, units),
+        _binding(design, units),
+        _loads(design, units),
+        spread,
+    ]
     return [*sheets, *([] if design.bands == Bands() else [_bands(design)])]
 
 
 def _gain(design: Design, units: Units) -> Sheet:
     before, after = design.before.worst, design.after.worst
     rows = [
-        ("today", f"{before.frequency:.3f} Hz", before.cylinder, pose_text(design.today, before, units)),
-        ("new", f"{after.frequency:.3f} Hz", after.cylinder, pose_text(design.machine, after, units)),
+        (
+            "today",
+            f"{before.frequency:.3f} Hz",
+            before.cylinder,
+            pose_text(design.today, before, units),
+        ),
+        (
+            "new",
+            f"{after.frequency:.3f} Hz",
+            after.cylinder,
+            pose_text(design.machine, after, units),
+        ),
         ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", ""),
     ]
     own = design.in_own_workspace.worst.frequency
@@ -42,7 +58,10 @@ def _gain(design: Design, units: Units) -> Sheet:
     note += _bound(design)
     note += _starts(design)
     return Sheet(
-        title=f"{design.today.section.title or design.today.name}: worst natural frequency in today's workspace",
+        title=(
+            f"{design.today.section.title or design.today.name}: worst natural frequency in"
+            " today's workspace"
+        ),
         columns=("", "frequency", "cylinder", "where"),
         rows=tuple(rows),
         note=note,
@@ -51,12 +70,19 @@ def _gain(design: Design, units: Units) -> Sheet:
 
 
 def _starts(design: Design) -> str:
-    """What the starts of the search reached and which failed, in words; nothing where there was but one."""
+    """What the starts of the search reached and which failed, in words.
+
+    Nothing where there was but one.
+    """
     count = len(design.starts) + len(design.failed_starts)
     if count < 2:
         return ""
     free = " with free sizes" if design.catalogue else ""
-    words = f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}" if design.starts else ""
+    words = (
+        f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}"
+        if design.starts
+        else ""
+    )
     if design.failed_starts:
         whys = "; ".join(dict.fromkeys(design.failed_starts))
         words += f"; {len(design.failed_starts)} of {count} starts failed: {whys}"
@@ -65,16 +91,33 @@ def _starts(design: Design) -> str:
 
 def _bands(design: Design) -> Sheet:
     rows = [
-        (label, *(f"{frequency:.3f} Hz" for frequency in (band.low.frequency, band.nominal, band.high.frequency)))
+        (
+            label,
+            *(
+                f"{frequency:.3f} Hz"
+                for frequency in (band.low.frequency, band.nominal, band.high.frequency)
+            ),
+        )
         for label, band in (("today", design.band_before), ("new", design.band_after))
     ]
-    shares = {"oil": "bulk_modulus", "dead volume": "dead_volume", "payload": "payload", "links": "link_mass"}
+    shares = {
+        "oil": "bulk_modulus",
+        "dead volume": "dead_volume",
+        "payload": "payload",
+        "links": "link_mass",
+    }
     words = [
-        f"{word} {low:g} to {high:g} ×" for word, name in shares.items() for low, high in [getattr(design.bands, name)]
+        f"{word} {low:g} to {high:g} ×"
+        for word, name in shares.items()
+        for low, high in [getattr(design.bands, name)]
     ]
     if design.bands.air:
-        words.append("entrained air {:g} to {:g} %".format(*(100 * air for air in design.bands.air)))
-    made_for = "" if design.problem.bands == Bands() else "; the new machine was made for the least"
+        words.append(
+            "entrained air {:g} to {:g} %".format(*(100 * air for air in design.bands.air))
+        )
+    made_for = (
+        "" if design.problem.bands == Bands() else "; the new machine was made for the least"
+    )
     return Sheet(
         title="Worst frequency within the bands of what is not known exactly",
         columns=("", "least", "as in the file", "greatest"),
@@ -85,12 +128,17 @@ def _bands(design: Design) -> Sheet:
 
 
 def _bound(design: Design) -> str:
-    """What no other design exceeds, in words; nothing where no bound is known, and why where one is refused."""
+    """What no other design exceeds, in words.
+
+    Nothing where no bound is known, and why where one is refused.
+    """
     if design.certificate is None:
         return ""
     if design.bound is None:
         return f"; no bound is known: {design.certificate.refused}"
-    none = "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
+    none = (
+        "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
+    )
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
     if design.selection is not None:
         none = "no combination of the catalogue with these pins exceeds"
@@ -103,10 +151,16 @@ def _bound(design: Design) -> str:
 
 
 def _least(below: float | None) -> str:
-    """That a combination of the catalogue needs least, in words; nothing where that was not asked or is not proved."""
+    """That a combination of the catalogue needs least, in words.
+
+    Nothing where that was not asked or is not proved.
+    """
     if below is None or math.isinf(below):
         return ""
-    return f"; none that needs less {f'exceeds {below:.3f} Hz' if below > 0 else 'meets the requirements'}"
+    return (
+        "; none that needs less"
+        f" {f'exceeds {below:.3f} Hz' if below > 0 else 'meets the requirements'}"
+    )
 
 
 def _sizes(design: Design, units: Units) -> Sheet:
@@ -117,10 +171,25 @@ def _sizes(design: Design, units: Units) -> Sheet:
             ("→ new", new, design.machine),
         ):
             linkage = machine.linkages[i]
-            rows.append((label, *dimensions(cylinder, units), _pin(linkage.base, units), _pin(linkage.rod_end, units)))
+            rows.append(
+                (
+                    label,
+                    *dimensions(cylinder, units),
+                    _pin(linkage.base, units),
+                    _pin(linkage.rod_end, units),
+                )
+            )
     return Sheet(
         title=f"Cylinders [{units.name('m')}]",
-        columns=("cylinder", "bore", "rod", "stroke", "closed", "base pin x, z", "rod-end pin x, z"),
+        columns=(
+            "cylinder",
+            "bore",
+            "rod",
+            "stroke",
+            "closed",
+            "base pin x, z",
+            "rod-end pin x, z",
+        ),
         rows=tuple(rows),
         note="pins in the frames of their links",
         bold=tuple(range(1, len(rows), 2)),
@@ -129,14 +198,21 @@ def _sizes(design: Design, units: Units) -> Sheet:
 
 def _pin(pin: Pin | None, units: Units) -> str:
     """Its x and z."""
-    return f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else "on the knee"
+    return (
+        f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else "on the knee"
+    )
 
 
 def _binding(design: Design, units: Units) -> Sheet:
     if design.selection is not None:
         return _nearest(design, units)
     rows = [
-        (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * design.worth[c.name]:+.2f} %")
+        (
+            c.words,
+            units.short(c.value, c.unit),
+            units.short(c.limit, c.unit),
+            f"{100 * design.worth[c.name]:+.2f} %",
+        )
         for c in design.binding
     ]
     as_they_are = ", with the sizes as they are" if design.catalogue else ""
@@ -144,23 +220,33 @@ def _binding(design: Design, units: Units) -> Sheet:
         title="What binds, and the frequency that relaxing it by 1 % would buy",
         columns=("requirement", "new machine", "limit", "frequency"),
         rows=tuple(rows) or (("nothing", "", "", ""),),
-        note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; "
-        f"requirements of one setting are relaxed together and share the gain{as_they_are}",
+        note=(
+            f"all {len(design.checks)} requirements hold on the new machine as its file is read; "
+            f"requirements of one setting are relaxed together and share the gain{as_they_are}"
+        ),
     )
 
 
 def _nearest(design: Design, units: Units) -> Sheet:
     """What is nearest to its limit: sizes in steps leave room at every limit, and its price is not known."""
     rows = [
-        (c.words, units.short(c.value, c.unit), units.short(c.limit, c.unit), f"{100 * c.slack:.2g} %")
+        (
+            c.words,
+            units.short(c.value, c.unit),
+            units.short(c.limit, c.unit),
+            f"{100 * c.slack:.2g} %",
+        )
         for c in design.tightest[:NEAREST]
     ]
     return Sheet(
         title="What is nearest to its limit",
         columns=("requirement", "new machine", "limit", "room"),
         rows=tuple(rows),
-        note=f"all {len(design.checks)} requirements hold on the new machine as its file is read; sizes of a "
-        "catalogue come in steps, so 1 % more of one limit buys the next step or nothing",
+        note=(
+            f"all {len(design.checks)} requirements hold on the new machine as its file is read;"
+            " sizes of a catalogue come in steps, so 1 % more of one limit buys the next step or"
+            " nothing"
+        ),
     )
 
 
@@ -169,7 +255,9 @@ def _loads(design: Design, units: Units) -> Sheet:
     return loads_sheet(both, design.requirements.digging, units)
 
 
-def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collection[str], units: Units) -> Sheet:
+def loads_sheet(
+    machines: dict[str, tuple[Machine, Workspace]], digging: Collection[str], units: Units
+) -> Sheet:
     """Oil, thrust, static pressures and digging force of every cylinder of two machines, on their workspaces.
 
     Args:
@@ -177,7 +265,7 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
         digging: cylinders whose digging force counts.
         units: of the numbers.
     """
-    from armdesign.design.check import digging_forces, static_loads
+    from armdesign.design.requirements.check import digging_forces, static_loads
 
     found: dict[str, list[tuple[str, ...]]] = {}
     totals = []
@@ -195,11 +283,17 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
                 units.number(c.annulus_area * c.stroke, "m³"),
                 units.number(machine.supply.pressure * c.bore_area, "N", 0),
                 *(units.number(float(pressure), "Pa") for pressure in pressures),
-                units.number(forces[c.name], "N") if c.name in digging and c.name in forces else "–",
+                (
+                    units.number(forces[c.name], "N")
+                    if c.name in digging and c.name in forces
+                    else "–"
+                ),
             )
             found.setdefault(c.name, []).append((name, *cells))
         sides = ("bore_area", "annulus_area")
-        totals.append([sum(getattr(c, side) * c.stroke for c in machine.cylinders) for side in sides])
+        totals.append(
+            [sum(getattr(c, side) * c.stroke for c in machine.cylinders) for side in sides]
+        )
     cap, annulus = (
         f"{' → '.join(units.number(v, 'm³') for v in volumes)} {units.name('m³')}"
         for volumes in zip(*totals, strict=True)
@@ -217,8 +311,11 @@ def loads_sheet(machines: dict[str, tuple[Machine, Workspace]], digging: Collect
             f"digging [{units.name('N')}]",
         ),
         rows=rows,
-        note=f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest static pressure of the "
-        "loaded chamber, the other at return pressure or its valve's preload",
+        note=(
+            f"oil in all: cap {cap}, rod {annulus}; cap and rod [{units.name('Pa')}]: largest"
+            " static pressure of the loaded chamber, the other at return pressure or its valve's"
+            " preload"
+        ),
         bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
     )
 
@@ -228,7 +325,9 @@ def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
     box = found.against == "pin_box"
     digs, first = "digging_share" in found.frame, found.designs[0]
     banded = [f"{first.band_before.low.frequency:.3f} Hz"] if found.robust else []
-    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))]
+    rows = [
+        ("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))
+    ]
     for row in found.frame.to_dict("records"):
         shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
         rows.append(
@@ -241,14 +340,28 @@ def pareto_sheet(found: Pareto, units: Units = WORKSHOP) -> Sheet:
                 f"{row['squared_times_speed']:.2f}",
             )
         )
-    columns = ["limit", "frequency", "gain", *found.robust * ["in the bands"], "oil", "thrust", *digs * ["digging"]]
+    columns = [
+        "limit",
+        "frequency",
+        "gain",
+        *found.robust * ["in the bands"],
+        "oil",
+        "thrust",
+        *digs * ["digging"],
+    ]
     each = "; oil of one cylinder's side at most 1.1 × the limit" if found.against == "oil" else ""
     return Sheet(
-        title=f"{found.today.section.title or found.today.name}: worst natural frequency against {found.against}",
+        title=(
+            f"{found.today.section.title or found.today.name}: worst natural frequency against"
+            f" {found.against}"
+        ),
         columns=(*columns, "f² × speed"),
         rows=tuple(rows),
         note="; ".join(
-            [f"oil, largest thrust, least digging torque and f² × speed over today's{each}", *found.sentences]
+            [
+                f"oil, largest thrust, least digging torque and f² × speed over today's{each}",
+                *found.sentences,
+            ]
         ),
     )
 
@@ -259,6 +372,7 @@ def summary(design: Design) -> str:
     gain = 100 * (after.frequency / before.frequency - 1)
     dearest = f"; dearest requirement: {design.binding[0].words}" if design.binding else ""
     return (
-        f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to {after.frequency:.3f} Hz "
-        f"({gain:+.1f} %) with the same joint ranges, oil and thrust limits{dearest}."
+        f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
+        f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
+        f" limits{dearest}."
     )

@@ -8,7 +8,7 @@ from armdesign.report.sheet import Sheet, dimensions, unit_of
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.inspection import Inspection
+    from armdesign.inspection.inspection import Inspection
 
 
 def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:
@@ -33,25 +33,50 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
     frozen = [name for name in machine.section.frozen if name not in machine.joints]
     air = f", {100 * fluid.air:g} % air" if fluid.air else ""
     rows = [
-        ("joints", ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")),
-        ("tool", f"on {machine.tool.link}; reach {near:.2f} to {far:.2f} m, height {low:.2f} to {high:.2f} m"),
+        (
+            "joints",
+            ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else ""),
+        ),
+        (
+            "tool",
+            (
+                f"on {machine.tool.link}; reach {near:.2f} to {far:.2f} m, height {low:.2f} to"
+                f" {high:.2f} m"
+            ),
+        ),
         (
             "supply",
-            f"{units.text(supply.pressure, 'Pa')}, return {units.text(supply.return_pressure, 'Pa')}, "
-            f"{units.text(supply.flow, 'm³/s')}",
+            (
+                f"{units.text(supply.pressure, 'Pa')}, return"
+                f" {units.text(supply.return_pressure, 'Pa')}, {units.text(supply.flow, 'm³/s')}"
+            ),
         ),
-        ("oil", f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³"),
+        (
+            "oil",
+            f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³",
+        ),
     ]
-    return Sheet(title=f"{machine.section.title or machine.name} ({machine.source.name})", rows=tuple(rows))
+    return Sheet(
+        title=f"{machine.section.title or machine.name} ({machine.source.name})", rows=tuple(rows)
+    )
 
 
 def _masses(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
     for link, mass in inspection.masses.items():
         carrier = machine.arm.links[link].joint
-        rows.append((f"link {link}", f"{mass:.1f}", machine.joints[carrier] if carrier >= 0 else "stands still"))
+        rows.append(
+            (
+                f"link {link}",
+                f"{mass:.1f}",
+                machine.joints[carrier] if carrier >= 0 else "stands still",
+            )
+        )
     for cylinder in machine.cylinders:
-        rows += [(f"{cylinder.name} {bar}", f"{mass:.1f}", "") for bar, mass in cylinder.moving_masses.items()]
+        rows += [
+            (f"{cylinder.name} {bar}", f"{mass:.1f}", "")
+            for bar, mass in cylinder.moving_masses.items()
+        ]
     for payload in machine.payloads:
         where = f"on {payload.link}" if payload.link else ""
         if payload.pitch:
@@ -59,8 +84,14 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
             where += f", pitch {units.span(*payload.pitch, 'rad')}: {held:.0f} % of the poses"
         rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
     bare = [c.name for c in machine.cylinders if not c.moving_masses]
-    note = f"no mass given for cylinder{'s' if len(bare) > 1 else ''} {', '.join(bare)}" if bare else ""
-    return Sheet(title="Masses", columns=("what", "mass [kg]", "where"), rows=tuple(rows), note=note)
+    note = (
+        f"no mass given for cylinder{'s' if len(bare) > 1 else ''} {', '.join(bare)}"
+        if bare
+        else ""
+    )
+    return Sheet(
+        title="Masses", columns=("what", "mass [kg]", "where"), rows=tuple(rows), note=note
+    )
 
 
 def _joints(inspection: Inspection, units: Units) -> Sheet:
@@ -81,7 +112,10 @@ def _joints(inspection: Inspection, units: Units) -> Sheet:
 def _cylinders(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for i, cylinder in enumerate(inspection.machine.cylinders):
-        dead, used = units.number(cylinder.dead_length, "m"), f"{100 * inspection.stroke_used(i):.0f} %"
+        dead, used = (
+            units.number(cylinder.dead_length, "m"),
+            f"{100 * inspection.stroke_used(i):.0f} %",
+        )
         rows.append((cylinder.name, *dimensions(cylinder, units), dead, used))
     return Sheet(
         title=f"Cylinders [{units.name('m')}]",
@@ -96,12 +130,23 @@ def _motors(inspection: Inspection, units: Units) -> Sheet:
     for motor in machine.motors:
         drop = machine.supply.pressure - machine.supply.return_pressure
         speed = machine.supply.flow / motor.bore_area
-        sides = [units.text(volume, "m³") for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)]
+        sides = [
+            units.text(volume, "m³")
+            for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)
+        ]
         most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
         rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
     return Sheet(
         title="Motors",
-        columns=("motor", "joint", "gear ratio", "oil a", "oil b", "torque at supply", "speed at all the flow"),
+        columns=(
+            "motor",
+            "joint",
+            "gear ratio",
+            "oil a",
+            "oil b",
+            "torque at supply",
+            "speed at all the flow",
+        ),
         rows=tuple(rows),
     )
 
@@ -121,7 +166,11 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
         title="Moment arms",
         columns=("cylinder", "about joint", f"least {per}", "at", f"largest {per}", "at"),
         rows=tuple(rows),
-        note="of a sliding joint: cylinder travel per joint travel" if any("everywhere" in row for row in rows) else "",
+        note=(
+            "of a sliding joint: cylinder travel per joint travel"
+            if any("everywhere" in row for row in rows)
+            else ""
+        ),
     )
 
 
@@ -136,8 +185,11 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
         title="Largest static loads over the workspace",
         columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of what holds"),
         rows=tuple(rows),
-        note="pressure of the loaded chamber behind a shut valve, the other at return pressure or the valve's "
-        "preload_bar: a simulation starts so; of what holds: static force over that of supply against return pressure",
+        note=(
+            "pressure of the loaded chamber behind a shut valve, the other at return pressure or"
+            " the valve's preload_bar: a simulation starts so; of what holds: static force over"
+            " that of supply against return pressure"
+        ),
     )
 
 

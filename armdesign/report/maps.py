@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
-from armdesign.cylinder import kind
 from armdesign.errors import SimulationError
+from armdesign.hydraulics.actuator import kind
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.maps import FrequencyMap
+    from armdesign.frequency.maps import FrequencyMap
 
 NOTABLE = 0.005  # change of the worst frequency
-UNSTABLE = ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+UNSTABLE = (
+    ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+)
 
 
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
@@ -25,15 +27,25 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
-            ("worst frequency", f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")),
+            (
+                "worst frequency",
+                f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else ""),
+            ),
             ("at", pose_text(machine, worst, units)),
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {kind(limiting)}"),
         ),
-        note="; ".join(note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note),
+        note="; ".join(
+            note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note
+        ),
         bold=(0,),
     )
-    return [head, spread_sheet({"": frequencies}), _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+    return [
+        head,
+        spread_sheet({"": frequencies}),
+        _limiting_sheet(frequencies),
+        _stiffness_sheet(frequencies),
+    ]
 
 
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
@@ -44,9 +56,10 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
             share, most = beyond[function.name]
             where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
             notes.append(
-                f"at {where} {function.name} needs more than its relief holds: up "
-                f"to {units.text(most, 'Pa')}, and it opens at {units.text(function.relief(machine.supply), 'Pa')}; no "
-                "valve holds the load there"
+                f"at {where} {function.name} needs more than its relief holds: up to"
+                f" {units.text(most, 'Pa')}, and it opens at"
+                f" {units.text(function.relief(machine.supply), 'Pa')}; no valve holds the load"
+                " there"
             )
     return "; ".join(notes)
 
@@ -58,7 +71,7 @@ def _rest_note(frequencies: FrequencyMap) -> str:
     leaking = [name for name, valve in valves.items() if valve and valve.leaks]
     if not leaking or machine.fluid.air == 0 or not all(valves.values()) or worst.frequency == 0:
         return ""
-    from armdesign.linearization import linearize
+    from armdesign.simulation.linearization import linearize
 
     try:
         found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
@@ -68,8 +81,9 @@ def _rest_note(frequencies: FrequencyMap) -> str:
     if left and abs(found[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""
     return (
-        "oil with air is as stiff as its pressures make it, taken here as those of the load alone; behind valves that "
-        f"leak or have an underlap ({', '.join(leaking)}) the flow makes others: the worst pose then "
+        "oil with air is as stiff as its pressures make it, taken here as those of the load"
+        f" alone; behind valves that leak or have an underlap ({', '.join(leaking)}) the flow"
+        " makes others: the worst pose then "
         + (f"has {found[0]:.3f} Hz" if left else "is overdamped")
     )
 
@@ -81,9 +95,13 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
         of_case = frequencies.percentiles([0, 5, 50, 95])
         for payload, part in frequencies.frame.groupby("payload", sort=False):
             spread = (f"{value:.3f}" for value in of_case.loc[payload])
-            rows.append((f"{label}, {payload}" if label else str(payload), f"{len(part)}", *spread))
+            rows.append(
+                (f"{label}, {payload}" if label else str(payload), f"{len(part)}", *spread)
+            )
     columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
-    return Sheet(title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows))
+    return Sheet(
+        title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows)
+    )
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
@@ -110,7 +128,10 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     rows = [
         (
             origins[str(part)],
-            *(f"{round(value, 1) + 0.0:+.1f} %" for value in percentiles(share, weights, (0, 50, 100))),
+            *(
+                f"{round(value, 1) + 0.0:+.1f} %"
+                for value in percentiles(share, weights, (0, 50, 100))
+            ),
         )
         for part, share in zip(shares.columns, shares.to_numpy().T, strict=True)
         if len(share)
@@ -119,5 +140,8 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
         title="What the stiffness of the lowest mode is made of",
         columns=("part", "least", "median", "greatest"),
         rows=tuple(rows),
-        note="shares of each pose's stiffness, all load cases; negative: it softens; every pose is in stiffness.csv",
+        note=(
+            "shares of each pose's stiffness, all load cases; negative: it softens; every pose is"
+            " in stiffness.csv"
+        ),
     )

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdesign.cylinder import Cylinder
 from armdesign.errors import printable
+from armdesign.hydraulics.actuator import Cylinder
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from armdesign.machine import Machine
-    from armdesign.maps import WorstPose
-    from armdesign.urdf import Joint
+    from armdesign.frequency.maps import WorstPose
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.urdf import Joint
 
 MANY = 9  # columns stand closer together
 
@@ -39,9 +39,15 @@ class Sheet:
     bold: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Words of a machine file may hold control characters; no reader shall take them for commands."""
+        """Words of a machine file may hold control characters.
+
+        No reader shall take them for commands.
+        """
         words = {name: printable(getattr(self, name)) for name in ("title", "note")}
-        columns, rows = tuple(map(printable, self.columns)), tuple(tuple(map(printable, row)) for row in self.rows)
+        columns, rows = (
+            tuple(map(printable, self.columns)),
+            tuple(tuple(map(printable, row)) for row in self.rows),
+        )
         for name, value in {**words, "columns": columns, "rows": rows}.items():
             object.__setattr__(self, name, value)
 
@@ -92,12 +98,17 @@ def rich_table(sheet: Sheet) -> Table:
     return table
 
 
-def html(title: str, lead: str, sheets: Sequence[Sheet], pictures: Sequence[tuple[str, Path]]) -> str:
+def html(
+    title: str, lead: str, sheets: Sequence[Sheet], pictures: Sequence[tuple[str, Path]]
+) -> str:
     """One self-contained page: sheets as tables, pictures (caption, PNG file) inside it."""
     import jinja2
 
     template = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
-    images = [(caption, base64.b64encode(path.read_bytes()).decode("ascii")) for caption, path in pictures]
+    images = [
+        (caption, base64.b64encode(path.read_bytes()).decode("ascii"))
+        for caption, path in pictures
+    ]
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )

@@ -14,10 +14,15 @@ if TYPE_CHECKING:
 
 
 def validation_sheet(validations: dict[str, Validation]) -> Sheet:
-    """Linear against identified frequencies; one validation per label. What failed is told below the table."""
+    """Linear against identified frequencies; one validation per label.
+
+    What failed is told below the table.
+    """
     from armdesign.simulation.validation import AGREES, Failure, Run
 
-    rough = any(run.with_friction for validation in validations.values() for run in validation.runs)
+    rough = any(
+        run.with_friction for validation in validations.values() for run in validation.runs
+    )
     columns = ["pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ"]
     columns += ["dry"] * rough
     rows, told = [], []
@@ -37,19 +42,22 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
             cells += [f"{one.linear_damping:.4f}", f"{one.identified_damping:.4f}"]
             if rough:
                 other = one.with_friction
-                cells.append(f"{other.identified_frequency:.4f}" if isinstance(other, Run) else "failed")
+                cells.append(
+                    f"{other.identified_frequency:.4f}" if isinstance(other, Run) else "failed"
+                )
             rows.append((*cells, one.remark))
     note = (
-        "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it; "
-        f"remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude (falls with it), "
-        "leaks (which make other pressures, and damp), creep (of what no spool position makes up for), or a fault; "
-        "oil without air is swept under a preload, p1 + p2 = supply + return or less where a relief would open, on "
-        "which its frequency does not depend; oil with air under the static pressures that check and map name"
+        "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it;"
+        f" remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude"
+        " (falls with it), leaks (which make other pressures, and damp), creep (of what no spool"
+        " position makes up for), or a fault; oil without air is swept under a preload, p1 + p2 ="
+        " supply + return or less where a relief would open, on which its frequency does not"
+        " depend; oil with air under the static pressures that check and map name"
     )
     if rough:
         note += (
-            "; dry friction, of which no linear answer knows, is left out; dry: fitted with the machine's own, which "
-            "holds small motions"
+            "; dry friction, of which no linear answer knows, is left out; dry: fitted with the"
+            " machine's own, which holds small motions"
         )
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
@@ -69,9 +77,11 @@ def verdict(validations: Sequence[Validation]) -> str:
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
     rough = [run.with_friction for run in runs if isinstance(run.with_friction, Run)]
-    largest = [f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, rough) if some]
+    largest = [
+        f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, rough) if some
+    ]
     far = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
     return (
-        f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best poses, every cylinder, "
-        f"agree{others}{far}"
+        f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best"
+        f" poses, every cylinder, agree{others}{far}"
     )

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.machine import Machine
-from armdesign.simulation.hydraulics import VAPOUR_PRESSURE
+from armdesign.machine.machine import Machine
+from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
 from armdesign.units import bar, l_per_min
 
 FULL = 0.999  # of the spool's travel
@@ -16,7 +16,13 @@ BACKWARDS = 1e-3  # of the rated flow, into the supply
 
 
 def events(
-    machine: Machine, relief: Array, time: Array, extension: Array, pressure: Array, spool: Array, supplied: Array
+    machine: Machine,
+    relief: Array,
+    time: Array,
+    extension: Array,
+    pressure: Array,
+    spool: Array,
+    supplied: Array,
 ) -> Iterator[tuple[float, str]]:
     """First time [s] and words of everything that limits cylinders, at n instants.
 
@@ -36,7 +42,9 @@ def events(
         yield from _told(time, (place < 0) & ends, f"{name} reached its inner stop")
         yield from _told(time, np.abs(spool[:, i]) >= FULL, f"{name}'s spool was fully open")
         for k, side in enumerate(("cap", "annulus")):
-            yield from _told(time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{name}'s {side} cavitated")
+            yield from _told(
+                time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{name}'s {side} cavitated"
+            )
             limit = relief[i]
             words = f"the relief of {name}'s {side} was open above {limit / bar:.0f} bar"
             yield from _told(time, pressure[:, k, i] > limit, words)
@@ -45,24 +53,35 @@ def events(
         yield from _told(time, back, f"{name}'s load pushed oil back into the supply")
 
 
-def pump_events(machine: Machine, time: Array, supply: Array, supplied: Array) -> Iterator[tuple[float, str]]:
+def pump_events(
+    machine: Machine, time: Array, supply: Array, supplied: Array
+) -> Iterator[tuple[float, str]]:
     """The same of a pump that is asked for more than its flow; its pressures are (n,) [Pa]."""
     pump, taken = machine.supply, supplied.sum(axis=(1, 2))
     if pump.pressure <= pump.return_pressure:
         words = f"the pump held {pump.pressure / bar:.0f} bar, no more than the return line's"
-        yield from _told(time, np.ones(len(time), dtype=bool), f"{words} {pump.return_pressure / bar:.0f} bar")
+        yield from _told(
+            time, np.ones(len(time), dtype=bool), f"{words} {pump.return_pressure / bar:.0f} bar"
+        )
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
         least, flow = supply.min() / bar, pump.flow / l_per_min
         words = f"the pump's {flow:.0f} l/min were not enough (supply down to {least:.0f} bar)"
         yield from _told(time, low, words)
         return
-    words = f"the functions took {taken.max() / l_per_min:.0f} l/min, the pump gives {pump.flow / l_per_min:.0f}"
+    words = (
+        f"the functions took {taken.max() / l_per_min:.0f} l/min, the pump gives"
+        f" {pump.flow / l_per_min:.0f}"
+    )
     yield from _told(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
 
 
 def _told(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:
     if is_so.any():
         first, share = float(time[np.argmax(is_so)]), float(is_so.mean())
-        spell = "to the end" if is_so[np.argmax(is_so) :].all() else f"for {share * time[-1]:.3g} s in all"
+        spell = (
+            "to the end"
+            if is_so[np.argmax(is_so) :].all()
+            else f"for {share * time[-1]:.3g} s in all"
+        )
         yield first, f"{words} at {first:.3g} s, {spell}"

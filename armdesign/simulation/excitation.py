@@ -1,10 +1,11 @@
 """What moves a spool, as functions of time: steps and tables, and the excitations of frequency measurements.
 
-A sine whose frequency sweeps slowly, faded in and out; many sines at once; one sine after the other; a pulse, after
-which the arm rings by itself.
+A sine whose frequency sweeps slowly, faded in and out; many sines at once; one sine after the
+other; a pulse, after which the arm rings by itself.
 
-Each says by ``breakpoints`` [s], ascending, when it or one of its derivatives jumps. No step of an integration goes
-across one. Any function of time may have such an attribute; one without it may jump at any time.
+Each says by ``breakpoints`` [s], ascending, when it or one of its derivatives jumps. No step of an
+integration goes across one. Any function of time may have such an attribute; one without it may
+jump at any time.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
-from armdesign.simulation.plant import Plant
-from armdesign.valve import Valve, opening, spool_position
+from armdesign.hydraulics.valve import Valve, opening, spool_position
+from armdesign.simulation.plant.plant import Plant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,9 @@ class Step:
                 raise SimulationError(f"step: {name}", f"{given!r} is not a number", "give one")
         if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
             problem = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
-            raise SimulationError("step", problem, "give a finite size and begin, and an end after it")
+            raise SimulationError(
+                "step", problem, "give a finite size and begin, and an end after it"
+            )
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -77,7 +80,9 @@ class Table:
             raise SimulationError("table", problem, "give one time per value")
         for early, late in pairwise(self.times):
             if late < early:
-                raise SimulationError("table: times", f"{late:g} s comes after {early:g} s", "sort them")
+                raise SimulationError(
+                    "table: times", f"{late:g} s comes after {early:g} s", "sort them"
+                )
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -97,7 +102,8 @@ class Table:
 class Sweep:
     """Sine of ``amplitude`` from ``start`` to ``stop`` [Hz] within ``duration`` [s], rising linearly; 0 afterwards.
 
-    φ = 2π (f0 t + (f1 − f0) t²/2T); the first and last ``fade`` share of it rise and fall as a raised cosine.
+    φ = 2π (f0 t + (f1 − f0) t²/2T); the first and last ``fade`` share of it rise and fall as a
+    raised cosine.
     """
 
     amplitude: float
@@ -126,8 +132,9 @@ class Sweep:
 class Multisine:
     """Sines of all the lines k/``period`` from ``start`` to ``stop`` [Hz] at once, ``periods`` times; 0 outside.
 
-    u = a √(1/N) Σ sin(2π k t/T + φ_k), with phases φ_k = −π k (k − 1)/N, k = 1…N, that keep its peaks low
-    (Schroeder 1970): its mean square is that of one sine of ``amplitude`` a, its largest value about 1.3 a.
+    u = a √(1/N) Σ sin(2π k t/T + φ_k), with phases φ_k = −π k (k − 1)/N, k = 1…N, that keep its
+    peaks low (Schroeder 1970): its mean square is that of one sine of ``amplitude`` a, its largest
+    value about 1.3 a.
     """
 
     amplitude: float
@@ -138,13 +145,19 @@ class Multisine:
 
     def __post_init__(self) -> None:
         if not (self.start >= 0 and self.period > 0 and self.periods >= 1 and len(self.lines)):
-            problem = f"has no line from {self.start:.4g} to {self.stop:.4g} Hz in a period of {self.period:g} s"
+            problem = (
+                f"has no line from {self.start:.4g} to {self.stop:.4g} Hz in a period of"
+                f" {self.period:g} s"
+            )
             raise SimulationError("multisine", problem, "take a longer period or a wider band")
 
     @cached_property
     def lines(self) -> Array:
         """Frequencies of the sines (N,) [Hz]."""
-        first, last = math.ceil(max(self.start * self.period, 1) - 1e-9), math.floor(self.stop * self.period + 1e-9)
+        first, last = (
+            math.ceil(max(self.start * self.period, 1) - 1e-9),
+            math.floor(self.stop * self.period + 1e-9),
+        )
         return np.arange(first, last + 1) / self.period
 
     @property
@@ -180,7 +193,9 @@ class SteppedSine:
 
     def __post_init__(self) -> None:
         if not self.frequencies or min(self.frequencies) <= 0 or self.cycles < 1:
-            raise SimulationError("stepped sine", "needs frequencies above 0 Hz and whole cycles", "give some")
+            raise SimulationError(
+                "stepped sine", "needs frequencies above 0 Hz and whole cycles", "give some"
+            )
 
     @cached_property
     def edges(self) -> Array:
@@ -202,7 +217,9 @@ class SteppedSine:
         step = int(np.searchsorted(self.edges, time, side="right")) - 1
         if not 0 <= step < len(self.frequencies):
             return 0.0
-        return self.amplitude * math.sin(2 * math.pi * self.frequencies[step] * (time - float(self.edges[step])))
+        return self.amplitude * math.sin(
+            2 * math.pi * self.frequencies[step] * (time - float(self.edges[step]))
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,16 +237,18 @@ class Pulse:
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
         share = time / self.duration
-        return self.amplitude * (0.5 - 0.5 * math.cos(2 * math.pi * share)) if 0 < share < 1 else 0.0
+        return (
+            self.amplitude * (0.5 - 0.5 * math.cos(2 * math.pi * share)) if 0 < share < 1 else 0.0
+        )
 
 
 @dataclass(frozen=True)
 class EvenOpening:
     """Spool command at which a valve passes the same flow to both sides, at the pressures of rest.
 
-    Open by x, a valve lets more oil through on the side with the larger pressure drop: a sine of the spool would
-    drive the piston away. The opening is therefore divided by its side's flow over the mean of both, as a pressure
-    compensator does.
+    Open by x, a valve lets more oil through on the side with the larger pressure drop: a sine of
+    the spool would drive the piston away. The opening is therefore divided by its side's flow over
+    the mean of both, as a pressure compensator does.
     """
 
     valve: Valve
@@ -243,17 +262,27 @@ class EvenOpening:
         areas, still, speeds = plant.functions["areas"][0], np.zeros((1, plant.nc)), []
         for spool in (1.0, -1.0):
             wide = plant.evaluate(plant.with_spools(rest[None], spool), still)
-            share = areas / wide.told["capacity"][0]  # a piston whose force does not change: Σ A Q/C = v Σ A²/C
+            share = (
+                areas / wide.told["capacity"][0]
+            )  # a piston whose force does not change: Σ A Q/C = v Σ A²/C
             free = (share * wide.valve_flows[0]).sum(axis=1) / (share * areas).sum(axis=1)
             speeds.append(np.maximum(np.abs(free), 1e-12))
         mean = (speeds[0] + speeds[1]) / 2
         valves = [function.valve for function in plant.machine.functions]
-        numbers = zip(valves, mean.tolist(), (mean / speeds[0]).tolist(), (mean / speeds[1]).tolist(), strict=True)
+        numbers = zip(
+            valves,
+            mean.tolist(),
+            (mean / speeds[0]).tolist(),
+            (mean / speeds[1]).tolist(),
+            strict=True,
+        )
         return [cls(valve, *row) for valve, *row in numbers if valve is not None]
 
     def spool(self, share: float) -> float:
         """Spool position −1…1 for a mean opening."""
-        return float(spool_position(self.valve, share * (self.extend if share > 0 else self.retract)))
+        return float(
+            spool_position(self.valve, share * (self.extend if share > 0 else self.retract))
+        )
 
     def share(self, spool: Any) -> Any:
         """Mean opening −1…1 at spool positions: inverse of ``spool``."""

@@ -1,11 +1,12 @@
 """A frequency measurement on one cylinder at one pose: over which band, how long and how hard to sweep.
 
-The default amplitude comes from the linear plant: as large as pressures, strokes, the change of geometry and the
-softness of air leave it a small motion.
+The default amplitude comes from the linear plant: as large as pressures, strokes, the change of
+geometry and the softness of air leave it a small motion.
 
-A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep with. Oil without air
-is as stiff under any pressure, so there the sweeps run about a preload instead: p1 + p2 = supply + return, or less
-where a relief would open. Oil with air rests as the machine file says, like the linear answer.
+A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep
+with. Oil without air is as stiff under any pressure, so there the sweeps run about a preload
+instead: p1 + p2 = supply + return, or less where a relief would open. Oil with air rests as the
+machine file says, like the linear answer.
 """
 
 from __future__ import annotations
@@ -17,16 +18,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.cylinder import Fluid, kind
 from armdesign.errors import SimulationError
-from armdesign.fluid import bulk_modulus
-from armdesign.linearization import LinearModel, linearize
-from armdesign.machine import Machine
-from armdesign.modes import natural_modes
+from armdesign.frequency.modes import natural_modes
+from armdesign.hydraulics.actuator import Fluid, kind
+from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import EvenOpening, Moved, Step, Sweep
-from armdesign.simulation.identification import Fit, fit_modes, record_length, spectral_peak
-from armdesign.simulation.motion import Case, Simulation
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.identification.modal_fit import (
+    Fit,
+    fit_modes,
+    record_length,
+    spectral_peak,
+)
+from armdesign.simulation.linearization import LinearModel, linearize
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import Case, Simulation
 from armdesign.units import bar, mm
 
 BAND = (0.5, 1.6)  # of the sweep, relative to the mode
@@ -41,7 +47,9 @@ LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
 CREEP = 0.01  # of the supply pressure: a chamber that drifts by more in a sweep
-HOLD_SHARE = 0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
+HOLD_SHARE = (
+    0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +62,9 @@ class Experiment:
         index: of the cylinder that sweeps.
         mode: that it sweeps over, 0 is the lowest.
         linear: the plant linearised at its rest.
-        frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints, those of the modes
-            on trapped oil. The two differ where oil with air rests under other pressures than the load alone makes.
+        frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints,
+            those of the modes on trapped oil. The two differ where oil with air rests under other
+            pressures than the load alone makes.
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
@@ -83,7 +92,8 @@ class Experiment:
 
         Raises:
             PoseError: the pose cannot be taken.
-            SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a piston is at its end.
+            SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a
+                piston is at its end.
         """
         plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
         rest = plant.rest(pose, preloaded)
@@ -95,9 +105,24 @@ class Experiment:
         linear = linearize(machine, pose, preloaded=preloaded)
         frequencies = linear.natural_frequencies if len(linear.modes) == len(trapped) else trapped
         band = _band(frequencies, frequencies[mode])
-        duration = max(CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band)))
+        duration = max(
+            CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band))
+        )
         even = EvenOpening.all(plant, rest)[index]
-        return cls(machine, pose, index, mode, linear, frequencies, band, duration, plant, preloaded, rest, even)
+        return cls(
+            machine,
+            pose,
+            index,
+            mode,
+            linear,
+            frequencies,
+            band,
+            duration,
+            plant,
+            preloaded,
+            rest,
+            even,
+        )
 
     def of_machine(self, machine: Machine) -> Experiment:
         """The same experiment on a version of the machine that rests alike."""
@@ -117,7 +142,9 @@ class Experiment:
     def creeps(self) -> bool:
         """Whether oil leaks away that no spool position makes up for: then there is no rest to sweep about."""
         held = self.plant.split(self.rest)[4]
-        _, _, cap, annulus, _, _ = self.plant.split(self.plant.derivative(self.rest[None], held[None])[0])
+        _, _, cap, annulus, _, _ = self.plant.split(
+            self.plant.derivative(self.rest[None], held[None])[0]
+        )
         fastest = float(np.abs(np.concatenate([cap, annulus])).max())
         return fastest * self.duration > CREEP * self.machine.supply.pressure
 
@@ -133,10 +160,17 @@ class Experiment:
 
     def sweep(self, amplitude: float) -> Sweep:
         """The sweep of the valve's mean opening."""
-        return Sweep(amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration)
+        return Sweep(
+            amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration
+        )
 
-    def commands(self, excitation: Callable[[float], float]) -> dict[str, Callable[[float], float]]:
-        """What moves one valve's opening; of the others, those that make up for a leakage hold their place."""
+    def commands(
+        self, excitation: Callable[[float], float]
+    ) -> dict[str, Callable[[float], float]]:
+        """What moves one valve's opening.
+
+        Of the others, those that make up for a leakage hold their place.
+        """
         trims = self.plant.split(self.rest)[4].tolist()
         centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
@@ -174,20 +208,29 @@ class Experiment:
         if not np.any(asked):
             problem = f"the spool stays within its overlap of {100 * self.even.valve.overlap:g} %"
             raise SimulationError(part, problem, "raise the amplitude, or give a faster spool")
-        return fit_modes(motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part)
+        return fit_modes(
+            motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part
+        )
 
     def peak(self, motion: Simulation) -> float:
         """Where the spectrum of the piston's speed is highest near the mode in a run [Hz], between its lines, too."""
-        near = (max(self.band[0], self.target / NEIGHBOUR), min(self.band[1], self.target * NEIGHBOUR))
+        near = (
+            max(self.band[0], self.target / NEIGHBOUR),
+            min(self.band[1], self.target * NEIGHBOUR),
+        )
         speed, step = motion.speeds[:, self.index], float(motion.time[1])
         padded = np.concatenate([speed, np.zeros((FINER - 1) * len(speed))])
-        return spectral_peak(step * np.arange(len(padded)), padded, near, f"{self.machine.name}: {self.cylinder}")
+        return spectral_peak(
+            step * np.arange(len(padded)), padded, near, f"{self.machine.name}: {self.cylinder}"
+        )
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""
         joints, cap, annulus, pistons = self._swing(self.linear)
         _, _, caps, annuli, _, _ = self.plant.split(self.rest)
-        room = np.concatenate([self._pressure_room(caps), self._pressure_room(annuli), self._ends()])
+        room = np.concatenate(
+            [self._pressure_room(caps), self._pressure_room(annuli), self._ends()]
+        )
         used = np.concatenate([cap, annulus, pistons])
         largest = min(float(np.min(room / np.maximum(used, 1e-12))), LARGEST_OPENING)
         return largest * self._undetuned(largest * joints)
@@ -213,7 +256,9 @@ class Experiment:
         for sign in (1.0, -1.0):
             state = self.rest.copy()
             plant.split(state)[4][self.index] = self.even.spool(sign)
-            column += sign / 2 * plant.derivative(state[None], np.zeros((1, plant.nc)))[0] * plant.units
+            column += (
+                sign / 2 * plant.derivative(state[None], np.zeros((1, plant.nc)))[0] * plant.units
+            )
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
@@ -226,8 +271,8 @@ class Experiment:
     def _relief_room(self, pressures: Array) -> Array:
         """How far pressures (nc,) may rise [Pa] before a relief below the supply opens.
 
-        Where the other chamber is at return pressure, its edges let in more than out, and both pressures climb from
-        swing to swing.
+        Where the other chamber is at return pressure, its edges let in more than out, and both
+        pressures climb from swing to swing.
         """
         supply, relief = self.machine.supply, self.plant.functions["relief"][0]
         _, _, caps, annuli, _, _ = self.plant.split(self.rest)
@@ -280,24 +325,44 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
     _, _, caps, annuli, _, _ = plant.split(rest)
     places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
     supply = plant.machine.supply.pressure
-    for cylinder, place, pressure in zip(plant.machine.functions, places, np.maximum(caps, annuli), strict=True):
-        part, end = f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}", min(place, cylinder.stroke - place)
-        leaks = cylinder.valve is not None and cylinder.valve.leaks  # then the flow makes the pressure, too
+    for cylinder, place, pressure in zip(
+        plant.machine.functions, places, np.maximum(caps, annuli), strict=True
+    ):
+        part, end = (
+            f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}",
+            min(place, cylinder.stroke - place),
+        )
+        leaks = (
+            cylinder.valve is not None and cylinder.valve.leaks
+        )  # then the flow makes the pressure, too
         stands = "rests at {:.{}f} bar" if leaks else "needs {:.{}f} bar to hold the load"
         if pressure >= supply:
             problem = f"{stands.format(pressure / bar, 0)}, supply is {supply / bar:.0f} bar"
-            raise SimulationError(part, problem, "choose a lighter load, a larger cylinder or another pose")
+            raise SimulationError(
+                part, problem, "choose a lighter load, a larger cylinder or another pose"
+            )
         if pressure > (relief := cylinder.relief(plant.machine.supply)) - BARELY:
-            problem = f"{stands.format(pressure / bar, 1)}, its relief opens at {relief / bar:.1f} bar"
-            raise SimulationError(part, problem, "raise relief_bar, or choose a lighter load or another pose")
+            problem = (
+                f"{stands.format(pressure / bar, 1)}, its relief opens at {relief / bar:.1f} bar"
+            )
+            raise SimulationError(
+                part, problem, "raise relief_bar, or choose a lighter load or another pose"
+            )
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
-            raise SimulationError(part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke")
+            raise SimulationError(
+                part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke"
+            )
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:
-    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
+    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``.
+
+    Inf without air.
+    """
     if fluid.air == 0:
         return math.inf
     step = 1e-3 * bar
-    low, high = (math.log(bulk_modulus(pressure + h, fluid.bulk_modulus, fluid.air)) for h in (-step, step))
+    low, high = (
+        math.log(bulk_modulus(pressure + h, fluid.bulk_modulus, fluid.air)) for h in (-step, step)
+    )
     return SOFTENING * 2 * step / max(abs(high - low), 1e-15)

@@ -1,4 +1,6 @@
-"""Small design problems, and the machine that a vector of design variables describes, unrounded."""
+"""Small design problems, and the machine that a vector of design variables describes,
+unrounded.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, Joint, build
 
 from armdesign import Machine, Requirements, Workspace, load
-from armdesign.cylinder import Cylinder
-from armdesign.design.codesign import Search
-from armdesign.design.problem import Problem
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.hydraulics.actuator import Cylinder
+from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, Joint, build
 
 
 @cache
@@ -30,18 +32,25 @@ def double(reverse: bool = False) -> Machine:
 
 @cache
 def twins() -> Machine:
-    """Two arms that feel neither each other nor gravity: the same cylinder each, the second turns twice the inertia."""
+    """Two arms that feel neither each other nor gravity: the same cylinder each, the second turns
+    twice the inertia.
+    """
     joints = [
-        Joint(name, "root", xyz=(0.1, 0, 0.5), com=(0, 0, 0), mass=m) for name, m in (("light", 300), ("heavy", 600))
+        Joint(name, "root", xyz=(0.1, 0, 0.5), com=(0, 0, 0), mass=m)
+        for name, m in (("light", 300), ("heavy", 600))
     ]
     return build(
-        joints, [replace(LIFT, name=f"lift_{j.name}", rod_end=(j.name, (1.1, 0, 0.4))) for j in joints], payload_kg=0
+        joints,
+        [replace(LIFT, name=f"lift_{j.name}", rod_end=(j.name, (1.1, 0, 0.4))) for j in joints],
+        payload_kg=0,
     )
 
 
 @cache
 def odd() -> Machine:
-    """Everything at once: a four-bar with its knee right, pairs of cylinders, air, hoses, compliance."""
+    """Everything at once: a four-bar with its knee right, pairs of cylinders, air, hoses,
+    compliance.
+    """
     tilt = Function(
         "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
         knee="right", extra=SOFT,
@@ -49,8 +58,20 @@ def odd() -> Machine:
     return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
 
 
-MACHINES = {"single": single, "double": double, "twins": twins, "odd": odd, "excavator": lambda: load("excavator_20t")}
-POINTS = {"single": (9,), "double": (5, 5), "twins": (5, 5), "odd": (4, 4, 4), "excavator": (5, 5, 9)}
+MACHINES = {
+    "single": single,
+    "double": double,
+    "twins": twins,
+    "odd": odd,
+    "excavator": lambda: load("excavator_20t"),
+}
+POINTS = {
+    "single": (9,),
+    "double": (5, 5),
+    "twins": (5, 5),
+    "odd": (4, 4, 4),
+    "excavator": (5, 5, 9),
+}
 
 
 @cache
@@ -63,22 +84,33 @@ def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings:
     machine = MACHINES[name]()
     own = {key: settings.pop(key) for key in ("proportional", "tightening") if key in settings}
     requirements = replace(Requirements.of(machine), **settings)
-    return Problem(machine=machine, workspace=workspace_of(name), requirements=requirements, vary=vary, **own)
+    return Problem(
+        machine=machine, workspace=workspace_of(name), requirements=requirements, vary=vary, **own
+    )
 
 
 def some_x(problem: Problem, seed: int, size: float = 0.05) -> np.ndarray:
     """A design near today's."""
     free = np.ptp(problem.bounds, axis=0) > 0
-    return problem.start + np.random.default_rng(seed).uniform(-size, size, len(problem.start)) * free
+    return (
+        problem.start + np.random.default_rng(seed).uniform(-size, size, len(problem.start)) * free
+    )
 
 
 def as_machine(problem: Problem, x: np.ndarray) -> Machine:
     """The machine at x with all its digits."""
     closed, stroke = (value[0].real for value in problem.stepped_strokes(x))
     cylinders = []
-    for i, (cylinder, (a1, a2)) in enumerate(zip(problem.machine.cylinders, problem.areas(x), strict=True)):
+    for i, (cylinder, (a1, a2)) in enumerate(
+        zip(problem.machine.cylinders, problem.areas(x), strict=True)
+    ):
         bore, rod = (2 * math.sqrt(area / cylinder.count / math.pi) for area in (a1, a1 - a2))
-        sizes = {"bore": bore, "rod": rod, "closed_length": float(closed[i]), "stroke": float(stroke[i])}
+        sizes = {
+            "bore": bore,
+            "rod": rod,
+            "closed_length": float(closed[i]),
+            "stroke": float(stroke[i]),
+        }
         if problem.proportional:
             old = problem.areas_today[i]
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
@@ -86,9 +118,16 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
         cylinders.append(_weighed(replace(cylinder, **sizes), cylinder))
         new, old = problem.linkages(x)[i].four_bar, problem.machine.linkages[i].four_bar
         if new and old:
-            bars = {"rocker_mass": new.rocker / old.rocker, "coupler_mass": new.coupler / old.coupler}
-            cylinders[i] = replace(cylinders[i], **{name: getattr(cylinder, name) * k for name, k in bars.items()})
-    return replace(problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x)))
+            bars = {
+                "rocker_mass": new.rocker / old.rocker,
+                "coupler_mass": new.coupler / old.coupler,
+            }
+            cylinders[i] = replace(
+                cylinders[i], **{name: getattr(cylinder, name) * k for name, k in bars.items()}
+            )
+    return replace(
+        problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x))
+    )
 
 
 def _weighed(new: Cylinder, old: Cylinder) -> Cylinder:

@@ -1,4 +1,6 @@
-"""What an optimum must not depend on, and what it must beat, on machines that nobody shipped: drawn at random."""
+"""What an optimum must not depend on, and what it must beat, on machines that nobody shipped:
+drawn at random.
+"""
 
 from __future__ import annotations
 
@@ -8,25 +10,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machines import random_machine, scaled
 from numpy.testing import assert_allclose
 
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.codesign import Search
-from armdesign.design.limits import limits
-from armdesign.design.problem import Problem
+from armdesign.design.program.constraints import limits
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.search.sequential_sdp import Search
+from tests.machines import random_machine, scaled
 
-SEEDS = [11, 24]  # three and two joints, slides among them; without air, whose atmosphere has no scale
+SEEDS = [
+    11,
+    24,
+]  # three and two joints, slides among them; without air, whose atmosphere has no scale
 
 
 def problem_on(machine: Machine, **settings: Any) -> Problem:
     requirements = replace(Requirements(), **settings)
     space = Workspace.grid(machine, points=4)
-    return Problem(machine=machine, workspace=space, requirements=requirements, vary=("areas", "pins"))
+    return Problem(
+        machine=machine, workspace=space, requirements=requirements, vary=("areas", "pins")
+    )
 
 
 def found(problem: Problem, start: np.ndarray | None = None) -> Search:
-    return Search(problem=problem, x=problem.start if start is None else start).run(trust=0.2, tolerance=1e-7)
+    return Search(problem=problem, x=problem.start if start is None else start).run(
+        trust=0.2, tolerance=1e-7
+    )
 
 
 @cache
@@ -49,13 +58,18 @@ def test_order_of_cylinders(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_units(seed: int) -> None:
-    """Lengths × a, moduli and pressures × c, masses × c a²: weight m g and oil βA keep their proportion.
+    """Lengths × a, moduli and pressures × c, masses × c a²: weight m g and oil βA keep their
+    proportion.
 
-    So every requirement, a share of today's, is the same one; K grows with c a³, M with c a⁴, ω² with 1/a.
+    So every requirement, a share of today's, is the same one; K grows with c a³, M with c a⁴, ω²
+    with 1/a.
     """
     machine, a, c = random_machine(seed), 2.0, 3.0
     supply = machine.section.supply
-    pressures = {"pressure_bar": supply.pressure_bar, "return_pressure_bar": supply.return_pressure_bar}
+    pressures = {
+        "pressure_bar": supply.pressure_bar,
+        "return_pressure_bar": supply.return_pressure_bar,
+    }
     other = scaled(machine, length=a, mass=c * a**2, modulus=c)
     other = other.replace({f"supply.{key}": c * value for key, value in pressures.items()})
     search = found(problem_on(other))
@@ -66,7 +80,9 @@ def test_units(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_start(seed: int) -> None:
-    """From other pins and other areas: never better than what was found from today's, once as good."""
+    """From other pins and other areas: never better than what was found from today's, once as
+    good.
+    """
     problem, random = best(seed).problem, np.random.default_rng(1)
     reached = []
     for _ in range(3):
@@ -76,7 +92,9 @@ def test_start(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("setting", ["oil_total_share", "oil_each_share", "thrust_share", "pin_box"])
+@pytest.mark.parametrize(
+    "setting", ["oil_total_share", "oil_each_share", "thrust_share", "pin_box"]
+)
 def test_tighter_never_helps(seed: int, setting: str) -> None:
     """At 0.95 and 0.9 of a limit; the box of the pins is halved. 1e-5: where searches stop."""
     requirements, problem = Requirements(), best(seed).problem
@@ -89,12 +107,17 @@ def test_tighter_never_helps(seed: int, setting: str) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_better_neighbour(seed: int) -> None:
-    """Random moves and the gradients of the lowest modes, that keep all requirements, gain less than 1e-5."""
+    """Random moves and the gradients of the lowest modes, that keep all requirements, gain less
+    than 1e-5.
+    """
     search, random = best(seed), np.random.default_rng(3)
     problem, (low, high) = search.problem, search.bounds
     lowest = np.argsort(problem.frequencies(search.x))[:6]
     base, slopes = problem.matrices(search.x, lowest)
-    gradients = [np.einsum("i,vij,j->v", v[:, 0], slopes[:, k], v[:, 0]) for k, v in enumerate(np.linalg.eigh(base)[1])]
+    gradients = [
+        np.einsum("i,vij,j->v", v[:, 0], slopes[:, k], v[:, 0])
+        for k, v in enumerate(np.linalg.eigh(base)[1])
+    ]
     tempting = 0
     for direction in [*random.normal(size=(150, len(low))), *gradients, sum(gradients)]:
         for size in (1e-3, 1e-2, 0.05):

@@ -1,4 +1,6 @@
-"""The reverse question: against closed forms, the forward question, and random designs that are allowed too."""
+"""The reverse question: against closed forms, the forward question, and random designs that are
+allowed too.
+"""
 
 from __future__ import annotations
 
@@ -7,34 +9,38 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from designs import as_machine, double, problem_of, single, workspace_of
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements
-from armdesign.cylinder import estimated_mass
 from armdesign.design import least
-from armdesign.design.catalogue import sized, sizes_of
-from armdesign.design.check import check, cylinder_mass
-from armdesign.design.codesign import Search
+from armdesign.design.catalogue.sizes import sized, sizes_of
 from armdesign.design.least import AMOUNTS, NARROW, ROOM, amount_of
-from armdesign.design.limits import limits
-from armdesign.design.problem import Problem
+from armdesign.design.program.constraints import limits
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.requirements.check import check, cylinder_mass
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
-from armdesign.modes import lowest_frequency
+from armdesign.frequency.modes import lowest_frequency
+from armdesign.hydraulics.actuator import estimated_mass
 from armdesign.units import mm
+from tests.design.designs import as_machine, double, problem_of, single, workspace_of
 
 WIDE = Requirements(oil_total_share=1.3, oil_each_share=1.3, thrust_share=1.3, holding_share=2.0)
 
 
 @pytest.mark.parametrize(("of", "field"), [("oil", "oil_total_share"), ("flow", "oil_each_share")])
 def test_one_actuator_closed_form(of: str, field: str) -> None:
-    """Both areas grow until oil stops them (see test_sizing): areas of 1.03 of today's need 1.03 of its oil and flow.
+    """Both areas grow until oil stops them (see test_sizing): areas of 1.03 of today's need 1.03
+    of its oil and flow.
 
-    The amount may be too large by the bracket (3e-4) and by what rounding cost, here no more than 2e-3.
+    The amount may be too large by the bracket (3e-4) and by what rounding cost, here no more than
+    2e-3.
     """
     problem = problem_of("single", ("areas",))
     frequency = float(np.sqrt(problem.frequencies(np.array([1.03, 1.03])).min())) / (2 * np.pi)
-    design = ad.least(single(), workspace_of("single"), WIDE, frequency=frequency, of=of, vary=("areas",))
+    design = ad.least(
+        single(), workspace_of("single"), WIDE, frequency=frequency, of=of, vary=("areas",)
+    )
     assert ROOM[3] == 2e-3
     assert 1.03 * (1 - 1e-6) < getattr(design.requirements, field) < 1.03 * (1 + 2.5e-3)
     assert design.after.frame["f1_hz"].min() >= frequency
@@ -43,9 +49,11 @@ def test_one_actuator_closed_form(of: str, field: str) -> None:
 
 @pytest.mark.parametrize(("name", "vary"), [("double", ("areas",)), ("double", ("areas", "pins"))])
 def test_forth_and_back(name: str, vary: tuple[str, ...]) -> None:
-    """The best frequency with 97 % of the oil needs 97 % of the oil; less with pins, where another limit may bind.
+    """The best frequency with 97 % of the oil needs 97 % of the oil; less with pins, where another
+    limit may bind.
 
-    3e-3: rounding costs that much of the frequency on the way there, and of the oil on the way back.
+    3e-3: rounding costs that much of the frequency on the way there, and of the oil on the way
+    back.
     """
     limits = Requirements(oil_total_share=0.97)
     best = ad.optimize(double(), workspace_of(name), limits, vary=vary)
@@ -58,9 +66,13 @@ def test_forth_and_back(name: str, vary: tuple[str, ...]) -> None:
 
 
 def test_no_random_design_is_lighter() -> None:
-    """Least mass against designs drawn all over what is allowed, and around the answer: no lighter one is enough."""
+    """Least mass against designs drawn all over what is allowed, and around the answer: no lighter
+    one is enough.
+    """
     machine, space = double(), workspace_of("double")
-    problem = problem_of("double", ("areas",), **{k: v for k, v in vars(WIDE).items() if k.endswith("share")})
+    problem = problem_of(
+        "double", ("areas",), **{k: v for k, v in vars(WIDE).items() if k.endswith("share")}
+    )
     frequency = 1.02 * float(np.sqrt(problem.frequencies(problem.start).min())) / (2 * np.pi)
     design = ad.least(machine, space, WIDE, frequency=frequency, of="mass", vary=("areas",))
     light = cylinder_mass(design.machine)
@@ -84,17 +96,26 @@ def test_less_is_asked_less_is_needed() -> None:
     today = float(ad.frequency_map(machine, space).frame["f1_hz"].min())
     for of, field in (("oil", "oil_total_share"), ("mass", "cylinder_mass")):
         amounts = [
-            getattr(ad.least(machine, space, WIDE, frequency=share * today, of=of, vary=("areas",)).requirements, field)
+            getattr(
+                ad.least(
+                    machine, space, WIDE, frequency=share * today, of=of, vary=("areas",)
+                ).requirements,
+                field,
+            )
             for share in (0.97, 1.0, 1.03)
         ]
         assert np.all(np.diff(amounts) > 0)
 
 
 def test_mass_limit_is_a_requirement_like_others() -> None:
-    """By hand: the formula for two cylinders; its derivative by a finite difference; the optimiser keeps it."""
+    """By hand: the formula for two cylinders; its derivative by a finite difference; the optimiser
+    keeps it.
+    """
     machine, space = double(), workspace_of("double")
     pressure = machine.supply.pressure
-    by_hand = sum(c.count * estimated_mass(c.bore, c.rod, c.stroke, pressure) for c in machine.cylinders)
+    by_hand = sum(
+        c.count * estimated_mass(c.bore, c.rod, c.stroke, pressure) for c in machine.cylinders
+    )
     assert cylinder_mass(machine) == pytest.approx(by_hand)
     limit = replace(WIDE, cylinder_mass=by_hand)
     design = ad.optimize(machine, space, limit, vary=("areas",))
@@ -107,13 +128,17 @@ def test_mass_limit_is_a_requirement_like_others() -> None:
     for v in range(len(x)):
         step = np.zeros(len(x))
         step[v] = 1e-6
-        slope = (limits(problem, x + step).values[row] - limits(problem, x - step).values[row]) / 2e-6
+        slope = (
+            limits(problem, x + step).values[row] - limits(problem, x - step).values[row]
+        ) / 2e-6
         assert at.jacobian[row, v] == pytest.approx(slope, rel=1e-5, abs=1e-9)
-    judged = {c.name: c for c in check(as_machine(problem, x), machine, space, problem.requirements)}
+    judged = {
+        c.name: c for c in check(as_machine(problem, x), machine, space, problem.requirements)
+    }
     assert judged["cylinder_mass"].slack == pytest.approx(at.values[row], rel=1e-9)
 
 
-# --------------------------------------------------------------------------------------------------------- catalogue
+# --------------------------------------------------------------------------------------- catalogue
 
 SIZES = [(bore * mm, rod * mm) for bore in (85, 90, 95, 100, 105, 110) for rod in (60, 63, 65, 70)]
 
@@ -121,18 +146,25 @@ SIZES = [(bore * mm, rod * mm) for bore in (85, 90, 95, 100, 105, 110) for rod i
 @pytest.mark.parametrize("of", ["oil", "flow", "mass"])
 @pytest.mark.parametrize("share", [0.93, 1.0, 1.04])
 def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
-    """Every combination built, checked, mapped and weighed as a machine of its own; the proof says so."""
+    """Every combination built, checked, mapped and weighed as a machine of its own; the proof says
+    so.
+    """
     machine, space = double(), workspace_of("double")
     frequency = share * float(lowest_frequency(machine.evaluate(space.rigid)).min())
     free = replace(WIDE, **{AMOUNTS[of]: 1e3})
     amounts = []
     for pair in itertools.product(SIZES, repeat=2):
-        made = replace(machine, cylinders=tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)))
+        made = replace(
+            machine,
+            cylinders=tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)),
+        )
         if min(c.slack for c in check(made, machine, space, free)) < -1e-9:
             continue
         if float(lowest_frequency(made.evaluate(space.rigid)).min()) >= frequency:
             amounts.append(amount_of(made, machine, of))
-    design = ad.least(machine, space, WIDE, frequency=frequency, of=of, vary=("areas",), catalogue=SIZES)
+    design = ad.least(
+        machine, space, WIDE, frequency=frequency, of=of, vary=("areas",), catalogue=SIZES
+    )
     assert len(amounts) > 1
     assert getattr(design.requirements, AMOUNTS[of]) == pytest.approx(min(amounts), rel=1e-9)
     assert amount_of(design.machine, machine, of) == pytest.approx(min(amounts), rel=1e-9)
@@ -145,7 +177,9 @@ def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
 def test_amounts_by_hand() -> None:
     """Bores of 1.1 of today's sweep 1.21 of its cap oil; annuli then more, for the same rods."""
     machine = double()
-    wide = replace(machine, cylinders=tuple(replace(c, bore=1.1 * c.bore) for c in machine.cylinders))
+    wide = replace(
+        machine, cylinders=tuple(replace(c, bore=1.1 * c.bore) for c in machine.cylinders)
+    )
     c, other = machine.cylinders
     annulus = (1.21 * c.bore**2 - c.rod**2) / (c.bore**2 - c.rod**2)
     assert (c.bore, c.rod) == (other.bore, other.rod)
@@ -158,21 +192,29 @@ def test_amounts_by_hand() -> None:
 
 
 def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
-    """For each of nine combinations the pins that need least oil: none needs less; free sizes do."""
+    """For each of nine combinations the pins that need least oil: none needs less; free sizes
+    do.
+    """
     machine, space = double(), workspace_of("double")
     sizes = [(95 * mm, 63 * mm), (98 * mm, 63 * mm), (101 * mm, 65 * mm)]
     frequency = 1.05 * float(lowest_frequency(machine.evaluate(space.rigid)).min())
-    problem = Problem(machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins"))
+    problem = Problem(
+        machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
+    )
     hunt = least._Hunt(problem=problem, of="oil", frequency=frequency)
     start, amounts = hunt.least(hunt.free(2, 0, 1)), []
     for pair in itertools.product(sizes, repeat=2):
         chosen = replace(start.problem, sizes=pair)
         try:
-            found = hunt.least(Search(problem=chosen, x=np.clip(start.x, *chosen.bounds)).run(trust=0.1))
+            found = hunt.least(
+                Search(problem=chosen, x=np.clip(start.x, *chosen.bounds)).run(trust=0.1)
+            )
         except InfeasibleError:
             continue
         amounts.append(found.problem.requirements.oil_total_share)
-    design = ad.least(machine, space, frequency=frequency, vary=("areas", "pins"), starts=2, catalogue=sizes)
+    design = ad.least(
+        machine, space, frequency=frequency, vary=("areas", "pins"), starts=2, catalogue=sizes
+    )
     needed = design.requirements.oil_total_share
     assert len(amounts) >= 4
     assert needed == pytest.approx(min(amounts), rel=2 * NARROW + ROOM[3])
@@ -183,15 +225,26 @@ def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
 
 
 def test_no_combination_is_enough() -> None:
-    with pytest.raises(InfeasibleError, match=r"9 Hz is out of reach: the other requirements allow [\d.]+ Hz"):
-        ad.least(double(), workspace_of("double"), WIDE, frequency=9, vary=("areas",), catalogue=SIZES)
-    with pytest.raises(InfeasibleError, match=r"no sizes of the catalogue meet oil.*; nor thrust") as error:
-        ad.least(double(), workspace_of("double"), frequency=1, vary=("areas",), catalogue=[(0.2, 0.1)])
+    with pytest.raises(
+        InfeasibleError, match=r"9 Hz is out of reach: the other requirements allow [\d.]+ Hz"
+    ):
+        ad.least(
+            double(), workspace_of("double"), WIDE, frequency=9, vary=("areas",), catalogue=SIZES
+        )
+    with pytest.raises(
+        InfeasibleError, match=r"no sizes of the catalogue meet oil.*; nor thrust"
+    ) as error:
+        ad.least(
+            double(), workspace_of("double"), frequency=1, vary=("areas",), catalogue=[(0.2, 0.1)]
+        )
     assert error.value.conflict
 
 
 def test_out_of_reach() -> None:
-    words = r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; loosen them, .*thrust.* first, or ask"
+    words = (
+        r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; loosen them, .*thrust.*"
+        r" first, or ask"
+    )
     with pytest.raises(InfeasibleError, match=words):
         ad.least(double(), workspace_of("double"), frequency=50, vary=("areas",))
 

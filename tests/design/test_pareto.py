@@ -1,21 +1,23 @@
-"""Trade-offs: looser limits are never worse, every point is the best of its own problem, what cannot be is said."""
+"""Trade-offs: looser limits are never worse, every point is the best of its own problem, what
+cannot be is said.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-import machines
 import numpy as np
 import pytest
-from designs import MACHINES, workspace_of
 from test_catalogue import enumerated
 
 import armdesign as ad
-from armdesign import plots
-from armdesign.design.catalogue import sizes_of
+from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
+from armdesign.plots import drawing as plots
 from armdesign.units import mm
+from tests import machines
+from tests.design.designs import MACHINES, workspace_of
 
 
 @pytest.mark.parametrize(
@@ -30,7 +32,9 @@ from armdesign.units import mm
     ],
 )
 def test_a_looser_limit_is_never_worse(name: str, against: str, vary: tuple[str, ...]) -> None:
-    """Before rounding, to the tolerance of the searches; after it every machine keeps its limit."""
+    """Before rounding, to the tolerance of the searches; after it every machine keeps its
+    limit.
+    """
     found = ad.pareto(MACHINES[name](), workspace_of(name), against=against, vary=vary, starts=1)
     assert len(found.designs) >= 3
     unrounded = [design.unrounded for design in found.designs]
@@ -41,7 +45,9 @@ def test_a_looser_limit_is_never_worse(name: str, against: str, vary: tuple[str,
     kept = {
         "oil": frame["oil_share"] <= frame["limit"],
         "thrust": frame["thrust_share"] <= frame["limit"],
-        "digging": frame["digging_share"] >= frame["limit"] - 1e-9 if against == "digging" else None,
+        "digging": (
+            frame["digging_share"] >= frame["limit"] - 1e-9 if against == "digging" else None
+        ),
         "pin_box": frame["pin_move_m"] <= frame["limit"] + 1e-9,
     }[against]
     assert kept is not None
@@ -49,26 +55,36 @@ def test_a_looser_limit_is_never_worse(name: str, against: str, vary: tuple[str,
 
 
 def test_each_point_is_the_optimum_of_its_own_problem() -> None:
-    """Areas alone of one cylinder have one optimum: found from the neighbour as from today's machine."""
+    """Areas alone of one cylinder have one optimum: found from the neighbour as from today's
+    machine.
+    """
     machine, workspace = MACHINES["single"](), workspace_of("single")
     found = ad.pareto(machine, workspace, against="oil", values=(1.05, 0.7, 0.85), vary=("areas",))
     assert found.limits == (0.7, 0.85, 1.05)
     for limit, design in zip(found.limits, found.designs, strict=True):
-        requirements = replace(ad.Requirements.of(machine), oil_total_share=limit, oil_each_share=1.1 * limit)
+        requirements = replace(
+            ad.Requirements.of(machine), oil_total_share=limit, oil_each_share=1.1 * limit
+        )
         assert design.requirements == requirements
         alone = ad.optimize(machine, workspace, requirements, vary=("areas",))
         assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
 
 
 def test_points_of_a_catalogue() -> None:
-    """With given pins the best of all combinations under each limit, as enumerated; one limit alone has none."""
+    """With given pins the best of all combinations under each limit, as enumerated; one limit
+    alone has none.
+    """
     machine, workspace = MACHINES["double"](), workspace_of("double")
     sizes = [(bore * mm, rod * mm) for bore in (90, 95, 100, 105) for rod in (63, 66)]
-    found = ad.pareto(machine, workspace, values=(0.5, 0.9, 1.0, 1.1), vary=("areas",), catalogue=sizes)
+    found = ad.pareto(
+        machine, workspace, values=(0.5, 0.9, 1.0, 1.1), vary=("areas",), catalogue=sizes
+    )
     assert found.limits == (0.9, 1.0, 1.1)
     assert "no sizes of the catalogue meet" in found.left_out[0.5]
     for design in found.designs:
-        assert design.unrounded == pytest.approx(enumerated(machine, workspace, design.requirements, sizes), rel=1e-9)
+        assert design.unrounded == pytest.approx(
+            enumerated(machine, workspace, design.requirements, sizes), rel=1e-9
+        )
 
 
 def test_points_of_a_catalogue_with_pins() -> None:
@@ -86,8 +102,12 @@ def test_points_of_a_catalogue_with_pins() -> None:
 
 
 def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
-    """On a twentieth of its oil the lift cylinder, at 1.1 × its thrust at most, cannot hold the arm."""
-    found = ad.pareto(MACHINES["single"](), workspace_of("single"), values=(0.05, 1.0), vary=("areas",))
+    """On a twentieth of its oil the lift cylinder, at 1.1 × its thrust at most, cannot hold the
+    arm.
+    """
+    found = ad.pareto(
+        MACHINES["single"](), workspace_of("single"), values=(0.05, 1.0), vary=("areas",)
+    )
     assert found.limits == (1.0,)
     assert set(found.left_out) == {0.05}
     assert found.sentences[0].startswith("oil 0.05 is left out: no design meets ")
@@ -100,10 +120,14 @@ def test_no_value_that_can_be_met() -> None:
 
 
 def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
-    found = ad.pareto(MACHINES["single"](), workspace_of("single"), values=(0.8, 1.0), vary=("areas",))
+    found = ad.pareto(
+        MACHINES["single"](), workspace_of("single"), values=(0.8, 1.0), vary=("areas",)
+    )
     ax = found.plot()
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
-    assert lines["best design"].tolist() == found.frame[["limit", "frequency_hz"]].to_numpy().tolist()
+    assert (
+        lines["best design"].tolist() == found.frame[["limit", "frequency_hz"]].to_numpy().tolist()
+    )
     before = found.designs[0].before.worst.frequency
     assert lines["today's machine"].tolist() == [[1.0, before]]
     assert lines["frequency² × joint speed as today"][0] == pytest.approx([0.8, 0.8**0.5 * before])
@@ -114,9 +138,15 @@ def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
     ("settings", "message"),
     [
         ({"against": "oill"}, r"against: 'oill' is not allowed; did you mean \"oil\"\?"),
-        ({"against": "digging"}, r"against: no cylinder's digging force counts; name some in requirements\.digging"),
+        (
+            {"against": "digging"},
+            r"against: no cylinder's digging force counts; name some in requirements\.digging",
+        ),
         ({"values": ()}, r"values: \[\] is not allowed; give finite numbers ≥ 0"),
-        ({"values": (1.0, float("nan"))}, r"values: \[1\.0, nan\] is not allowed; give finite numbers ≥ 0"),
+        (
+            {"values": (1.0, float("nan"))},
+            r"values: \[1\.0, nan\] is not allowed; give finite numbers ≥ 0",
+        ),
         ({"values": (-1.0,)}, r"values: \[-1\.0\] is not allowed; give finite numbers ≥ 0"),
         ({"values": ("a",)}, r"values: \['a'\] is not allowed; give finite numbers ≥ 0"),
     ],
@@ -128,7 +158,9 @@ def test_bad_questions(settings: dict[str, object], message: str) -> None:
 
 def test_a_start_is_a_design_of_the_same_machine() -> None:
     found = ad.size_cylinders(MACHINES["single"](), workspace_of("single"))
-    with pytest.raises(ad.ArmDesignError, match=r"start: is a design of odd, not of excavator_20t"):
+    with pytest.raises(
+        ad.ArmDesignError, match=r"start: is a design of odd, not of excavator_20t"
+    ):
         ad.optimize(machines.named("excavator_20t"), start=found)
 
 

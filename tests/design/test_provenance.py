@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import armdesign as ad
-from armdesign import scaffold
-from armdesign.machine_file import flat
+from armdesign.machine import scaffold
+from armdesign.machine.machine_file import flat
 from tests import machines
 
 COARSE = (3, 3, 5)
@@ -44,13 +44,18 @@ def head(machine: ad.Machine) -> str:
 
 
 def test_its_name_and_title_are_its_own(design: ad.Design) -> None:
-    assert (design.machine.name, design.machine.section.title) == ("crane_optimized", "crane, optimized")
+    assert (design.machine.name, design.machine.section.title) == (
+        "crane_optimized",
+        "crane, optimized",
+    )
     assert design.machine.source.name == "crane_optimized.toml"
     assert (design.today.name, design.today.section.title) == ("crane", "crane")
 
 
 def test_its_head_is_its_own_story(design: ad.Design) -> None:
-    """From what, when, by which command and version, within which requirements; nothing of the old head."""
+    """From what, when, by which command and version, within which requirements; nothing of the old
+    head.
+    """
     words = head(design.machine)
     for part in (
         f"Made by armdesign {version('armdesign')} on {date.today().isoformat()} from crane.toml",
@@ -65,7 +70,9 @@ def test_its_head_is_its_own_story(design: ad.Design) -> None:
 
 @pytest.mark.parametrize("name", ["crane", "excavator_20t"])
 def test_each_changed_line_says_what_it_was(name: str, design: ad.Design) -> None:
-    """Lines that differ, read as TOML once more with what they say they were, give today's file back."""
+    """Lines that differ, read as TOML once more with what they say they were, give today's file
+    back.
+    """
     if name != "crane":
         machine = machines.named(name)
         design = ad.optimize(machine, ad.Workspace.grid(machine, COARSE), starts=1)
@@ -119,7 +126,9 @@ def test_a_story_told_again_is_told_once(design: ad.Design) -> None:
     """The command line signs the file anew: the same file but for its line."""
     again = design.written_by("armdesign optimize crane.toml --out 'a\nb'")
     other = [line for line in again.text.split("\n") if not line.startswith("# Command")]
-    assert other == [line for line in design.machine.text.split("\n") if not line.startswith("# Command")]
+    assert other == [
+        line for line in design.machine.text.split("\n") if not line.startswith("# Command")
+    ]
     assert "# Command: armdesign optimize crane.toml --out 'a\\nb'" in again.text
 
 
@@ -133,15 +142,25 @@ def test_a_new_machine_of_a_new_machine(design: ad.Design) -> None:
 
 
 def test_lines_that_did_not_change_again_say_nothing_of_their_past(design: ad.Design) -> None:
-    """Of a machine made twice, the second file tells the second change alone; comments of old lines stay."""
+    """Of a machine made twice, the second file tells the second change alone; comments of old
+    lines stay.
+    """
     before = tomllib.loads(design.machine.text)
     varied = ad.optimize(
-        design.machine, ad.Workspace.grid(design.machine, [3, 4]), vary=("cylinder.boom.bore_mm",), starts=1
+        design.machine,
+        ad.Workspace.grid(design.machine, [3, 4]),
+        vary=("cylinder.boom.bore_mm",),
+        starts=1,
     )
     text, after = varied.machine.text, tomllib.loads(varied.machine.text)
     assert after["cylinder"]["stick"] == before["cylinder"]["stick"]
-    assert re.search(r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text)  # it had changed before
-    changed = sum(flat(varied.machine.section)[path] != value for path, value in flat(design.machine.section).items())
+    assert re.search(
+        r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text
+    )  # it had changed before
+    changed = sum(
+        flat(varied.machine.section)[path] != value
+        for path, value in flat(design.machine.section).items()
+    )
     assert text.count("# was ") == changed
     part = text[text.index("[cylinder.stick]") : text.index("[cylinder.stick.valve]")]
     assert re.search(r"(?m)^bore_mm = \S+ +# replace$", part)

@@ -1,4 +1,6 @@
-"""Designs for the worst within bands of what is not known exactly; the bands' own search is the independent judge."""
+"""Designs for the worst within bands of what is not known exactly; the bands' own search is the
+independent judge.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +10,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from designs import MACHINES, as_machine, problem_of, some_x, workspace_of
-from machines import named
 from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
-from armdesign.bands import scaled_links, worst_within
-from armdesign.design.catalogue import sized
-from armdesign.design.check import check
-from armdesign.design.codesign import hertz
-from armdesign.design.limits import limits
+from armdesign.design.catalogue.sizes import sized
+from armdesign.design.program.constraints import limits
+from armdesign.design.requirements.check import check
+from armdesign.design.search.sequential_sdp import hertz
+from armdesign.frequency.bands import scaled_links, worst_within
 from armdesign.report.designs import design_sheets, pareto_sheet
+from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
+from tests.machines import named
 
-BANDS = ad.Bands(bulk_modulus=(0.7, 1.1), dead_volume=(1.0, 1.2), payload=(0.8, 1.25), link_mass=(0.95, 1.05))
+BANDS = ad.Bands(
+    bulk_modulus=(0.7, 1.1), dead_volume=(1.0, 1.2), payload=(0.8, 1.25), link_mass=(0.95, 1.05)
+)
 AIRY = ad.Bands(bulk_modulus=(0.8, 1.0), air=(0.0, 0.02), payload=(0.8, 1.25))
 
 
 @pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
 @pytest.mark.parametrize("name", ["single", "double", "odd", "excavator"])
 def test_the_problem_counts_the_worst_within_the_bands(name: str, bands: ad.Bands) -> None:
-    """Its lowest ω² against ``bands.py``, which evaluates whole machines, at today's and at another design."""
+    """Its lowest ω² against ``bands.py``, which evaluates whole machines, at today's and at
+    another design.
+    """
     problem = replace(problem_of(name), bands=bands)
     for x in (problem.start, some_x(problem, 3)):
         judged = worst_within(as_machine(problem, x), problem.workspace, bands).frequency
@@ -48,19 +54,24 @@ def test_requirements_are_judged_at_the_values_of_the_file(name: str) -> None:
 
 def test_exact_bands_change_nothing() -> None:
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
-    one, other = (ad.optimize(machine, workspace, starts=1, bands=bands) for bands in (None, ad.Bands()))
+    one, other = (
+        ad.optimize(machine, workspace, starts=1, bands=bands) for bands in (None, ad.Bands())
+    )
     assert one.machine.text == other.machine.text
     assert one.unrounded == other.unrounded
 
 
 @pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
 @pytest.mark.parametrize(
-    ("name", "vary"), [("double", ("areas",)), ("double", ("pins",)), ("excavator", ("areas", "pins"))]
+    ("name", "vary"),
+    [("double", ("areas",)), ("double", ("pins",)), ("excavator", ("areas", "pins"))],
 )
 def test_the_worst_case_is_not_below_that_of_the_nominal_optimum(
     name: str, vary: tuple[str, ...], bands: ad.Bands
 ) -> None:
-    """And the other way round: where all is as the file says, the nominal optimum is not below the robust one."""
+    """And the other way round: where all is as the file says, the nominal optimum is not below the
+    robust one.
+    """
     machine, workspace = MACHINES[name](), workspace_of(name)
     nominal, robust = (ad.optimize(machine, workspace, vary=vary, bands=b) for b in (None, bands))
     search = 1e-4  # where the searches stop
@@ -87,16 +98,27 @@ def test_sizes_for_bands_are_those_of_optimize(name: str) -> None:
 @pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
 @pytest.mark.parametrize("name", ["single", "double", "crossing", "excavator"])
 def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
-    """Every combination built as a machine and judged by its worst within the bands; the answer is the best."""
+    """Every combination built as a machine and judged by its worst within the bands; the answer is
+    the best.
+    """
     machine = MACHINES[name]() if name in MACHINES else named(name)
     space = workspace_of(name) if name in MACHINES else Workspace.grid(machine, points=3)
     bores, rods = ((0.93, 1.04), (1.0, 1.1)) if len(machine.cylinders) < 3 else ((1.03,), (1.05,))
-    sizes = [(share * c.bore, other * c.rod) for c in machine.cylinders for share in bores for other in rods]
+    sizes = [
+        (share * c.bore, other * c.rod)
+        for c in machine.cylinders
+        for share in bores
+        for other in rods
+    ]
     sizes += [(c.bore, c.rod) for c in machine.cylinders]
-    requirements = replace(Requirements.of(machine), oil_total_share=1.1, holding_share=3.0, moment_arm_share=0.0)
+    requirements = replace(
+        Requirements.of(machine), oil_total_share=1.1, holding_share=3.0, moment_arm_share=0.0
+    )
     wanted = -math.inf
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
-        cylinders = tuple(sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True))
+        cylinders = tuple(
+            sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True)
+        )
         made = replace(machine, cylinders=cylinders)
         if min(c.slack for c in check(made, machine, space, requirements)) >= -1e-9:
             wanted = max(wanted, worst_within(made, space, bands).frequency)
@@ -106,11 +128,15 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
     assert design.selection is not None
     assert design.selection.bound == design.selection.frequency
     assert design.bound == pytest.approx(wanted, rel=1e-9)
-    assert design.band_after.low.frequency == pytest.approx(wanted, rel=1e-7)  # its file has 1e-6 mm
+    assert design.band_after.low.frequency == pytest.approx(
+        wanted, rel=1e-7
+    )  # its file has 1e-6 mm
 
 
 def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
-    """Better in the worst of the bands than sizes alone, and than the sizes and pins that bands were not asked for."""
+    """Better in the worst of the bands than sizes alone, and than the sizes and pins that bands
+    were not asked for.
+    """
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
     robust = ad.optimize(machine, workspace, starts=1, bands=BANDS, catalogue="5mm")
     sizes = ad.size_cylinders(machine, workspace, bands=BANDS, catalogue="5mm")
@@ -118,13 +144,17 @@ def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     assert min(robust.slacks.values()) >= -1e-9
     chosen = np.array([(c.bore, c.rod) for c in robust.machine.cylinders]) / 5e-3
     assert_allclose(chosen, np.rint(chosen), rtol=0, atol=1e-9)
-    assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=3e-3)  # pins on the 0.1 mm grid
+    assert robust.band_after.low.frequency == pytest.approx(
+        robust.unrounded, rel=3e-3
+    )  # pins on the 0.1 mm grid
 
 
 def test_trade_off_for_bands() -> None:
     """Every point is the robust optimum of its own limit, and says its worst within the bands."""
     machine, workspace = MACHINES["double"](), workspace_of("double")
-    found = ad.pareto(machine, workspace, against="oil", values=(0.9, 1.0), vary=("areas",), bands=BANDS)
+    found = ad.pareto(
+        machine, workspace, against="oil", values=(0.9, 1.0), vary=("areas",), bands=BANDS
+    )
     assert found.robust
     for design, (_, row) in zip(found.designs, found.frame.iterrows(), strict=True):
         alone = ad.size_cylinders(machine, workspace, design.requirements, bands=BANDS)
@@ -138,18 +168,26 @@ def test_trade_off_for_bands() -> None:
 
 
 def test_no_sample_within_the_bands_is_worse() -> None:
-    """Monte Carlo through the file: other oil, volumes and loads by key path, links by their own masses."""
+    """Monte Carlo through the file: other oil, volumes and loads by key path, links by their own
+    masses.
+    """
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
     new = ad.optimize(machine, workspace, starts=1, bands=BANDS)
     low, random = new.band_after.low.frequency, np.random.default_rng(7)
     found = []
     for _ in range(40):
         modulus, volume, load, link = (
-            random.uniform(*band) for band in (BANDS.bulk_modulus, BANDS.dead_volume, BANDS.payload, BANDS.link_mass)
+            random.uniform(*band)
+            for band in (BANDS.bulk_modulus, BANDS.dead_volume, BANDS.payload, BANDS.link_mass)
         )
         section = new.machine.section
-        changes: dict[str, object] = {"fluid.bulk_modulus_MPa": modulus * section.fluid.bulk_modulus_MPa}
-        changes |= {f"payload.{name}.mass_kg": load * payload.mass_kg for name, payload in section.payload.items()}
+        changes: dict[str, object] = {
+            "fluid.bulk_modulus_MPa": modulus * section.fluid.bulk_modulus_MPa
+        }
+        changes |= {
+            f"payload.{name}.mass_kg": load * payload.mass_kg
+            for name, payload in section.payload.items()
+        }
         for name, cylinder in section.cylinder.items():
             for side in ("cap", "annulus"):
                 litres = volume * getattr(cylinder.dead_volume_l, side)
@@ -174,10 +212,16 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
     assert sheet.title.startswith("Worst frequency within the bands")
     assert sheet.rows[0][1:] == tuple(
         f"{f:.3f} Hz"
-        for f in (found.band_before.low.frequency, found.band_before.nominal, found.band_before.high.frequency)
+        for f in (
+            found.band_before.low.frequency,
+            found.band_before.nominal,
+            found.band_before.high.frequency,
+        )
     )
     assert "oil 0.7 to 1.1 ×" in sheet.note
-    robust = design_sheets(ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated)))
+    robust = design_sheets(
+        ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated))
+    )
     assert "; in the worst of the bands; optimum before rounding" in robust[0].note
     assert robust[-1].note.endswith("; the new machine was made for the least")
     assert "bands" not in design_sheets(ad.size_cylinders(machine, workspace))[-1].title

@@ -1,8 +1,9 @@
-"""A URDF and the pins of a machine file as a kinematic tree: the geometry of the independent check.
+"""A URDF and the pins of a machine file as a kinematic tree: the geometry of the independent
+check.
 
-Written against the files' own texts, without the package's arm and linkages. Every moving joint turns or slides its
-link along that link's z axis, fixed and frozen joints weld; the bars of four-bars and the cylinders' own halves, where
-they weigh, are more links.
+Written against the files' own texts, without the package's arm and linkages. Every moving joint
+turns or slides its link along that link's z axis, fixed and frozen joints weld; the bars of
+four-bars and the cylinders' own halves, where they weigh, are more links.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armdesign import Machine
-from armdesign.cylinder import Cylinder
-from armdesign.linkage import FourBar, Linkage, Pin
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.mechanism.linkage import FourBar, Linkage, Pin
 
 Array = np.ndarray
 GROUND = -1
@@ -59,7 +60,9 @@ def shift(offset: Array) -> Placement:
 
 @dataclass
 class Body:
-    """A link of the tree and everything rigid on it: mass, centre of mass, inertia about that, in the link's frame."""
+    """A link of the tree and everything rigid on it: mass, centre of mass, inertia about that, in
+    the link's frame.
+    """
 
     kind: str
     parent: int
@@ -82,18 +85,23 @@ class Body:
     def add_bar(self, mass: float, start: Array, end: Array) -> None:
         """Put a uniform slender bar on the link."""
         along = end - start
-        self.add(mass, (start + end) / 2, mass / 12 * (along @ along * np.eye(3) - np.outer(along, along)))
+        self.add(
+            mass,
+            (start + end) / 2,
+            mass / 12 * (along @ along * np.eye(3) - np.outer(along, along)),
+        )
 
 
 Seat = tuple[int, Array]  # a link of the tree and a point in it [m]
 
 
 class Tree:
-    """A URDF at a pose as links of a kinematic tree, with the machine's moving bars as further links.
+    """A URDF at a pose as links of a kinematic tree, with the machine's moving bars as further
+    links.
 
-    Every joint turns or slides its link along that link's z axis; the joints of the bars stand at 0 in the pose. Bars
-    move in the world's x–z plane. ``rod_ends`` are the seats that the cylinders push; ``loops`` must be kept together,
-    ``struts`` at a distance [m].
+    Every joint turns or slides its link along that link's z axis; the joints of the bars stand at
+    0 in the pose. Bars move in the world's x–z plane. ``rod_ends`` are the seats that the
+    cylinders push; ``loops`` must be kept together, ``struts`` at a distance [m].
     """
 
     def __init__(self, machine: Machine, q: Array) -> None:
@@ -101,7 +109,9 @@ class Tree:
         self._q = dict(zip(machine.joints, q, strict=True))
         self.bodies: list[Body] = []
         self.names: list[str] = []
-        self.places: dict[str, tuple[int, Placement]] = {}  # URDF link → link of the tree and its place there
+        self.places: dict[
+            str, tuple[int, Placement]
+        ] = {}  # URDF link → link of the tree and its place there
         self.loops: list[tuple[Seat, Seat]] = []
         self.struts: list[tuple[Seat, Seat, float]] = []
         robot = ET.fromstring(machine.urdf_text)
@@ -114,7 +124,9 @@ class Tree:
         if payload.mass > 0:
             carrier, at = self.seat(Pin(link=payload.link, at=payload.at))
             self.bodies[carrier].add(payload.mass, at, np.zeros((3, 3)))
-        self.rod_ends = [self._rod_end(*pair) for pair in zip(machine.cylinders, machine.linkages, strict=True)]
+        self.rod_ends = [
+            self._rod_end(*pair) for pair in zip(machine.cylinders, machine.linkages, strict=True)
+        ]
 
     def _place(self, name: str, links: dict, joints: list, carrier: int, place: Placement) -> None:
         self.places[name] = (carrier, place)
@@ -123,7 +135,12 @@ class Tree:
             self.bodies[carrier].add(*_mass_properties(inertial, place))
         for joint in joints:
             if joint.find("parent").get("link") == name:
-                self._place(joint.find("child").get("link"), links, joints, *self._behind(joint, carrier, place))
+                self._place(
+                    joint.find("child").get("link"),
+                    links,
+                    joints,
+                    *self._behind(joint, carrier, place),
+                )
 
     def _behind(self, joint: ET.Element, carrier: int, place: Placement) -> tuple[int, Placement]:
         """Where the child link of a joint finds itself."""
@@ -132,10 +149,16 @@ class Tree:
         if name in self.machine.joints:
             return self._hang(name, "PrismaticZ" if slides else "RevoluteZ", carrier, origin, axis)
         value = 0.0 if joint.get("type") == "fixed" else self.machine.section.frozen.get(name, 0.0)
-        return carrier, origin @ (shift(value * axis) if slides else Placement(rotation_about(axis, value)))
+        return carrier, origin @ (
+            shift(value * axis) if slides else Placement(rotation_about(axis, value))
+        )
 
-    def _hang(self, name: str, kind: str, carrier: int, origin: Placement, axis: Array) -> tuple[int, Placement]:
-        """Add a link that moves along or about an axis of its joint frame; where that frame is in it."""
+    def _hang(
+        self, name: str, kind: str, carrier: int, origin: Placement, axis: Array
+    ) -> tuple[int, Placement]:
+        """Add a link that moves along or about an axis of its joint frame; where that frame is in
+        it.
+        """
         align = Placement(z_onto(axis))
         self.names.append(name)
         self.bodies.append(Body(kind, carrier, origin @ align))
@@ -152,7 +175,11 @@ class Tree:
             return Placement()
         body, value = self.bodies[carrier], self._q.get(self.names[carrier], 0.0)
         axis = np.eye(3)[2]
-        moved = Placement(rotation_about(axis, value)) if body.kind == "RevoluteZ" else shift(value * axis)
+        moved = (
+            Placement(rotation_about(axis, value))
+            if body.kind == "RevoluteZ"
+            else shift(value * axis)
+        )
         return self._frame(body.parent) @ body.joint @ moved
 
     def _world(self, seat: Seat) -> Array:
@@ -168,7 +195,9 @@ class Tree:
             closed = cylinder.closed_length * way / np.linalg.norm(way)
             barrel, along = self._bar("barrel", base, closed, masses["barrel"])
             far = along / np.linalg.norm(along)
-            rod, turned = self._hang("rod", "PrismaticZ", barrel, shift(np.linalg.norm(way) * far), far)
+            rod, turned = self._hang(
+                "rod", "PrismaticZ", barrel, shift(np.linalg.norm(way) * far), far
+            )
             self.bodies[rod].add_bar(masses["rod"], np.zeros(3), -turned.point(along))
             self.loops.append(((rod, np.zeros(3)), end))
         return end
@@ -179,13 +208,18 @@ class Tree:
         rocker = _third_corner(side, bars.rocker, bars.coupler, bars.side)
         knee = self._bar("rocker", pivot, rocker, cylinder.rocker_mass)
         if cylinder.coupler_mass > 0:
-            self.loops.append((self._bar("coupler", knee, side - rocker, cylinder.coupler_mass), lug))
+            self.loops.append(
+                (self._bar("coupler", knee, side - rocker, cylinder.coupler_mass), lug)
+            )
         else:
             self.struts.append((knee, lug, bars.coupler))
         return knee
 
     def _bar(self, name: str, start: Seat, way: Array, mass: float) -> Seat:
-        """Hang a bar by a hinge at its start; ``way`` leads to its end in the world. The seat of its end."""
+        """Hang a bar by a hinge at its start; ``way`` leads to its end in the world.
+
+        The seat of its end.
+        """
         into = self._frame(start[0]).rotation.T
         link, turned = self._hang(name, "RevoluteZ", start[0], shift(start[1]), into @ ACROSS)
         end = turned.point(into @ way)
@@ -194,7 +228,9 @@ class Tree:
 
 
 def _third_corner(side: Array, near: float, far: float, left: int) -> Array:
-    """Third corner of a triangle in the x–z plane on a side from the origin, at two distances from its ends."""
+    """Third corner of a triangle in the x–z plane on a side from the origin, at two distances from
+    its ends.
+    """
     length = np.linalg.norm(side)
     along = side / length
     foot = (length**2 + near**2 - far**2) / (2 * length)
@@ -203,7 +239,9 @@ def _third_corner(side: Array, near: float, far: float, left: int) -> Array:
 
 
 def _floats(element: ET.Element | None, key: str, default: str) -> Array:
-    return np.array([float(x) for x in (default if element is None else element.get(key, default)).split()])
+    return np.array(
+        [float(x) for x in (default if element is None else element.get(key, default)).split()]
+    )
 
 
 def _axis(joint: ET.Element) -> Array:
@@ -214,13 +252,17 @@ def _axis(joint: ET.Element) -> Array:
 def _origin(element: ET.Element) -> Placement:
     origin = element.find("origin")
     roll, pitch, yaw = _floats(origin, "rpy", "0 0 0")
-    turns = [rotation_about(np.eye(3)[axis], angle) for axis, angle in ((2, yaw), (1, pitch), (0, roll))]
+    turns = [
+        rotation_about(np.eye(3)[axis], angle) for axis, angle in ((2, yaw), (1, pitch), (0, roll))
+    ]
     return Placement(turns[0] @ turns[1] @ turns[2], _floats(origin, "xyz", "0 0 0"))
 
 
 def _mass_properties(inertial: ET.Element, place: Placement) -> tuple[float, Array, Array]:
     frame, entries = place @ _origin(inertial), inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (float(entries.get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    xx, xy, xz, yy, yz, zz = (
+        float(entries.get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     mass = float(inertial.find("mass").get("value"))
     return mass, frame.offset, frame.rotation @ tensor @ frame.rotation.T

@@ -1,17 +1,20 @@
-"""A machine built a second time, in Exudyn, from the same data: the plant of the independent check.
+"""A machine built a second time, in Exudyn, from the same data: the plant of the independent
+check.
 
-The links become an ObjectKinematicTree in minimal coordinates, a cylinder a HydraulicActuatorSimple between two
-markers. Its equations (Exudyn's documentation of that item) are ours with constant β and without leakage, dry friction,
-stops, reliefs, vapour and the laminar range of the valve:
+The links become an ObjectKinematicTree in minimal coordinates, a cylinder a
+HydraulicActuatorSimple between two markers. Its equations (Exudyn's documentation of that item)
+are ours with constant β and without leakage, dry friction, stops, reliefs, vapour and the laminar
+range of the valve:
 
     ṗ0 = K/V0 (−A0 ṡ + a0 Qn √(ps − p0)),  V0 = Vh0 + A0 s,  force on the pins p0 A0 − p1 A1 − d ṡ
 
-and the like for p1; the root keeps its sign, and an opening a0 < 0 leads to the tank: p0 − pt in place of ps − p0.
-Four-bars and the cylinders' own bars close loops by constraints, which only Exudyn's implicit solvers take; they need a
-rocker that weighs. A coupler without mass is a constant distance.
+and the like for p1; the root keeps its sign, and an opening a0 < 0 leads to the tank: p0 − pt in
+place of ps − p0. Four-bars and the cylinders' own bars close loops by constraints, which only
+Exudyn's implicit solvers take; they need a rocker that weighs. A coupler without mass is a
+constant distance.
 
-The frequencies that Exudyn itself offers leave the pressures out, so they are found from its motion or its right-hand
-side.
+The frequencies that Exudyn itself offers leave the pressures out, so they are found from its
+motion or its right-hand side.
 """
 
 from __future__ import annotations
@@ -34,13 +37,14 @@ from exudyn.itemInterface import (
     ObjectKinematicTree,
     SensorNode,
 )
-from exudyn_tree import GROUND, Array, Seat, Tree
 
 from armdesign import Machine
-from armdesign.cylinder import NO_FRICTION, Cylinder
+from armdesign.hydraulics.actuator import NO_FRICTION, Cylinder
 from armdesign.units import GRAVITY
+from tests.exudyn.exudyn_tree import GROUND, Array, Seat, Tree
 
-UNIT = 1e7  # [Pa] of the pressures in a state of first order, so that all its numbers are of one order
+# [Pa] of the pressures in a state of first order, so that all its numbers are of one order
+UNIT = 1e7
 Valves = Callable[[float, Array], Iterable[tuple[float, float]]]
 """Openings −1…1 of the cap's and the annulus' port of every cylinder at a time [s] and pressures (nc, 2) [Pa]."""
 
@@ -56,7 +60,9 @@ class Motion:
 
 
 def common(machine: Machine) -> Machine:
-    """The machine with what an actuator of Exudyn knows: no air, hoses, compliance, leakage, friction."""
+    """The machine with what an actuator of Exudyn knows: no air, hoses, compliance, leakage,
+    friction.
+    """
     cylinders = [
         replace(
             cylinder,
@@ -72,9 +78,13 @@ def common(machine: Machine) -> Machine:
 
 
 def holding_pressures(machine: Machine, q: Array) -> Array:
-    """Pressures (nc, 2) [Pa] that hold the static load at a pose with p1 + p2 = supply + return pressure."""
+    """Pressures (nc, 2) [Pa] that hold the static load at a pose with p1 + p2 = supply + return
+    pressure.
+    """
     total = machine.supply.pressure + machine.supply.return_pressure
-    areas = np.array([(cylinder.bore_area, cylinder.annulus_area) for cylinder in machine.cylinders])
+    areas = np.array(
+        [(cylinder.bore_area, cylinder.annulus_area) for cylinder in machine.cylinders]
+    )
     cap = (machine.at(q).cylinder_forces[0] + areas[:, 1] * total) / areas.sum(axis=1)
     return np.column_stack([cap, total - cap])
 
@@ -96,7 +106,9 @@ class Twin:
         wanted = [(self._joints, outputs.Coordinates), (self._joints, outputs.Coordinates_t)]
         wanted += [(node, outputs.Coordinates) for node in self._chambers]
         self._sensors = [
-            self.system.AddSensor(SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True))
+            self.system.AddSensor(
+                SensorNode(nodeNumber=node, outputVariableType=kind, storeInternal=True)
+            )
             for node, kind in wanted
         ]
         self.system.Assemble()
@@ -120,7 +132,9 @@ class Twin:
                 gravity=[0, 0, -GRAVITY],
                 jointTypes=[getattr(exudyn.JointType, body.kind) for body in tree.bodies],
                 linkParents=[body.parent for body in tree.bodies],
-                jointTransformations=exudyn.Matrix3DList([body.joint.rotation for body in tree.bodies]),
+                jointTransformations=exudyn.Matrix3DList(
+                    [body.joint.rotation for body in tree.bodies]
+                ),
                 jointOffsets=exudyn.Vector3DList([body.joint.offset for body in tree.bodies]),
                 linkInertiasCOM=exudyn.Matrix3DList([body.inertia for body in tree.bodies]),
                 linkCOMs=exudyn.Vector3DList([body.com for body in tree.bodies]),
@@ -131,16 +145,26 @@ class Twin:
     def _add_cylinders(self, tree: Tree, pressures: Array) -> None:
         machine = self.machine
         self._chambers, self._actuators = [], []
-        for i, (cylinder, linkage, held) in enumerate(zip(machine.cylinders, machine.linkages, pressures, strict=True)):
+        for i, (cylinder, linkage, held) in enumerate(
+            zip(machine.cylinders, machine.linkages, pressures, strict=True)
+        ):
             node = self.system.AddNode(
-                NodeGenericODE1(numberOfODE1Coordinates=2, referenceCoordinates=[0, 0], initialCoordinates=list(held))
+                NodeGenericODE1(
+                    numberOfODE1Coordinates=2,
+                    referenceCoordinates=[0, 0],
+                    initialCoordinates=list(held),
+                )
             )
             markers = [self._marker(tree.seat(linkage.base)), self._marker(tree.rod_ends[i])]
             self._chambers.append(node)
-            self._actuators.append(self.system.AddObject(_actuator(machine, cylinder, node, markers)))
+            self._actuators.append(
+                self.system.AddObject(_actuator(machine, cylinder, node, markers))
+            )
         for ends in tree.loops:
             both = [self._marker(seat) for seat in ends]
-            self.system.AddObject(ObjectJointSpherical(markerNumbers=both, constrainedAxes=[1, 0, 1]))
+            self.system.AddObject(
+                ObjectJointSpherical(markerNumbers=both, constrainedAxes=[1, 0, 1])
+            )
         for *ends, distance in tree.struts:
             both = [self._marker(seat) for seat in ends]
             self.system.AddObject(ObjectConnectorDistance(markerNumbers=both, distance=distance))
@@ -148,13 +172,16 @@ class Twin:
     def _marker(self, seat: Seat) -> int:
         carrier, at = seat
         if carrier == GROUND:
-            return self.system.AddMarker(MarkerBodyPosition(bodyNumber=self._ground, localPosition=at))
+            return self.system.AddMarker(
+                MarkerBodyPosition(bodyNumber=self._ground, localPosition=at)
+            )
         return self.system.AddMarker(
             MarkerKinematicTreeRigid(objectNumber=self._tree, linkNumber=carrier, localPosition=at)
         )
 
     def rates(self, states: Array) -> Array:
-        """Right-hand side (n, size) of the whole first-order system at states (n, size): q, q̇, pressures [UNIT].
+        """Right-hand side (n, size) of the whole first-order system at states (n, size): q, q̇,
+        pressures [UNIT].
 
         One step of the explicit Euler rule with a step of 1 s goes from y to y + f(y).
         """
@@ -177,18 +204,27 @@ class Twin:
         return ordered
 
     def run(
-        self, solver: str, step: float, duration: float, valves: Valves | None = None, period: float = 0.0
+        self,
+        solver: str,
+        step: float,
+        duration: float,
+        valves: Valves | None = None,
+        period: float = 0.0,
     ) -> Motion:
-        """Motion from rest, recorded at every step or with a period [s]; valves stand still during a step.
+        """Motion from rest, recorded at every step or with a period [s]; valves stand still during
+        a step.
 
-        A Runge–Kutta method has them as they are in the middle of the step, the trapezoidal rule as at its end, since
-        it takes the rates at the step's beginning from the last one: so both keep their second order.
+        A Runge–Kutta method has them as they are in the middle of the step, the trapezoidal rule
+        as at its end, since it takes the rates at the step's beginning from the last one: so both
+        keep their second order.
         """
         early = 0.0 if solver == "TrapezoidalIndex2" else step / 2
 
         def set_valves(system: exudyn.MainSystem, end_of_step: float) -> bool:
             pressures = system.systemData.GetODE1Coordinates().reshape(-1, 2)
-            for actuator, openings in zip(self._actuators, valves(end_of_step - early, pressures), strict=True):
+            for actuator, openings in zip(
+                self._actuators, valves(end_of_step - early, pressures), strict=True
+            ):
                 system.SetObjectParameter(actuator, "valveOpening0", openings[0])
                 system.SetObjectParameter(actuator, "valveOpening1", openings[1])
             return True
@@ -197,7 +233,9 @@ class Twin:
         settings = _settings(step, duration)
         settings.solution.sensors.writePeriod = max(period, step) * (1 - 1e-9)  # rounding of times
         self.system.SolveDynamic(settings, solverType=getattr(exudyn.DynamicSolverType, solver))
-        q, velocity, *chambers = (self.system.GetSensorStoredData(sensor) for sensor in self._sensors)
+        q, velocity, *chambers = (
+            self.system.GetSensorStoredData(sensor) for sensor in self._sensors
+        )
         return Motion(
             time=q[:, 0],
             q=q[:, 1:][:, self._order],
@@ -213,12 +251,17 @@ def _settings(step: float, duration: float) -> exudyn.SimulationSettings:
     time.endTime = step * time.numberOfSteps
     time.explicit.computeEndOfStepAccelerations = False
     time.automaticStepSize, time.newton.useModifiedNewton = False, False
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-10, 1e-12  # small vibrations need small residuals
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = (
+        1e-10,
+        1e-12,
+    )  # small vibrations need small residuals
     settings.solution.file.write = False
     return settings
 
 
-def _actuator(machine: Machine, cylinder: Cylinder, node: int, markers: list[int]) -> HydraulicActuatorSimple:
+def _actuator(
+    machine: Machine, cylinder: Cylinder, node: int, markers: list[int]
+) -> HydraulicActuatorSimple:
     valve = cylinder.valve
     return HydraulicActuatorSimple(
         markerNumbers=markers,

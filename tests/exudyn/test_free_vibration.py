@@ -1,31 +1,36 @@
-"""Natural frequencies of the same machines in Exudyn: from its right-hand side, and from its free vibrations.
+"""Natural frequencies of the same machines in Exudyn: from its right-hand side, and from its free
+vibrations.
 
-Geometry and inertia come from the URDF's text by ``exudyn_tree``; of ours Exudyn gets the static cylinder forces, which
-its own equations must find in equilibrium. Gravity, geometric stiffness and the pressures that hold the load are in
-every case.
+Geometry and inertia come from the URDF's text by ``exudyn_tree``; of ours Exudyn gets the static
+cylinder forces, which its own equations must find in equilibrium. Gravity, geometric stiffness and
+the pressures that hold the load are in every case.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import machines
 import numpy as np
 import pytest
 import tomlkit
-from checks import difference
-from exudyn_twin import UNIT, Motion, Twin, common, holding_pressures
 
 import armdesign as ad
 from armdesign import Machine
-from armdesign.linearization import linearize
-from armdesign.valve import Friction
+from armdesign.hydraulics.valve import Friction
+from armdesign.simulation.linearization import linearize
+from tests import machines
+from tests.checks import difference
+from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, common, holding_pressures
 
 ONE_JOINT = ("paper_1dof", "patu_boom")
 DIRECT = (*ONE_JOINT, "direct_bucket", "spatial", "crossing", "branched", "random_3", "random_8")
 FOUR_BARS = ("excavator_20t", "excavator_12t", "mini_excavator_2t", "loader_crane")
-LOOPS = (*FOUR_BARS, "heavy_bars")  # the last: the 20 t machine whose cylinders, rocker and coupler all weigh
-ROCKER = 95.0  # [kg] in place of the shipped machines' massless rocker, which Exudyn's solver finds singular
+LOOPS = (
+    *FOUR_BARS,
+    "heavy_bars",
+)  # the last: the 20 t machine whose cylinders, rocker and coupler all weigh
+# [kg] in place of the shipped machines' massless rocker, which Exudyn's solver finds singular
+ROCKER = 95.0
 
 
 def named(name: str) -> Machine:
@@ -33,12 +38,16 @@ def named(name: str) -> Machine:
     machine = direct_bucket() if name == "direct_bucket" else machines.named(name)
     if name in FOUR_BARS:
         pairs = zip(machine.cylinders, machine.linkages, strict=True)
-        machine = machine.replace({f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.four_bar})
+        machine = machine.replace(
+            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.four_bar}
+        )
     return common(machine.with_payload(machine.payloads[-1].name))
 
 
 def direct_bucket() -> Machine:
-    """The 20 t machine whose bucket cylinder pushes the bucket's lug itself: three joints, no loop."""
+    """The 20 t machine whose bucket cylinder pushes the bucket's lug itself: three joints, no
+    loop.
+    """
     machine = ad.load("excavator_20t")
     text = tomlkit.parse(machine.text)
     bucket = text["cylinder"]["bucket"]
@@ -48,18 +57,25 @@ def direct_bucket() -> Machine:
 
 
 def poles(machine: Machine, pose: np.ndarray) -> np.ndarray:
-    """Eigenvalues [rad/s] above the real axis of Exudyn's first-order system (q, q̇, p1, p2) at rest, slow first."""
+    """Eigenvalues [rad/s] above the real axis of Exudyn's first-order system (q, q̇, p1, p2) at
+    rest, slow first.
+    """
     pressures, nq = holding_pressures(machine, pose), len(pose)
     twin = Twin(machine, pose, pressures)
     rest = np.concatenate([pose, np.zeros(nq), pressures.ravel() / UNIT])[None]
-    np.testing.assert_allclose(twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10)  # [rad/s²]: it does hold the load
+    np.testing.assert_allclose(
+        twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10
+    )  # [rad/s²]: it does hold the load
     found = np.linalg.eigvals(difference(twin.rates, rest)[0])
     return found[np.argsort(found.imag)[-nq:]]
 
 
 @pytest.mark.parametrize("name", DIRECT)
 def test_poles_of_the_right_hand_side(name: str) -> None:
-    """Nothing is left out: pressures are states. Differences of order 8 are good to some 1e-12, so 1e-9 is roomy."""
+    """Nothing is left out: pressures are states.
+
+    Differences of order 8 are good to some 1e-12, so 1e-9 is roomy.
+    """
     machine = named(name)
     for pose in machines.inner_poses(machine, 4):
         found = poles(machine, pose)
@@ -73,17 +89,26 @@ def test_poles_of_the_right_hand_side(name: str) -> None:
 def test_poles_with_viscous_friction(name: str) -> None:
     """Damped poles of both plants: friction that damps one mode by a percent or so, and more."""
     machine = named(name)
-    machine = replace(machine, cylinders=tuple(replace(c, friction=Friction(viscous=2e4)) for c in machine.cylinders))
+    machine = replace(
+        machine,
+        cylinders=tuple(replace(c, friction=Friction(viscous=2e4)) for c in machine.cylinders),
+    )
     for pose in machines.inner_poses(machine, 2):
         found = poles(machine, pose)
         assert np.max(-found.real / np.abs(found)) > 0.005
         np.testing.assert_allclose(found, linearize(machine, pose).modes, rtol=1e-7)
 
 
-def vibration(machine: Machine, pose: np.ndarray, solver: str, per_period: int, push: float) -> Motion:
-    """Four periods of the lowest mode with shut valves after unlike excess pressures [Pa] in the caps."""
+def vibration(
+    machine: Machine, pose: np.ndarray, solver: str, per_period: int, push: float
+) -> Motion:
+    """Four periods of the lowest mode with shut valves after unlike excess pressures [Pa] in the
+    caps.
+    """
     frequencies = ad.natural_modes(machine.at(pose)).frequencies[0]
-    excess = push * np.column_stack([np.arange(1, len(machine.cylinders) + 1), np.zeros(len(machine.cylinders))])
+    excess = push * np.column_stack(
+        [np.arange(1, len(machine.cylinders) + 1), np.zeros(len(machine.cylinders))]
+    )
     twin = Twin(machine, pose, holding_pressures(machine, pose) + excess)
     return twin.run(solver, 1 / (per_period * frequencies[-1]), 4 / frequencies[0])
 
@@ -91,28 +116,38 @@ def vibration(machine: Machine, pose: np.ndarray, solver: str, per_period: int, 
 def identified(motion: Motion, every: int) -> np.ndarray:
     """Frequencies [rad/s] of undamped modes, slow ones first, from one record in ``every``.
 
-    v(t) = Σ a_k cos(ω_k t + φ_k) makes v(t + h) + v(t − h) = C v(t), and C has the eigenvalues 2 cos ω_k h.
+    v(t) = Σ a_k cos(ω_k t + φ_k) makes v(t + h) + v(t − h) = C v(t), and C has the eigenvalues 2
+    cos ω_k h.
     """
     v = motion.velocity[::every]
     c = np.linalg.lstsq(v[1:-1], v[2:] + v[:-2], rcond=None)[0]
-    return np.sort(np.arccos(np.linalg.eigvals(c).real / 2)) / (motion.time[every] - motion.time[0])
+    return np.sort(np.arccos(np.linalg.eigvals(c).real / 2)) / (
+        motion.time[every] - motion.time[0]
+    )
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [*((name, 1e-6) for name in ONE_JOINT), ("direct_bucket", 1e-5)])
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [*((name, 1e-6) for name in ONE_JOINT), ("direct_bucket", 1e-5)]
+)
 def test_free_vibration(name: str, tolerance: float) -> None:
-    """The figures asked for; the push of 100 Pa moves the middle of the vibration by some 1e-7 rad."""
+    """The figures asked for; the push of 100 Pa moves the middle of the vibration by some 1e-7
+    rad.
+    """
     machine = named(name)
     for pose in machines.inner_poses(machine, 3):
         found = identified(vibration(machine, pose, "RK67", 40, 100.0), every=10) / (2 * np.pi)
-        np.testing.assert_allclose(found, ad.natural_modes(machine.at(pose)).frequencies[0], rtol=tolerance)
+        np.testing.assert_allclose(
+            found, ad.natural_modes(machine.at(pose)).frequencies[0], rtol=tolerance
+        )
 
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_free_vibration_of_a_closed_loop(name: str) -> None:
     """Loops closed by constraints, so the implicit trapezoidal rule integrates.
 
-    Its vibrations are exact up to a known detuning, tan(ω̃ h/2) = ω h/2 (it turns λ into (1 + λh/2)/(1 − λh/2)), which
-    is taken back. What is left changes sign with the push, so two opposite ones are averaged.
+    Its vibrations are exact up to a known detuning, tan(ω̃ h/2) = ω h/2 (it turns λ into (1 +
+    λh/2)/(1 − λh/2)), which is taken back. What is left changes sign with the push, so two
+    opposite ones are averaged.
     """
     machine = named(name)
     for pose in machines.inner_poses(machine, 2):
@@ -121,4 +156,6 @@ def test_free_vibration_of_a_closed_loop(name: str) -> None:
             motion = vibration(machine, pose, "TrapezoidalIndex2", 12, push)
             half = (motion.time[1] - motion.time[0]) / 2
             found.append(np.tan(identified(motion, every=3) * half) / half / (2 * np.pi))
-        np.testing.assert_allclose(np.mean(found, axis=0), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-5)
+        np.testing.assert_allclose(
+            np.mean(found, axis=0), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-5
+        )

@@ -1,7 +1,9 @@
-"""Valve-driven motion of the same machines in Exudyn: the difference falls at second order with its step.
+"""Valve-driven motion of the same machines in Exudyn: the difference falls at second order with
+its step.
 
-Both plants get the same spools: ours integrates the lag of the spool, the other side has it in closed form. The laminar
-range of our metering edges, the one part of the common plant that Exudyn's actuator lacks, goes into its openings.
+Both plants get the same spools: ours integrates the lag of the spool, the other side has it in
+closed form. The laminar range of our metering edges, the one part of the common plant that
+Exudyn's actuator lacks, goes into its openings.
 """
 
 from __future__ import annotations
@@ -11,16 +13,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from exudyn_twin import Twin, Valves
 from test_free_vibration import named
 
 import armdesign as ad
 from armdesign import Machine
-from armdesign.valve import LAMINAR_DROP, Valve
+from armdesign.hydraulics.valve import LAMINAR_DROP, Valve
+from tests.exudyn.exudyn_twin import Twin, Valves
 
 DURATION, RATE = 0.5, 100.0  # [s], records per second to compare
 COUNTS = (10, 20, 40)  # Exudyn's steps per record
-RUNS = {  # machine: Exudyn's solver, pose, steps of the commands; pressures stay between vapour and reliefs
+# machine: Exudyn's solver, pose, steps of the commands; pressures stay between vapour and reliefs
+RUNS = {
     "paper_1dof": ("ExplicitMidpoint", (0.1,), (0.03,)),
     "patu_boom": ("TrapezoidalIndex2", (0.2,), (-0.2,)),
     "direct_bucket": ("ExplicitMidpoint", (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)),
@@ -29,7 +32,9 @@ RUNS = {  # machine: Exudyn's solver, pose, steps of the commands; pressures sta
 
 
 def step_response(valve: Valve) -> Callable[[float], float]:
-    """Of a second-order lag with ζ < 1: 1 − e^(−ζω t)(cos ω_d t + ζω/ω_d sin ω_d t), ω_d = ω √(1 − ζ²)."""
+    """Of a second-order lag with ζ < 1: 1 − e^(−ζω t)(cos ω_d t + ζω/ω_d sin ω_d t), ω_d = ω √(1 −
+    ζ²).
+    """
     omega, zeta = 2 * math.pi * valve.natural_frequency, valve.damping_ratio
     damped = omega * math.sqrt(1 - zeta**2)
 
@@ -63,20 +68,28 @@ def valves(machine: Machine, steps: Sequence[float]) -> Valves:
 
 @pytest.mark.parametrize("name", RUNS)
 def test_difference_falls_at_second_order(name: str) -> None:
-    """Step halved, difference quartered; extrapolated to step zero, half a second goes alike to a part in a million.
+    """Step halved, difference quartered; extrapolated to step zero, half a second goes alike to a
+    part in a million.
 
-    Our own tolerance is 1e-8; pressures are compared with their greatest change, the extrapolation's error is theirs.
+    Our own tolerance is 1e-8; pressures are compared with their greatest change, the
+    extrapolation's error is theirs.
     """
     machine, (solver, pose, steps) = named(name), RUNS[name]
-    ours = ad.simulate(machine, pose, lambda _: steps, duration=DURATION, rate=RATE, preloaded=True)
+    ours = ad.simulate(
+        machine, pose, lambda _: steps, duration=DURATION, rate=RATE, preloaded=True
+    )
     assert ours.pressures.min() > 0
     assert ours.pressures.max() < machine.supply.pressure
     twin = Twin(machine, np.array(pose), ours.pressures[0])
-    runs = [twin.run(solver, 1 / (RATE * count), DURATION, valves(machine, steps)) for count in COUNTS]
+    runs = [
+        twin.run(solver, 1 / (RATE * count), DURATION, valves(machine, steps)) for count in COUNTS
+    ]
     for quantity, tolerance in (("q", 1e-6), ("pressures", 1e-5)):
         expected = getattr(ours, quantity)
         found = [getattr(run, quantity)[::count] for run, count in zip(runs, COUNTS, strict=True)]
         found.append((4 * found[-1] - found[-2]) / 3)
-        *differences, last = (np.abs(value - expected).max() / np.ptp(expected, axis=0).max() for value in found)
+        *differences, last = (
+            np.abs(value - expected).max() / np.ptp(expected, axis=0).max() for value in found
+        )
         np.testing.assert_allclose(np.divide(differences[:-1], differences[1:]), 4, rtol=0.05)
         assert last < tolerance

@@ -1,8 +1,9 @@
 """The source paper's equations: as printed, put right, and as the general machine answers.
 
-Pencelli et al., "On the Estimation of Resonance Frequencies of Hydraulically Actuated Systems", ISARC 2019. Each of its
-misprints (THEORY, section 5) has its test here. Expected numbers come from the nonlinear model of the mechanism,
-differentiated (independent method), from limiting cases, or from the published example that is named.
+Pencelli et al., "On the Estimation of Resonance Frequencies of Hydraulically Actuated Systems",
+ISARC 2019. Each of its misprints (THEORY, section 5) has its test here. Expected numbers come from
+the nonlinear model of the mechanism, differentiated (independent method), from limiting cases, or
+from the published example that is named.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from checks import difference
-from machines import named
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import formulas
+from armdesign.paper import formulas
 from armdesign.units import GRAVITY, MPa, mm
+from tests.checks import difference
+from tests.machines import named
 
 MASSES = np.arange(50.0, 401.0, 50.0)  # [kg], the paper's eight; the numbers are stand-ins
 LENGTHS = np.array([0.5, 0.75, 1.0, 1.25, 1.5])  # [m], the paper's five
@@ -31,7 +32,11 @@ VALVE = {"leakage": 2e-12, "valve_gain": 3e-6, "supply_pressure": 21 * MPa, "den
 
 
 class Nonlinear:
-    """Eq. (22) and (34) before linearisation, from coordinates: rod pin at a1 (cos θ, sin θ), base pin at (d1, 0)."""
+    """Eq.
+
+    (22) and (34) before linearisation, from coordinates: rod pin at a1 (cos θ, sin θ), base pin at
+    (d1, 0).
+    """
 
     def __init__(self, mass: float, length: float) -> None:
         self.a1, self.d1, self.m2, self.l2 = *PINS.values(), mass, length
@@ -61,16 +66,22 @@ class Nonlinear:
         return at_0 / (at_0 - at_1)
 
     def trapped_torque(self, angle: np.ndarray) -> np.ndarray:
-        """Net torque when the oil was shut in at θ = π/2: both chambers, of V0 each, change by A(ℓ − ℓ0)."""
+        """Net torque when the oil was shut in at θ = π/2: both chambers, of V0 each, change by A(ℓ
+        − ℓ0).
+        """
         travel = self.length(angle) - self.length(REST)
-        return self.net_torque(angle, self.static_pressure - 2 * self.beta * self.A / self.V0 * travel)
+        return self.net_torque(
+            angle, self.static_pressure - 2 * self.beta * self.A / self.V0 * travel
+        )
 
     def rate(self, state: np.ndarray) -> np.ndarray:
         """d/dt of θ, θ̇ and Δp; the fourth column of the state (n, 4) is the valve signal."""
         angle, speed, pressure, signal = (state[:, [i]] for i in range(4))
         flow = self.K_v * signal * math.sqrt(self.p_p / self.rho) - 2 * self.C_L * pressure
         flow = flow - 2 * self.A * slope(self.length, angle) * speed
-        return np.hstack([speed, self.net_torque(angle, pressure) / self.inertia, self.beta / self.V0 * flow])
+        return np.hstack(
+            [speed, self.net_torque(angle, pressure) / self.inertia, self.beta / self.V0 * flow]
+        )
 
 
 REST = np.array([[math.pi / 2]])
@@ -81,20 +92,28 @@ def slope(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.nda
     return difference(function, x)[..., 0]
 
 
-# ----------------------------------------------------------------------------------------------------- rigid load
+# -------------------------------------------------------------------------------------- rigid load
 
 
 def test_published_worked_example() -> None:
     """4 in bore, 2.5 in rod, 12 in stroke, middle, no dead volume, 180 000 psi, 1000 lb: 77.03 Hz.
 
-    Source: https://forum.deltamotion.com/t/computing-the-natural-frequency-of-the-cylinder-and-load/1042
+    Source:
+    https://forum.deltamotion.com/t/computing-the-natural-frequency-of-the-cylinder-and-load/1042
     """
     inch, pound, psi = 25.4 * mm, 0.45359237, 6894.757293
     bore_area, rod_area = (math.pi / 4 * (d * inch) ** 2 for d in (4, 2.5))
     areas = {"bore_area": bore_area, "annulus_area": bore_area - rod_area}
-    volumes = {"cap_volume": 6 * inch * bore_area, "annulus_volume": 6 * inch * (bore_area - rod_area)}
-    found = formulas.rigid_load_asymmetric(mass=1000 * pound, bulk_modulus=180e3 * psi, **areas, **volumes)
-    assert_allclose(found, 77.03, atol=0.005)  # four figures: the source's unit constants are not given
+    volumes = {
+        "cap_volume": 6 * inch * bore_area,
+        "annulus_volume": 6 * inch * (bore_area - rod_area),
+    }
+    found = formulas.rigid_load_asymmetric(
+        mass=1000 * pound, bulk_modulus=180e3 * psi, **areas, **volumes
+    )
+    assert_allclose(
+        found, 77.03, atol=0.005
+    )  # four figures: the source's unit constants are not given
 
 
 def test_eq_11_by_hand() -> None:
@@ -111,7 +130,9 @@ def test_eq_12_prints_a_factor_2_too_much() -> None:
     A, V0, beta = SYMMETRIC.values()
     alike = {"bore_area": A, "annulus_area": A, "cap_volume": V0, "annulus_volume": V0}
     eq_11 = formulas.rigid_load(mass=80.0, **SYMMETRIC)
-    assert_allclose(formulas.rigid_load_asymmetric(mass=80.0, bulk_modulus=beta, **alike), eq_11, rtol=1e-14)
+    assert_allclose(
+        formulas.rigid_load_asymmetric(mass=80.0, bulk_modulus=beta, **alike), eq_11, rtol=1e-14
+    )
     printed = formulas.rigid_load_asymmetric_as_printed(mass=80.0, bulk_modulus=beta, **alike)
     assert_allclose(printed**2, 2 * eq_11**2, rtol=1e-14)
 
@@ -119,14 +140,18 @@ def test_eq_12_prints_a_factor_2_too_much() -> None:
 def test_eq_12_as_printed_is_what_the_paper_prints() -> None:
     A1, A2, V01, V02 = ASYMMETRIC.values()
     printed = 1 / (2 * math.pi) * math.sqrt(2 * 1e9 / 80 * (A1**2 / V01 + A2**2 / V02))
-    assert_allclose(formulas.rigid_load_asymmetric_as_printed(mass=80, bulk_modulus=1e9, **ASYMMETRIC), printed)
+    assert_allclose(
+        formulas.rigid_load_asymmetric_as_printed(mass=80, bulk_modulus=1e9, **ASYMMETRIC), printed
+    )
 
 
-# -------------------------------------------------------------------------------------------------- the mechanism
+# ----------------------------------------------------------------------------------- the mechanism
 
 
 def test_eq_13_14_21_are_the_triangle() -> None:
-    """Length from the pins' coordinates, angle back from it, moment arm as its derivative, d1 cos α at θ = π/2."""
+    """Length from the pins' coordinates, angle back from it, moment arm as its derivative, d1 cos
+    α at θ = π/2.
+    """
     model, angle = Nonlinear(100, 1), np.linspace(0.2, 3, 9)[:, None]
     length = formulas.cylinder_length(**PINS, angle=angle)
     assert_allclose(length, model.length(angle), rtol=1e-14)
@@ -149,21 +174,27 @@ def test_eq_16_22_inertia_and_gravity_of_a_point_mass() -> None:
 
 
 def test_eq_27_prints_the_wrong_sign() -> None:
-    """The load pulls the rod: Δp is where the nonlinear torque vanishes, the printed one is its negative."""
+    """The load pulls the rod: Δp is where the nonlinear torque vanishes, the printed one is its
+    negative.
+    """
     data = {"load_mass": 130, **PINS, "link_length": 0.8}
     exact = formulas.static_pressure_difference(**data, area=SYMMETRIC["area"])
     assert exact < 0
     assert_allclose(exact, Nonlinear(130, 0.8).static_pressure, rtol=1e-9)
-    assert_allclose(formulas.static_pressure_difference_as_printed(**data, area=SYMMETRIC["area"]), -exact)
+    assert_allclose(
+        formulas.static_pressure_difference_as_printed(**data, area=SYMMETRIC["area"]), -exact
+    )
     assert_allclose(formulas.static_force(**data), exact * SYMMETRIC["area"], rtol=1e-12)
 
 
-# ---------------------------------------------------------------------------------------------- joint-coupled load
+# ------------------------------------------------------------------------------ joint-coupled load
 
 
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("mass", [50.0, 400.0])
-def test_the_exact_formula_is_the_differentiated_nonlinear_model(mass: float, length: float) -> None:
+def test_the_exact_formula_is_the_differentiated_nonlinear_model(
+    mass: float, length: float
+) -> None:
     """ω² = −(∂/∂θ of the net torque on trapped oil)/J at θ = π/2: errata (33), (38), (42)."""
     model = Nonlinear(mass, length)
     stiffness = -slope(model.trapped_torque, REST).item()
@@ -175,7 +206,9 @@ def test_the_exact_formula_is_the_differentiated_nonlinear_model(mass: float, le
 
 
 def test_eq_42_as_printed_is_what_the_paper_prints() -> None:
-    """Its second line, letter by letter; √(Q/K) of (36) and (38); with k_h in the place of 2βA²/V0."""
+    """Its second line, letter by letter; √(Q/K) of (36) and (38); with k_h in the place of
+    2βA²/V0.
+    """
     m2, l2, a1, d1 = GRID.values()
     A, V0, beta = SYMMETRIC.values()
     d1_cos_alpha = d1 * math.cos(math.atan(d1 / a1))
@@ -186,12 +219,18 @@ def test_eq_42_as_printed_is_what_the_paper_prints() -> None:
     terms = formulas.transfer_function_as_printed(**GRID, **SYMMETRIC, **VALVE)
     assert_allclose(np.sqrt(terms.Q / terms.K) / (2 * math.pi), printed, rtol=1e-13)
     spring = formulas.symmetric_stiffness(**SYMMETRIC)
-    assert_allclose(formulas.joint_coupled_as_printed(**GRID, stiffness=spring), printed, rtol=1e-13)
+    assert_allclose(
+        formulas.joint_coupled_as_printed(**GRID, stiffness=spring), printed, rtol=1e-13
+    )
 
 
 def test_printed_and_exact_differ_by_gravity_alone() -> None:
-    """ω² = k_h r²/J − G/J with G = m2 g l2 printed, m2 g a1 (1 + l2 d1/(a1² + d1²)) exact; (11) with J/r² is G = 0."""
-    J = formulas.joint_inertia(load_mass=GRID["load_mass"], link_pin_distance=0.15, link_length=LENGTHS)
+    """ω² = k_h r²/J − G/J with G = m2 g l2 printed, m2 g a1 (1 + l2 d1/(a1² + d1²)) exact; (11)
+    with J/r² is G = 0.
+    """
+    J = formulas.joint_inertia(
+        load_mass=GRID["load_mass"], link_pin_distance=0.15, link_length=LENGTHS
+    )
     mass = formulas.reflected_mass(joint_inertia=J, moment_arm=formulas.moment_arm(**PINS))
     without = formulas.rigid_load(mass=mass, **SYMMETRIC)
     weight = GRID["load_mass"] * 9.81
@@ -199,17 +238,26 @@ def test_printed_and_exact_differ_by_gravity_alone() -> None:
     exact = formulas.joint_coupled(**GRID, **SYMMETRIC)
     gravity = 0.15 * (1 + LENGTHS * 0.5 / (0.15**2 + 0.5**2))
     for found, lever in ((printed, LENGTHS), (exact, gravity)):
-        assert_allclose((2 * math.pi) ** 2 * (without**2 - found**2), weight * lever / J, rtol=1e-9)
+        assert_allclose(
+            (2 * math.pi) ** 2 * (without**2 - found**2), weight * lever / J, rtol=1e-9
+        )
 
 
 def test_transfer_function_is_the_linearised_nonlinear_model() -> None:
-    """Poles (36)–(39) and gain (40), exact: state matrices by finite differences of eq. (22) and (34) at rest."""
+    """Poles (36)–(39) and gain (40), exact: state matrices by finite differences of eq.
+
+    (22) and (34) at rest.
+    """
     model = Nonlinear(250, 0.9)
     rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
-    scale = np.array([1.0, 1.0, 1e6, 1e-3])  # one step suits all when the pressure is counted in MPa
+    scale = np.array(
+        [1.0, 1.0, 1e6, 1e-3]
+    )  # one step suits all when the pressure is counted in MPa
     slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
     A, B = slopes[:, :3], slopes[:, 3]
-    terms = formulas.transfer_function(load_mass=250, link_length=0.9, **PINS, **SYMMETRIC, **VALVE)
+    terms = formulas.transfer_function(
+        load_mass=250, link_length=0.9, **PINS, **SYMMETRIC, **VALVE
+    )
     assert_allclose(np.poly(A)[1:] * terms.K, [terms.F, terms.Q, -terms.H], rtol=1e-7)
     s = 12 + 30j
     output = np.array([formulas.moment_arm(**PINS), 0, 0])  # δx_p = r δθ
@@ -225,7 +273,9 @@ def test_eq_38_39_40_as_printed() -> None:
     assert_allclose(printed.K, exact.K)
     assert_allclose(printed.F, exact.F)
     n = 1 / formulas.moment_arm(**PINS)
-    assert_allclose(printed.H, 2 * VALVE["leakage"] * GRID["load_mass"] * 9.81 * LENGTHS * n, rtol=1e-13)
+    assert_allclose(
+        printed.H, 2 * VALVE["leakage"] * GRID["load_mass"] * 9.81 * LENGTHS * n, rtol=1e-13
+    )
 
 
 def test_gravity_stronger_than_the_oil_is_0_hz() -> None:
@@ -257,25 +307,34 @@ def test_the_cylinder_is_given_once_and_whole(arguments: dict[str, object], mess
         formulas.rigid_load(mass=mass, **arguments)
 
 
-# -------------------------------------------------------------------------------------------- the general machine
+# ----------------------------------------------------------------------------- the general machine
 
 
 def grid_modes(machine: ad.Machine) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coupled, locked and rigid frequency (8, 5) of the shipped machine at q = 0, the paper's θ = π/2."""
+    """Coupled, locked and rigid frequency (8, 5) of the shipped machine at q = 0, the paper's θ =
+    π/2.
+    """
     found = np.empty((3, len(MASSES), len(LENGTHS)))
     for i, mass in enumerate(MASSES):
         for j, length in enumerate(LENGTHS):
-            changes = {"payload.load.mass_kg": float(mass), "payload.load.at_mm": [1000 * float(length), 0, 150]}
+            changes = {
+                "payload.load.mass_kg": float(mass),
+                "payload.load.at_mm": [1000 * float(length), 0, 150],
+            }
             modes = ad.natural_modes(machine.replace(changes).at(np.zeros((1, 1))))
-            for row, values in enumerate((modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies)):
+            for row, values in enumerate(
+                (modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies)
+            ):
                 found[row, i, j] = values[0, 0]
     return found[0], found[1], found[2]
 
 
 def test_the_papers_40_configurations_through_the_general_machine() -> None:
-    """`paper_1dof` knows nothing of the paper's formulas; its eigenvalue is (42) put right with the asymmetric k_h.
+    """`paper_1dof` knows nothing of the paper's formulas; its eigenvalue is (42) put right with
+    the asymmetric k_h.
 
-    k_h = β (A1²/V1 + A2²/V2) by hand from the machine file: 63/36 mm, mid-stroke of 200 mm, 0.1 l dead on each side.
+    k_h = β (A1²/V1 + A2²/V2) by hand from the machine file: 63/36 mm, mid-stroke of 200 mm, 0.1 l
+    dead on each side.
     """
     coupled, locked, rigid = grid_modes(named("paper_1dof"))
     A1, A2 = math.pi / 4 * 0.063**2, math.pi / 4 * (0.063**2 - 0.036**2)
@@ -292,7 +351,8 @@ def test_the_papers_40_configurations_through_the_general_machine() -> None:
 
 
 def test_the_papers_findings() -> None:
-    """Section 4: frequencies fall with load and length, and those of the rigid load are far too high.
+    """Section 4: frequencies fall with load and length, and those of the rigid load are far too
+    high.
 
     Its RMSE of 23.4900 rad/s cannot be compared: the paper does not give its dimensions.
     """
@@ -302,7 +362,7 @@ def test_the_papers_findings() -> None:
     assert np.all(rigid > coupled)
 
 
-# --------------------------------------------------------------------------------------- arguments that cannot be
+# ------------------------------------------------------------------------ arguments that cannot be
 
 DISTANCES = ("link_pin_distance", "base_pin_distance", "moment_arm")
 WHOLE: dict[str, dict[str, object]] = {  # every function of the module with arguments that suit it
@@ -316,26 +376,48 @@ WHOLE: dict[str, dict[str, object]] = {  # every function of the module with arg
     "joint_angle": {**PINS, "length": 0.5},
     "moment_arm": {**PINS, "angle": 1.0},
     "joint_inertia": {"load_mass": 100.0, "link_pin_distance": 0.15, "link_length": 0.9},
-    "gravity_torque": {"load_mass": 100.0, "link_pin_distance": 0.15, "link_length": 0.9, "angle": 1.0},
+    "gravity_torque": {
+        "load_mass": 100.0,
+        "link_pin_distance": 0.15,
+        "link_length": 0.9,
+        "angle": 1.0,
+    },
     "static_force": {"load_mass": 100.0, **PINS, "link_length": 0.9, "angle": 1.0},
     "static_pressure_difference": {"load_mass": 100.0, **PINS, "link_length": 0.9, "area": 1e-3},
-    "static_pressure_difference_as_printed": {"load_mass": 100.0, **PINS, "link_length": 0.9, "area": 1e-3},
+    "static_pressure_difference_as_printed": {
+        "load_mass": 100.0,
+        **PINS,
+        "link_length": 0.9,
+        "area": 1e-3,
+    },
     "joint_coupled": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC},
     "joint_coupled_as_printed": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC},
     "transfer_function": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC, **VALVE},
-    "transfer_function_as_printed": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC, **VALVE},
+    "transfer_function_as_printed": {
+        "load_mass": 100.0,
+        **PINS,
+        "link_length": 0.9,
+        **SYMMETRIC,
+        **VALVE,
+    },
 }
 EACH = [(name, argument) for name, given in WHOLE.items() for argument in given]
 
 
 def test_every_function_is_looked_at() -> None:
-    own = {n for n, f in vars(formulas).items() if getattr(f, "__module__", "") == formulas.__name__ and n[0] != "_"}
+    own = {
+        n
+        for n, f in vars(formulas).items()
+        if getattr(f, "__module__", "") == formulas.__name__ and n[0] != "_"
+    }
     assert set(WHOLE) == own - {"TransferFunction"}
 
 
 @pytest.mark.parametrize(("name", "argument"), EACH)
 def test_what_an_argument_cannot_be_is_refused(name: str, argument: str) -> None:
-    """No function answers with NaN: not finite, no number, complex, a distance ≤ 0; alone or within an array."""
+    """No function answers with NaN: not finite, no number, complex, a distance ≤ 0; alone or
+    within an array.
+    """
     formula, given = getattr(formulas, name), WHOLE[name]
     wrong: list[object] = [math.nan, math.inf, "x", "", 1j, [given[argument], math.nan], {}]
     if argument in DISTANCES:
@@ -370,29 +452,44 @@ def test_shapes_that_do_not_go_together_are_refused() -> None:
 
 
 def test_a_load_on_the_other_side_is_right() -> None:
-    """l2 < 0: the frequency of the nonlinear model, linearised by differences, as on this side; it pushes the rod."""
+    """l2 < 0: the frequency of the nonlinear model, linearised by differences, as on this side; it
+    pushes the rod.
+    """
     model = Nonlinear(250, -0.9)
     data = {"load_mass": 250, "link_length": -0.9, **PINS}
     angle, step = math.pi / 2, 1e-5
     forces = [formulas.static_force(**data, angle=angle + sign * step) for sign in (-1, 1)]
     assert formulas.static_force(**data) == pytest.approx(sum(forces) / 2, rel=1e-6)
-    assert formulas.static_force(**data) > 0 > formulas.static_force(**{**data, "link_length": 0.9})
+    assert (
+        formulas.static_force(**data) > 0 > formulas.static_force(**{**data, "link_length": 0.9})
+    )
     rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
     scale = np.array([1.0, 1.0, 1e6, 1e-3])
     slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
     terms = formulas.transfer_function(**data, **SYMMETRIC, **VALVE)
     assert_allclose(np.poly(slopes[:, :3])[1:] * terms.K, [terms.F, terms.Q, -terms.H], rtol=1e-7)
-    assert_allclose(formulas.joint_coupled(**data, **SYMMETRIC), math.sqrt(terms.Q / terms.K) / (2 * math.pi))
+    assert_allclose(
+        formulas.joint_coupled(**data, **SYMMETRIC), math.sqrt(terms.Q / terms.K) / (2 * math.pi)
+    )
 
 
 def test_places_without_a_moment_arm() -> None:
-    """In line with the joint the arm vanishes and no force holds a load; pins in one place have no direction."""
+    """In line with the joint the arm vanishes and no force holds a load; pins in one place have no
+    direction.
+    """
     alike = {"link_pin_distance": 0.5, "base_pin_distance": 0.5}
     assert formulas.cylinder_length(**alike, angle=0.0) == 0
-    with pytest.raises(ad.ArmDesignError, match=r"moment_arm: angle: both pins .* in one place; give it in \(0, π\)"):
+    with pytest.raises(
+        ad.ArmDesignError,
+        match=r"moment_arm: angle: both pins .* in one place; give it in \(0, π\)",
+    ):
         formulas.moment_arm(**alike, angle=[1.0, 0.0])
     assert_allclose(formulas.moment_arm(**PINS, angle=[0.0, math.pi]), 0, atol=1e-16)
-    with pytest.raises(ad.ArmDesignError, match=r"static_force: angle: 3\.14159 rad is a dead centre"):
+    with pytest.raises(
+        ad.ArmDesignError, match=r"static_force: angle: 3\.14159 rad is a dead centre"
+    ):
         formulas.static_force(**PINS, load_mass=1.0, link_length=1.0, angle=[1.0, math.pi])
     near = formulas.cylinder_length(link_pin_distance=0.3, base_pin_distance=0.3, angle=1e-9)
-    assert near == pytest.approx(0.3e-9, rel=1e-12)  # a chord is radius × angle; 1 − cos of it would be 0
+    assert near == pytest.approx(
+        0.3e-9, rel=1e-12
+    )  # a chord is radius × angle; 1 − cos of it would be 0

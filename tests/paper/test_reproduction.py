@@ -1,7 +1,9 @@
-"""The paper's 40 configurations: closed forms, errata and scan by hand, and the measurements of a few of them.
+"""The paper's 40 configurations: closed forms, errata and scan by hand, and the measurements of a
+few of them.
 
-Pencelli et al., "On the Estimation of Resonance Frequencies of Hydraulically Actuated Systems", ISARC 2019, section 4.
-The dimensions are those of `paper_1dof` (SOURCE.md: stand-ins), written out here a second time.
+Pencelli et al., "On the Estimation of Resonance Frequencies of Hydraulically Actuated Systems",
+ISARC 2019, section 4. The dimensions are those of `paper_1dof` (SOURCE.md: stand-ins), written out
+here a second time.
 """
 
 from __future__ import annotations
@@ -16,13 +18,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import paper
 from armdesign.errors import SimulationError
-from armdesign.report.paper import paper_sheets
-from armdesign.simulation.bias import sweep_bias
-from armdesign.simulation.identification import spectral_peak
+from armdesign.paper import reproduction as paper
+from armdesign.paper.sheets import paper_sheets
+from armdesign.simulation.identification.modal_fit import spectral_peak
+from armdesign.simulation.identification.sweep_bias import sweep_bias
 
-# paper_1dof by hand: 63/36 mm, stroke 200 mm, piston in the middle, 0.1 l dead on each side, pins 150 and 500 mm
+# paper_1dof by hand: 63/36 mm, stroke 200 mm, piston in the middle, 0.1 l dead on each side, pins
+# 150 and 500 mm
 BETA, A1, A2 = 1.2e9, math.pi / 4 * 0.063**2, math.pi / 4 * (0.063**2 - 0.036**2)
 V1, V2 = 0.1 * A1 + 1e-4, 0.1 * A2 + 1e-4
 PIN, BASE, G = 0.15, 0.5, 9.81
@@ -43,7 +46,9 @@ def spring(area: float, volume: float, other: float, other_volume: float) -> flo
 
 
 BOTH = spring(A1, V1, A2, V2)
-RIGHT = MASS * G * PIN * (1 + LENGTH * BASE / SPAN2)  # what gravity takes from the stiffness [N m/rad]
+RIGHT = (
+    MASS * G * PIN * (1 + LENGTH * BASE / SPAN2)
+)  # what gravity takes from the stiffness [N m/rad]
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +61,7 @@ def corners() -> paper.Reproduction:
     return paper.reproduce(**CORNERS)
 
 
-# ------------------------------------------------------------------------------------------------------- closed form
+# ------------------------------------------------------------------------------------- closed form
 
 
 def test_forty_configurations() -> None:
@@ -76,7 +81,9 @@ def test_every_formula_by_hand(one: paper.Mechanism) -> None:
         "static_12": hertz(BOTH, static),
         "reflected_12": hertz(BOTH, INERTIA / ARM**2),
         "joint_42_as_printed": hertz(2 * BETA * A1**2 / V1 * ARM**2 - MASS * G * LENGTH, INERTIA),
-        "joint_42_mean_area": hertz(2 * BETA * mean**2 / mean_volume * ARM**2 - MASS * G * LENGTH, INERTIA),
+        "joint_42_mean_area": hertz(
+            2 * BETA * mean**2 / mean_volume * ARM**2 - MASS * G * LENGTH, INERTIA
+        ),
         "joint_exact": hertz(BOTH * ARM**2 - RIGHT, INERTIA),
     }
     found = {name: float(values[0]) for name, values in one.frequencies.items()}
@@ -90,13 +97,16 @@ def test_exact_formula_is_the_general_machine_in_all_forty() -> None:
     exact = paper.grid(machine).frequencies["joint_exact"]
     found = []
     for mass, length in ALL:
-        case = machine.replace({"payload.load.mass_kg": mass, "payload.load.at_mm": [1000 * length, 0, 150]})
+        case = machine.replace(
+            {"payload.load.mass_kg": mass, "payload.load.at_mm": [1000 * length, 0, 150]}
+        )
         found.append(ad.natural_modes(case.at([0.0])).frequencies[0, 0])
     assert_allclose(exact, found, rtol=1e-8)
 
 
 def test_order_of_the_formulas_over_all_forty() -> None:
-    """The paper's finding, with margins: the static mass is an order of magnitude worse than the joint-coupled load.
+    """The paper's finding, with margins: the static mass is an order of magnitude worse than the
+    joint-coupled load.
 
     (11) over (42): 158.5/11.4 = 13.9; (42) from the bore area over (42) from the means: 11.4/0.18.
     """
@@ -111,14 +121,18 @@ def test_order_of_the_formulas_over_all_forty() -> None:
 
 def test_rms_error_by_hand() -> None:
     """Differences of 3 and 4 Hz: √(12.5) Hz in rad/s."""
-    assert paper.rms_error([10.0, 20.0], np.array([7.0, 24.0])) == pytest.approx(2 * math.pi * math.sqrt(12.5))
+    assert paper.rms_error([10.0, 20.0], np.array([7.0, 24.0])) == pytest.approx(
+        2 * math.pi * math.sqrt(12.5)
+    )
 
 
-# ------------------------------------------------------------------------------------------------------------ errata
+# ------------------------------------------------------------------------------------------ errata
 
 
 def test_errata_by_hand(one: paper.Mechanism) -> None:
-    """200 kg at 1 m: each misprint put into the right formula alone; THEORY, section 5, lists them."""
+    """200 kg at 1 m: each misprint put into the right formula alone; THEORY, section 5, lists
+    them.
+    """
     oil, weight = BOTH * ARM**2, MASS * G
     arm_share = PIN * LENGTH * BASE / SPAN2
     right = oil - RIGHT
@@ -148,9 +162,15 @@ def test_errata_by_hand(one: paper.Mechanism) -> None:
 
 
 def test_errata_over_all_forty() -> None:
-    """Signs and sizes: gravity's terms are small beside the oil, the factor 2 and the areas are not."""
-    frame = paper.errata_frame(paper.errata(paper.grid(ad.load("paper_1dof")))).set_index("equation")
-    assert_allclose(frame.loc["(12)", ["least", "largest"]].astype(float), math.sqrt(2) - 1, rtol=1e-12)
+    """Signs and sizes: gravity's terms are small beside the oil, the factor 2 and the areas are
+    not.
+    """
+    frame = paper.errata_frame(paper.errata(paper.grid(ad.load("paper_1dof")))).set_index(
+        "equation"
+    )
+    assert_allclose(
+        frame.loc["(12)", ["least", "largest"]].astype(float), math.sqrt(2) - 1, rtol=1e-12
+    )
     gravity = frame.loc[["(27)", "(33) ∂g/∂θ", "(33) −F0 ∂r/∂θ", "(38), (39), (42)"]]
     assert gravity[["least", "largest"]].abs().to_numpy().max() < 0.003
     assert gravity["rms_rad_per_s"].max() < 0.1
@@ -159,7 +179,7 @@ def test_errata_over_all_forty() -> None:
     assert (frame["least"].dropna() <= frame["largest"].dropna()).all()
 
 
-# -------------------------------------------------------------------------------------------------------------- scan
+# -------------------------------------------------------------------------------------------- scan
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +188,9 @@ def scanned() -> pd.DataFrame:
 
 
 def test_scan_by_hand(scanned: pd.DataFrame) -> None:
-    """One row, configuration by configuration: 40/22 × 800 mm, 1 l, 800 MPa, 500–1200 kg, 0.25–0.75 m."""
+    """One row, configuration by configuration: 40/22 × 800 mm, 1 l, 800 MPa, 500–1200 kg,
+    0.25–0.75 m.
+    """
     chosen = scanned.query(
         "bore_mm == 40 and stroke_mm == 800 and dead_volume_l == 1 and bulk_modulus_MPa == 800"
         " and mass_from_kg == 500 and length_from_m == 0.25"
@@ -186,12 +208,16 @@ def test_scan_by_hand(scanned: pd.DataFrame) -> None:
             off.append(hertz(2 * 0.8e9 * bore**2 / cap, mass * length / arm) - exact)
     assert len(off) == 40
     row = chosen.iloc[0]
-    assert row["static_11"] == pytest.approx(2 * math.pi * math.sqrt(np.mean(np.square(off))), rel=1e-6)
+    assert row["static_11"] == pytest.approx(
+        2 * math.pi * math.sqrt(np.mean(np.square(off))), rel=1e-6
+    )
     assert row["held"] == pytest.approx(1200 * G * 0.75 / arm / (21e6 * ring), rel=1e-6)
 
 
 def test_scan_reaches_the_published_error_only_at_its_soft_end(scanned: pd.DataFrame) -> None:
-    """23.49 rad/s (the paper) by (11): only thin bores on long strokes with a litre of dead volume and soft oil."""
+    """23.49 rad/s (the paper) by (11): only thin bores on long strokes with a litre of dead volume
+    and soft oil.
+    """
     near = scanned[(scanned["static_11"] / paper.PUBLISHED - 1).abs() < 0.05]
     assert 1 <= len(near) < 0.01 * len(scanned)
     assert near["bore_mm"].max() <= 50
@@ -204,11 +230,14 @@ def test_scan_reaches_the_published_error_only_at_its_soft_end(scanned: pd.DataF
     assert as_hertz.sum() > 10 * len(near), "read as Hz it is a common value"
 
 
-# ------------------------------------------------------------------------------------------------------ measurements
+# ------------------------------------------------------------------------------------ measurements
 
 
 def test_small_amplitude_finds_the_exact_frequency(corners: paper.Reproduction) -> None:
-    """Issue: within 0.5 %; reached 0.009 %. No formula but the exact one and J/r² comes within 1 %."""
+    """Issue: within 0.5 %; reached 0.009 %.
+
+    No formula but the exact one and J/r² comes within 1 %.
+    """
     exact = corners.computed["joint_exact"]
     assert_allclose(corners.identified, exact, rtol=5e-4)
     errors = corners.errors["identified"]
@@ -219,9 +248,11 @@ def test_small_amplitude_finds_the_exact_frequency(corners: paper.Reproduction) 
 
 
 def test_the_papers_way(corners: paper.Reproduction) -> None:
-    """The highest line is within two lines (1/T) of the truth; for 400 kg at 1.5 m the oil cavitates: far too low.
+    """The highest line is within two lines (1/T) of the truth; for 400 kg at 1.5 m the oil
+    cavitates: far too low.
 
-    Two, not half of one: the sweep passes 41.7 Hz in its last tenth. Reached: 1.5 there, 0.2 at the others.
+    Two, not half of one: the sweep passes 41.7 Hz in its last tenth. Reached: 1.5 there, 0.2 at
+    the others.
     """
     exact, line = corners.computed["joint_exact"], 1 / corners.sweep.duration
     off = corners.swept - exact
@@ -244,12 +275,16 @@ def test_drift_is_gravitys(corners: paper.Reproduction) -> None:
 
 
 def test_a_smaller_sweep_brings_the_line_back(corners: paper.Reproduction) -> None:
-    """Amplitude, not model: a tenth of the opening moves the heaviest load's line towards the exact frequency."""
+    """Amplitude, not model: a tenth of the opening moves the heaviest load's line towards the
+    exact frequency.
+    """
     gentle = replace(paper.SWEEP, amplitude=paper.SWEEP.amplitude / 10)
     found = paper.reproduce(masses=(400.0,), lengths=(1.5,), sweep=gentle)
     exact = found.computed["joint_exact"][0]
     assert abs(found.swept[0] - exact) < 0.5 * abs(corners.swept[3] - exact)
-    assert found.identified[0] == corners.identified[3], "the small sweep is another run, and the same one"
+    assert found.identified[0] == corners.identified[3], (
+        "the small sweep is another run, and the same one"
+    )
 
 
 def test_frame_and_results_are_whole(corners: paper.Reproduction) -> None:
@@ -264,7 +299,9 @@ def test_frame_and_results_are_whole(corners: paper.Reproduction) -> None:
 
 
 def test_pictures_have_the_papers_form(corners: paper.Reproduction) -> None:
-    """Figures 3, 4: identified red, computed blue; a curve per length against mass, and the other way round."""
+    """Figures 3, 4: identified red, computed blue; a curve per length against mass, and the other
+    way round.
+    """
     left, right = corners.plot("static_11").axes
     assert (left.get_xlabel(), right.get_xlabel()) == ("load mass m2 [kg]", "link length l2 [m]")
     for ax in (left, right):
@@ -278,11 +315,21 @@ def test_sheets_say_what_was_found(corners: paper.Reproduction, scanned: pd.Data
     choices, frequencies, bias, errors, errata, *scans = paper_sheets(
         corners, paper.errata(corners.mechanism), scanned, sweep_bias(periods=(10, 300))
     )
-    assert ("cylinder", "asymmetric", "63.0/36.0 mm, stroke 200.0 mm, dead 0.10 l and 0.10 l") in choices.rows
+    assert (
+        "cylinder",
+        "asymmetric",
+        "63.0/36.0 mm, stroke 200.0 mm, dead 0.10 l and 0.10 l",
+    ) in choices.rows
     assert [row[0] for row in frequencies.rows] == ["50 kg", "400 kg"]
     assert frequencies.rows[0][1].startswith("41.73")
     assert "23.49" in errors.note
-    assert bias.rows[1] == ("10", "0.05", "-1.57 %", "-3.00 %", "+0.00 %")  # tests/simulation/test_excitation.py
+    assert bias.rows[1] == (
+        "10",
+        "0.05",
+        "-1.57 %",
+        "-3.00 %",
+        "+0.00 %",
+    )  # tests/simulation/test_excitation.py
     assert len(bias.rows) == 6
     assert errors.rows[-1][2] == f"{corners.errors['identified']['joint_exact']:.4g}"
     assert dict((row[0], row[3]) for row in errata.rows)["(12)"] == "+41.42 %"
@@ -291,16 +338,27 @@ def test_sheets_say_what_was_found(corners: paper.Reproduction, scanned: pd.Data
 
 
 def test_command_in_two_processes(
-    corners: paper.Reproduction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    corners: paper.Reproduction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Four configurations in place of 40: all files are there, and two processes find what one finds."""
+    """Four configurations in place of 40: all files are there, and two processes find what one
+    finds.
+    """
     from armdesign.cli import app
 
     made = paper.reproduce
     monkeypatch.setattr(paper, "reproduce", lambda: made(**CORNERS))
     app(["paper", "--out", str(tmp_path / "out")], standalone_mode=False)
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    tables = {"paper.csv", "paper_errors.csv", "paper_errata.csv", "paper_scan.csv", "paper_sweep_bias.csv"}
+    tables = {
+        "paper.csv",
+        "paper_errors.csv",
+        "paper_errata.csv",
+        "paper_scan.csv",
+        "paper_sweep_bias.csv",
+    }
     assert names == tables | {f"paper_figures_{n}.png" for n in ("3_4", "5_6", "5_6_exact")}
     pd.testing.assert_frame_equal(
         pd.read_csv(tmp_path / "out" / "paper.csv"), corners.frame, rtol=1e-8, check_dtype=False
@@ -311,22 +369,28 @@ def test_command_in_two_processes(
 
 
 def test_bad_input_is_one_line() -> None:
-    """Also from another process: 400 kg at 1.5 m need 195 bar on the annulus (41 kN / 2.1e-3 m²), supply is 150 bar."""
+    """Also from another process: 400 kg at 1.5 m need 195 bar on the annulus (41 kN / 2.1e-3 m²),
+    supply is 150 bar.
+    """
     with pytest.raises(ad.ArmDesignError, match="paper: masses: none given"):
         paper.reproduce(masses=())
     with pytest.raises(ad.ArmDesignError, match="paper: lengths: -1 is not allowed"):
         paper.grid(ad.load("paper_1dof"), (50.0,), (1.0, -1.0))
     weak = ad.load("paper_1dof").replace({"supply.pressure_bar": 150})
-    with pytest.raises(SimulationError, match=r"needs 19\d bar to hold the load, supply is 150 bar") as caught:
+    with pytest.raises(
+        SimulationError, match=r"needs 19\d bar to hold the load, supply is 150 bar"
+    ) as caught:
         paper.reproduce(weak, (400.0,), (1.5,))
     assert "\n" not in str(caught.value)
 
 
-# ---------------------------------------------------------------------------------------------------- identification
+# ---------------------------------------------------------------------------------- identification
 
 
 def test_spectral_peak_of_two_sines() -> None:
-    """Whole periods in 10 s: 7.3 Hz is the higher line in the band; a mean and a stronger sine outside do not count."""
+    """Whole periods in 10 s: 7.3 Hz is the higher line in the band; a mean and a stronger sine
+    outside do not count.
+    """
     time = np.arange(0, 10, 1 / 100)
     answer = 5 + 0.3 * np.sin(2 * math.pi * 4.1 * time) + np.sin(2 * math.pi * 7.3 * time)
     answer += 3 * np.sin(2 * math.pi * 20 * time)

@@ -1,4 +1,6 @@
-"""Commands that jump: none is lost, however short, and each step ends where the command says that it jumps."""
+"""Commands that jump: none is lost, however short, and each step ends where the command says that
+it jumps.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,11 @@ from scipy.integrate import solve_ivp
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
+from armdesign.simulation.controlled_plant import _breaks
 from armdesign.simulation.excitation import Moved, Multisine, Pulse, SteppedSine, Sweep
 from armdesign.simulation.integrator import Breaks, integrate
-from armdesign.simulation.loop import _breaks
-from armdesign.simulation.motion import Case, simulate, simulate_all
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import Case, simulate, simulate_all
 
 WORST = (1.154, -1.199, -2.191)
 SIZE = 0.3
@@ -43,14 +45,23 @@ def spool_after(machine: Machine, begin: float, width: float, time: np.ndarray) 
 
 
 @pytest.mark.parametrize(
-    ("width", "rate", "told"), [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)]
+    ("width", "rate", "told"),
+    [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)],
 )
 def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, told: bool) -> None:
-    """Thirty starts at random, in one stack: the spool follows in closed form to the tolerance (1e-8)."""
+    """Thirty starts at random, in one stack: the spool follows in closed form to the tolerance
+    (1e-8).
+    """
     starts = np.random.default_rng(3).uniform(0.05, 0.9, 30)
-    pulses = [ad.Step(size=SIZE, begin=b, end=b + width) if told else silent(b, width) for b in starts.tolist()]
+    pulses = [
+        ad.Step(size=SIZE, begin=b, end=b + width) if told else silent(b, width)
+        for b in starts.tolist()
+    ]
     runs = simulate_all(
-        [Case(machine=excavator, q=WORST, command={"boom": p}, duration=1.0, rate=rate) for p in pulses]
+        [
+            Case(machine=excavator, q=WORST, command={"boom": p}, duration=1.0, rate=rate)
+            for p in pulses
+        ]
     )
     for begin, run in zip(starts, runs, strict=True):
         expected = spool_after(excavator, begin, width, run.time)
@@ -82,10 +93,16 @@ def test_the_arm_moves_as_integrated_between_the_jumps(excavator: Machine, begin
 
 @pytest.mark.parametrize("begin", [0.0, 0.15, 0.5, 0.7])
 def test_a_jump_at_a_recorded_instant(excavator: Machine, begin: float) -> None:
-    """At the start, at a record, at the end, after it; whether the instant itself has the old or the new value."""
+    """At the start, at a record, at the end, after it; whether the instant itself has the old or
+    the new value.
+    """
     runs = [
         simulate(excavator, WORST, {"boom": command}, duration=0.5, rate=20)
-        for command in (ad.Step(size=0.1, begin=begin), ad.Table([begin, begin], [0.0, 0.1]), Late(begin))
+        for command in (
+            ad.Step(size=0.1, begin=begin),
+            ad.Table([begin, begin], [0.0, 0.1]),
+            Late(begin),
+        )
     ]
     for run in runs[1:]:
         np.testing.assert_array_equal(run.q, runs[0].q)
@@ -109,13 +126,18 @@ def test_cases_with_unlike_breaks_come_out_as_if_alone(excavator: Machine) -> No
         silent(0.25, 0.005),
         Pulse(amplitude=0.1, duration=0.01),
     ]
-    cases = [Case(machine=excavator, q=WORST, command={"boom": command}, duration=0.5) for command in commands]
+    cases = [
+        Case(machine=excavator, q=WORST, command={"boom": command}, duration=0.5)
+        for command in commands
+    ]
     for case, run in zip(cases, simulate_all(cases), strict=True):
         np.testing.assert_array_equal(run.q, simulate_all([case])[0].q)
 
 
 def test_a_stiff_case_keeps_its_pulses() -> None:
-    """ẋ = p(t) beside a stiff state, which LSODA finishes: x grows by each pulse's area, told or not."""
+    """ẋ = p(t) beside a stiff state, which LSODA finishes: x grows by each pulse's area, told or
+    not.
+    """
     pulses = ((1.0, 0.05), (3.003, 0.001), (4.0, 0.05))
 
     def driver(time: float) -> list[float]:
@@ -123,27 +145,55 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
 
     class Stiff:
         def rates(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
-            return np.array([[driver(t)[0], -1e6 * (y[1] - 1)] for t, y in zip(time.tolist(), state, strict=True)])
+            return np.array(
+                [
+                    [driver(t)[0], -1e6 * (y[1] - 1)]
+                    for t, y in zip(time.tolist(), state, strict=True)
+                ]
+            )
 
         def picked(self, cases: Sequence[int]) -> Stiff:
             return self
 
     told = Breaks([t for a, width in pulses for t in (a, a + width)], True)
-    for breaks, area, count in ((told, 0.101, 5), (Breaks(driver=driver), 0.101, 5000), (Breaks(), 0.101, 5000)):
+    for breaks, area, count in (
+        (told, 0.101, 5),
+        (Breaks(driver=driver), 0.101, 5000),
+        (Breaks(), 0.101, 5000),
+    ):
         found = integrate(
-            Stiff(), np.zeros((1, 2)), np.array([5.0]), np.array([count]), np.zeros(1), 1e-8, 50_000, breaks=[breaks]
+            Stiff(),
+            np.zeros((1, 2)),
+            np.array([5.0]),
+            np.array([count]),
+            np.zeros(1),
+            1e-8,
+            50_000,
+            breaks=[breaks],
         )[0]
         assert found[-1, 0] == pytest.approx(area, abs=1e-6)
 
 
 def test_a_jump_is_crossed_at_any_tolerance(excavator: Machine) -> None:
-    """A valve of 2 kHz: its spool's acceleration jumps by ω² u = 5e7/s², so even 1e-14 s leave an error of 5e-7."""
+    """A valve of 2 kHz: its spool's acceleration jumps by ω² u = 5e7/s², so even 1e-14 s leave an
+    error of 5e-7.
+    """
     fast = excavator.replace({"cylinder.boom.valve.natural_frequency_hz": 2000.0})
     runs = [
         simulate(fast, WORST, {"boom": command}, duration=0.3, tolerance=tolerance)
-        for command, tolerance in ((silent(0.1, 0.1), 1e-8), (silent(0.1, 0.1), 1e-10), (silent(0.1, 0.1), 1e-12))
+        for command, tolerance in (
+            (silent(0.1, 0.1), 1e-8),
+            (silent(0.1, 0.1), 1e-10),
+            (silent(0.1, 0.1), 1e-12),
+        )
     ]
-    expected = simulate(fast, WORST, {"boom": ad.Step(size=SIZE, begin=0.1, end=0.2)}, duration=0.3, tolerance=1e-11).q
+    expected = simulate(
+        fast,
+        WORST,
+        {"boom": ad.Step(size=SIZE, begin=0.1, end=0.2)},
+        duration=0.3,
+        tolerance=1e-11,
+    ).q
     for run, bound in zip(runs, (1e-6, 1e-8, 1e-8), strict=True):
         assert np.abs(run.q - expected).max() < bound
 
@@ -166,7 +216,9 @@ def test_tables_and_steps() -> None:
         with pytest.raises(SimulationError, match=message):
             ad.Table(times, values)  # type: ignore[arg-type]
     for changes in ({"end": -1.0}, {"begin": math.nan}, {"size": math.inf}):
-        with pytest.raises(SimulationError, match="give a finite size and begin, and an end after it"):
+        with pytest.raises(
+            SimulationError, match="give a finite size and begin, and an end after it"
+        ):
             ad.Step(**({"size": 1.0} | changes))
     with pytest.raises(SimulationError, match=r"step: size: '0\.1' is not a number; give one"):
         ad.Step(size="0.1")  # type: ignore[arg-type]
@@ -180,10 +232,14 @@ def test_every_excitation_tells_its_breaks(excavator: Machine) -> None:
         (Pulse(amplitude=1, duration=0.5), [0, 0.5]),
     ):
         moved = Moved(None, 0.0, given)  # type: ignore[arg-type]
-        found = _breaks({"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, lambda _: [0.0], "machine")
+        found = _breaks(
+            {"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, lambda _: [0.0], "machine"
+        )
         np.testing.assert_allclose(found.instants, sorted({*expected, 2.0}))
         assert found.complete
-    assert not _breaks({"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, lambda _: [0.0], "machine").complete
+    assert not _breaks(
+        {"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, lambda _: [0.0], "machine"
+    ).complete
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,24 @@
-"""The energy balance of a run: supplied = stored + dissipated; what valves dissipate by another way."""
+"""The energy balance of a run: supplied = stored + dissipated; what valves dissipate by another
+way.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import helpers
-import machines
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
 import armdesign as ad
 from armdesign import Machine
-from armdesign.fluid import bulk_modulus
-from armdesign.simulation.motion import simulate
-from armdesign.simulation.plant import Plant
+from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.hydraulics.valve import Friction
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
-from armdesign.valve import Friction
+from tests import machines
+from tests.simulation import valves as helpers
 
 WORST = (1.154, -1.199, -2.191)
 
@@ -25,15 +27,24 @@ def pulse(size: float, until: float = 0.3):  # type: ignore[no-untyped-def]
     return lambda time: size if time < until else 0.0
 
 
-@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "crossing", "branched", "redundant"])
+@pytest.mark.parametrize(
+    "name", ["excavator_20t", "heavy_bars", "spatial", "crossing", "branched", "redundant"]
+)
 def test_balance_closes(name: str) -> None:
-    """Kinetic and potential energy are Pinocchio's, all else is booked apart from them; leaks, friction, air, hoses."""
+    """Kinetic and potential energy are Pinocchio's, all else is booked apart from them; leaks,
+    friction, air, hoses.
+    """
     machine = helpers.with_valves(machines.named(name), compliance=1e-8)
     machine = helpers.with_friction(machine, Friction(coulomb=800, static=1000, viscous=3e3))
-    cylinders = [replace(c, valve=replace(c.valve, leakage=1e-3 * l_per_min / bar)) for c in machine.cylinders]
+    cylinders = [
+        replace(c, valve=replace(c.valve, leakage=1e-3 * l_per_min / bar))
+        for c in machine.cylinders
+    ]
     machine = replace(machine, cylinders=tuple(cylinders))
     pose = machines.inner_poses(machine, 1)[0]
-    run = simulate(machine, pose, lambda t: [pulse(0.02)(t)] * len(cylinders), duration=0.6, tolerance=1e-7)
+    run = simulate(
+        machine, pose, lambda t: [pulse(0.02)(t)] * len(cylinders), duration=0.6, tolerance=1e-7
+    )
     assert np.ptp(run.energy) > 1
     assert run.energy_error < 1e-5
     assert np.diff(run.dissipated).min() > -1e-6 * np.ptp(run.dissipated)
@@ -41,22 +52,33 @@ def test_balance_closes(name: str) -> None:
 
 @pytest.mark.parametrize("air", [0.0, 1.0])
 def test_open_valves_balance_to_the_tolerance(excavator: Machine, air: float) -> None:
-    """What does not close is the integration's error: at fifth order it falls at least as tolerance^⅘."""
+    """What does not close is the integration's error: at fifth order it falls at least as
+    tolerance^⅘.
+    """
     machine = excavator.replace({"fluid.entrained_air_percent": air})
     lowered = {"boom": pulse(-0.05, 0.5), "stick": pulse(0.03, 0.8)}
-    errors = [simulate(machine, WORST, lowered, duration=1.0, tolerance=t).energy_error for t in (1e-5, 1e-7)]
+    errors = [
+        simulate(machine, WORST, lowered, duration=1.0, tolerance=t).energy_error
+        for t in (1e-5, 1e-7)
+    ]
     assert errors[0] < 1e-5
     assert errors[1] < errors[0] / 100**0.8
 
 
 @pytest.mark.parametrize("air", [0.0, 1.0])
-def test_compression_is_that_of_the_oil_less_what_crosses_the_ports(excavator: Machine, air: float) -> None:
-    """By quadrature: growth of Σ V ε is what was booked and ∫ Σ ε Q dt, ε = ρ ∫ p dρ/ρ²; 0.4 % of the work p Q.
+def test_compression_is_that_of_the_oil_less_what_crosses_the_ports(
+    excavator: Machine, air: float
+) -> None:
+    """By quadrature: growth of Σ V ε is what was booked and ∫ Σ ε Q dt, ε = ρ ∫ p dρ/ρ²; 0.4 % of
+    the work p Q.
 
-    Without air ε = β (exp(p/β) − 1 − p/β). Ports are open, the motion is slow and far from cavitation.
+    Without air ε = β (exp(p/β) − 1 − p/β). Ports are open, the motion is slow and far from
+    cavitation.
     """
     machine = excavator.replace({"fluid.entrained_air_percent": air})
-    run = simulate(machine, WORST, {"boom": pulse(-0.05, 9.0)}, duration=0.8, rate=4000, preloaded=True)
+    run = simulate(
+        machine, WORST, {"boom": pulse(-0.05, 9.0)}, duration=0.8, rate=4000, preloaded=True
+    )
     assert run.events == ()
     p = np.linspace(0.0, 500 * bar, 50_001)
     modulus = bulk_modulus(p, machine.fluid.bulk_modulus, air / 100)
@@ -66,7 +88,9 @@ def test_compression_is_that_of_the_oil_less_what_crosses_the_ports(excavator: M
         x = p / modulus
         np.testing.assert_allclose(held, modulus * (np.expm1(x) - x), rtol=1e-6, atol=1e-3)
     each = np.interp(run.pressures, p, held)
-    volumes = np.stack([np.stack(c.volumes(run.extensions[:, i]), -1) for i, c in enumerate(machine.cylinders)], 1)
+    volumes = np.stack(
+        [np.stack(c.volumes(run.extensions[:, i]), -1) for i, c in enumerate(machine.cylinders)], 1
+    )
     growth = np.diff((volumes * each).sum(axis=(1, 2))[[0, -1]])[0]
     booked = run.stored[-1] - np.diff(run.energy[[0, -1]])[0]
     carried = np.trapezoid((each * run.flows).sum(axis=(1, 2)), run.time)
@@ -79,7 +103,9 @@ def test_closed_and_undamped_nothing_comes_or_goes(excavator: Machine) -> None:
     """Lapped valves, shut again: the arm rings, but neither gains nor loses."""
     lapped = {f"cylinder.{c.name}.valve.overlap_percent": 2.0 for c in excavator.cylinders}
     commands = {"boom": pulse(-0.03), "bucket": pulse(0.03)}
-    run = simulate(excavator.replace(lapped), WORST, commands, duration=2.0, preloaded=True)  # far from cavitation
+    run = simulate(
+        excavator.replace(lapped), WORST, commands, duration=2.0, preloaded=True
+    )  # far from cavitation
     assert run.events == ()
     rings = run.time > 1.0
     exchanged = np.ptp(run.energy[rings])
@@ -98,7 +124,9 @@ def test_at_rest_the_balance_is_no_quotient_of_roundings(name: str) -> None:
 
 
 def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
-    """By the trapezoidal rule from the records: the boom sinks, its cap drains, its annulus fills."""
+    """By the trapezoidal rule from the records: the boom sinks, its cap drains, its annulus
+    fills.
+    """
     run = simulate(excavator, WORST, {"boom": pulse(-0.05, 1.0)}, duration=1.0, rate=2000)
     supply, back = excavator.supply.pressure, excavator.supply.return_pressure
     into, out = run.flows[:, 0, 1], -run.flows[:, 0, 0]
@@ -106,22 +134,30 @@ def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
     assert out[200:].min() > 0
     power = into * (supply - run.pressures[:, 0, 1]) + out * (run.pressures[:, 0, 0] - back)
     assert run.dissipated[-1] == pytest.approx(np.trapezoid(power, run.time), rel=1e-4)
-    assert run.supplied[-1] == pytest.approx(np.trapezoid(supply * into - back * out, run.time), rel=1e-4)
+    assert run.supplied[-1] == pytest.approx(
+        np.trapezoid(supply * into - back * out, run.time), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "branched", "slewing"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: int) -> None:
-    """Struck at random and with open valves, into the stops and back: the balance closes, dissipation never falls."""
+    """Struck at random and with open valves, into the stops and back: the balance closes,
+    dissipation never falls.
+    """
     random = np.random.default_rng(seed)
-    machine = helpers.with_valves(machines.named(name), compliance=float(random.choice([1e-8, 3e-8])))
+    machine = helpers.with_valves(
+        machines.named(name), compliance=float(random.choice([1e-8, 3e-8]))
+    )
     machine = helpers.with_friction(
         machine, Friction(coulomb=800, static=1000, viscous=3e3) if seed > 1 else Friction()
     )
     pose = machines.inner_poses(machine, 1, seed)[0]
     spools = random.uniform(-1, 1, len(machine.functions)).tolist()
     velocity = random.uniform(-0.3, 0.3, len(pose))
-    run = simulate(machine, pose, lambda _: spools, duration=0.8, rate=500, velocity=velocity, tolerance=1e-7)
+    run = simulate(
+        machine, pose, lambda _: spools, duration=0.8, rate=500, velocity=velocity, tolerance=1e-7
+    )
     assert run.dissipated[-1] > 10
     assert run.energy_error < 1e-5
     assert np.diff(run.dissipated).min() > -1e-7 * run.dissipated[-1]
@@ -129,13 +165,16 @@ def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: i
 
 @pytest.mark.parametrize("compliance", [1e-8, 3e-8])
 def test_into_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
-    """By definition the compliance carries what the stop's spring leaves of the oil's force, on the stop and off it.
+    """By definition the compliance carries what the stop's spring leaves of the oil's force, on
+    the stop and off it.
 
     Also by definition supply pressure on the bore presses the stop in by 0.1 % of the stroke.
     """
     machine = helpers.with_valves(excavator, compliance=compliance)
     machine = helpers.with_friction(machine, Friction(viscous=1e5))
-    run = simulate(machine, WORST, {"boom": lambda _: 1.0}, duration=2.5, rate=1000, tolerance=1e-7)
+    run = simulate(
+        machine, WORST, {"boom": lambda _: 1.0}, duration=2.5, rate=1000, tolerance=1e-7
+    )
     assert run.energy_error < 1e-5
     assert np.diff(run.dissipated).min() > -1e-9 * run.dissipated[-1]
     boom = machine.cylinders[0]
@@ -149,9 +188,14 @@ def test_into_a_stop_with_compliance(excavator: Machine, compliance: float) -> N
 
 
 def test_leaks_from_the_tank_bring_its_pressure_along(excavator: Machine) -> None:
-    """At 10 bar in all chambers and 30 bar in the return line oil leaks in: K Σ (p − p_r)² is lost, none is made."""
+    """At 10 bar in all chambers and 30 bar in the return line oil leaks in: K Σ (p − p_r)² is
+    lost, none is made.
+    """
     tank = 0.05 * l_per_min / bar
-    valve = {f"cylinder.{c.name}.valve.tank_leakage_l_per_min_per_bar": 0.05 for c in excavator.cylinders}
+    valve = {
+        f"cylinder.{c.name}.valve.tank_leakage_l_per_min_per_bar": 0.05
+        for c in excavator.cylinders
+    }
     plant = Plant(excavator.replace(valve | {"supply.return_pressure_bar": 30.0}))
     state = plant.rest(WORST, preloaded=False)
     for part in (plant.spread((0, 0, 1, 0, 0, 0, 0)), plant.spread((0, 0, 0, 1, 0, 0, 0))):

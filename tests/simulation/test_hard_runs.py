@@ -1,22 +1,24 @@
-"""Runs that go to the limits: finite, energy-consistent, told in words; and the parts that only they use."""
+"""Runs that go to the limits: finite, energy-consistent, told in words; and the parts that only
+they use.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import machines
 import numpy as np
 import pytest
 
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.linearization import linearize
-from armdesign.simulation import motion
+from armdesign.simulation import simulate as motion
 from armdesign.simulation.excitation import Table
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
-from armdesign.simulation.motion import Simulation, simulate
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import Simulation, simulate
 from armdesign.units import bar, l_per_min
+from tests import machines
 
 WORST, LEVEL = (1.154, -1.199, -2.191), (0.3, -1.2, -1.0)
 CYLINDERS = ("boom", "stick", "bucket")
@@ -38,17 +40,25 @@ def told(run: Simulation, *words: str) -> None:
 
 def test_into_the_end_stop(excavator: Machine) -> None:
     run = simulate(excavator, WORST, {"boom": always(1.0)}, duration=1.0, tolerance=1e-7)
-    told(run, "boom reached its outer stop at 0.4", "boom's spool was fully open", "taken as ideal")
+    told(
+        run, "boom reached its outer stop at 0.4", "boom's spool was fully open", "taken as ideal"
+    )
 
 
 @pytest.mark.parametrize("compliance", [3e-8, 4e-8])
 def test_out_of_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
-    """Into the inner stops and out: where a stop lets go the rates jump, and steps must grow again from there on."""
-    machine = excavator.replace({f"cylinder.{name}.compliance_m_per_N": compliance for name in CYLINDERS})
+    """Into the inner stops and out: where a stop lets go the rates jump, and steps must grow again
+    from there on.
+    """
+    machine = excavator.replace(
+        {f"cylinder.{name}.compliance_m_per_N": compliance for name in CYLINDERS}
+    )
     low, high = excavator.ranges.T
     there = Table([0, 1.5, 1.5, 2], [-0.9, -0.9, 0.6, 0.6])
     start, command = low + 0.15 * (high - low), dict.fromkeys(CYLINDERS, there)
-    run, finer = (simulate(machine, start, command, duration=2.0, tolerance=tol) for tol in (1e-8, 1e-9))
+    run, finer = (
+        simulate(machine, start, command, duration=2.0, tolerance=tol) for tol in (1e-8, 1e-9)
+    )
     assert run.extensions.min(axis=0).max() < 0  # all three were in their stops
     assert run.extensions[-1].min() > 0
     assert run.energy_error < 1e-6
@@ -57,31 +67,55 @@ def test_out_of_a_stop_with_compliance(excavator: Machine, compliance: float) ->
 
 
 def test_cavitating_load(excavator: Machine) -> None:
-    """Unloaded chambers start at 5 bar; a hard pulse of the boom empties the bucket's and the stick's."""
+    """Unloaded chambers start at 5 bar; a hard pulse of the boom empties the bucket's and the
+    stick's.
+    """
     run = simulate(
-        excavator, LEVEL, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, preloaded=False, tolerance=1e-7
+        excavator,
+        LEVEL,
+        {"boom": lambda t: -0.1 if t < 0.3 else 0.0},
+        duration=0.6,
+        preloaded=False,
+        tolerance=1e-7,
     )
     told(run, "bucket's cap cavitated at 0.29", "stick's cap cavitated")
     assert run.pressures.min() > -1.02 * bar
 
 
 def test_zero_supply_pressure(excavator: Machine) -> None:
-    """The valve opens towards lifting, and the load drives its oil into the dead pump; reliefs stay as set."""
+    """The valve opens towards lifting, and the load drives its oil into the dead pump; reliefs
+    stay as set.
+    """
     lift = {"boom": always(0.5)}
-    run = simulate(excavator, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7)
-    told(run, "the pump held 0 bar, no more than the return line's", "boom's load pushed oil back", "cavitated")
+    run = simulate(
+        excavator, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7
+    )
+    told(
+        run,
+        "the pump held 0 bar, no more than the return line's",
+        "boom's load pushed oil back",
+        "cavitated",
+    )
     assert run.extensions[-1, 0] < run.extensions[0, 0] - 0.1
     assert not any("relief" in event for event in run.events)
     assert (run.supply == 0).all()
     limited = excavator.replace({"supply.pump": "flow_limited"})
-    same = simulate(limited, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7)
+    same = simulate(
+        limited, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7
+    )
     np.testing.assert_array_equal(same.q, run.q)
-    with pytest.raises(SimulationError, match="supply_pressure: -1 Pa is not allowed; give 0 or more"):
+    with pytest.raises(
+        SimulationError, match="supply_pressure: -1 Pa is not allowed; give 0 or more"
+    ):
         simulate(excavator, WORST, lift, duration=1.0, supply_pressure=-1.0)
 
 
-def test_another_supply_pressure_is_another_machine_but_for_its_reliefs(excavator: Machine) -> None:
-    reliefs = {f"cylinder.{c}.valve.relief_bar": 1.1 * excavator.supply.pressure / bar for c in CYLINDERS}
+def test_another_supply_pressure_is_another_machine_but_for_its_reliefs(
+    excavator: Machine,
+) -> None:
+    reliefs = {
+        f"cylinder.{c}.valve.relief_bar": 1.1 * excavator.supply.pressure / bar for c in CYLINDERS
+    }
     machine = excavator.replace(reliefs | {"supply.pressure_bar": 250.0})
     runs = [
         simulate(one, LEVEL, {"boom": always(0.1)}, duration=0.3, supply_pressure=pressure)
@@ -93,16 +127,22 @@ def test_another_supply_pressure_is_another_machine_but_for_its_reliefs(excavato
 @pytest.mark.parametrize("pump", ["ideal", "flow_limited"])
 def test_valve_larger_than_the_pump(excavator: Machine, pump: str) -> None:
     changes = {"supply.pump": pump, "cylinder.boom.valve.rated_flow_l_per_min": 5000.0}
-    run = simulate(excavator.replace(changes), LEVEL, {"boom": always(1.0)}, duration=0.4, tolerance=1e-7)
+    run = simulate(
+        excavator.replace(changes), LEVEL, {"boom": always(1.0)}, duration=0.4, tolerance=1e-7
+    )
     told(run, "were not enough" if pump == "flow_limited" else "taken as ideal")
     assert (run.supply.min() < 0.9 * excavator.supply.pressure) == (pump == "flow_limited")
 
 
 def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
-    """Lifting steadily at full spool, the whole flow goes into the cap: ṡ = Q/A1; the supply falls."""
+    """Lifting steadily at full spool, the whole flow goes into the cap: ṡ = Q/A1; the supply
+    falls.
+    """
     damped = {"cylinder.boom.friction.viscous_N_s_per_m": 1e5, "supply.pump": "flow_limited"}
     damped |= {"supply.flow_l_per_min": 150.0}
-    run = simulate(excavator.replace(damped), LEVEL, {"boom": always(1.0)}, duration=2.0, tolerance=1e-7)
+    run = simulate(
+        excavator.replace(damped), LEVEL, {"boom": always(1.0)}, duration=2.0, tolerance=1e-7
+    )
     late = run.time > 1.0
     speed = np.mean(run.speeds[late, 0])
     assert speed == pytest.approx(150 * l_per_min / excavator.cylinders[0].bore_area, rel=0.02)
@@ -111,7 +151,9 @@ def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
 
 
 def test_flow_limited_pump_keeps_the_modes(excavator: Machine) -> None:
-    """Shut valves do not feel the pump: natural frequencies stay; its pressure is one more state."""
+    """Shut valves do not feel the pump: natural frequencies stay; its pressure is one more
+    state.
+    """
     limited = excavator.replace({"supply.pump": "flow_limited"})
     model = linearize(limited, WORST)
     assert model.A.shape == (19, 19)
@@ -122,46 +164,76 @@ def test_flow_limited_pump_keeps_the_modes(excavator: Machine) -> None:
 
 @pytest.mark.parametrize("air", [0.0, 1.0])
 def test_underlap_and_leakage_rest(excavator: Machine, air: float) -> None:
-    """Valves that shut nothing stand where both chambers lose what they get: all rates vanish at once."""
+    """Valves that shut nothing stand where both chambers lose what they get: all rates vanish at
+    once.
+    """
     changes: dict[str, float] = {"fluid.entrained_air_percent": air}
     for name in CYLINDERS:
         valve = f"cylinder.{name}.valve"
         changes |= {f"{valve}.overlap_percent": -4.0, f"{valve}.edges.cap_to_return": 1.5}
-        changes |= {f"{valve}.leakage_l_per_min_per_bar": 0.005, f"{valve}.tank_leakage_l_per_min_per_bar": 0.002}
+        changes |= {
+            f"{valve}.leakage_l_per_min_per_bar": 0.005,
+            f"{valve}.tank_leakage_l_per_min_per_bar": 0.002,
+        }
     machine = excavator.replace(changes)
     plant = Plant(machine)
     rest = plant.rest(WORST)
     spool = plant.split(rest)[4]
     rates = plant.derivative(rest[None], spool[None])[0]
     assert np.abs(rates).max() < 1e-6
-    assert plant.pressures(rest[None]).min() > 50 * bar  # the flow's, not the load's: no chamber at return pressure
-    held = simulate(machine, WORST, lambda _: spool.tolist(), duration=60.0, rate=1, tolerance=1e-7)
+    assert (
+        plant.pressures(rest[None]).min() > 50 * bar
+    )  # the flow's, not the load's: no chamber at return pressure
+    held = simulate(
+        machine, WORST, lambda _: spool.tolist(), duration=60.0, rate=1, tolerance=1e-7
+    )
     assert np.ptp(held.q, axis=0).max() < 1e-6
 
 
 def test_spool_rate_limit(excavator: Machine) -> None:
-    """Full stroke in 200 ms: a fast spool moves at 5/s, so it stands at one half after 100 ms and its lag (1.6/ω)."""
+    """Full stroke in 200 ms: a fast spool moves at 5/s, so it stands at one half after 100 ms and
+    its lag (1.6/ω).
+    """
     valve = {"natural_frequency_hz": 100.0, "stroke_time_ms": 200.0}
-    machine = excavator.replace({f"cylinder.boom.valve.{key}": value for key, value in valve.items()})
+    machine = excavator.replace(
+        {f"cylinder.boom.valve.{key}": value for key, value in valve.items()}
+    )
     run = simulate(machine, LEVEL, {"boom": always(1.0)}, duration=0.1, rate=1000, tolerance=1e-7)
     assert np.diff(run.spool[:, 0]).max() == pytest.approx(5e-3, rel=1e-3)
     assert run.spool[-1, 0] == pytest.approx(5 * (0.1 - 1 / (2 * 0.8 * 2 * np.pi * 100)), rel=1e-3)
 
 
-HOLDING = {"side": "cap", "setting_bar": 380.0, "pilot_ratio": 4.0, "rated_flow_l_per_min": 429, "rated_drop_bar": 14}
+HOLDING = {
+    "side": "cap",
+    "setting_bar": 380.0,
+    "pilot_ratio": 4.0,
+    "rated_flow_l_per_min": 429,
+    "rated_drop_bar": 14,
+}
 
 
 def holding(machine: Machine, **changes: object) -> Machine:
-    return machine.replace({f"cylinder.boom.load_holding.{k}": v for k, v in (HOLDING | changes).items()})
+    return machine.replace(
+        {f"cylinder.boom.load_holding.{k}": v for k, v in (HOLDING | changes).items()}
+    )
 
 
 def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
-    """The spool opens either way, the pump is dead: the load stays, and sinks without the valve."""
+    """The spool opens either way, the pump is dead: the load stays, and sinks without the
+    valve.
+    """
     machine = excavator.replace({"supply.return_pressure_bar": 0.0})
     for spool in (0.5, -0.5):
         ways = []
         for one in (machine, holding(machine)):
-            run = simulate(one, WORST, {"boom": always(spool)}, duration=0.5, supply_pressure=0.0, tolerance=1e-7)
+            run = simulate(
+                one,
+                WORST,
+                {"boom": always(spool)},
+                duration=0.5,
+                supply_pressure=0.0,
+                tolerance=1e-7,
+            )
             ways.append(run.extensions[-1, 0] - run.extensions[0, 0])
             told(run)
         assert ways[0] < -0.03
@@ -169,7 +241,9 @@ def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
 
 
 def test_load_holding_valve_lowers_on_pilot_pressure(excavator: Machine) -> None:
-    """With the pump alive the annulus pilots it open, and it meters: slower than the valve alone."""
+    """With the pump alive the annulus pilots it open, and it meters: slower than the valve
+    alone.
+    """
     speeds = []
     for machine in (excavator, holding(excavator)):
         run = simulate(machine, WORST, {"boom": always(-0.1)}, duration=1.0, tolerance=1e-7)
@@ -180,7 +254,9 @@ def test_load_holding_valve_lowers_on_pilot_pressure(excavator: Machine) -> None
 
 def test_reliefs_open_where_they_are_set(excavator: Machine) -> None:
     machine = excavator.replace({"cylinder.boom.valve.relief_bar": 250.0})
-    run = simulate(machine, WORST, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, tolerance=1e-7)
+    run = simulate(
+        machine, WORST, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, tolerance=1e-7
+    )
     told(run, "the relief of boom's cap was open above 250 bar")
 
 
@@ -201,7 +277,9 @@ class Breaking:
 def test_no_result_is_cut_short(edges: tuple[float, ...]) -> None:
     """A case that comes to its edge gives up there; the others reach their end."""
     n = len(edges)
-    found = integrate(Breaking(*edges), np.zeros((n, 1)), np.full(n, 5.0), np.full(n, 5), np.zeros(n), 1e-6, 9999)
+    found = integrate(
+        Breaking(*edges), np.zeros((n, 1)), np.full(n, 5.0), np.full(n, 5), np.zeros(n), 1e-6, 9999
+    )
     for edge, states in zip(edges, found, strict=True):
         if edge < 5:
             assert isinstance(states, GaveUpError)
@@ -217,17 +295,23 @@ def test_likely_causes(excavator: Machine) -> None:
     turns = [np.array([0.0, 0.0, angle]) for angle in np.linspace(-3.0, 3.0, 60)]
     broken = next(q for q in turns if np.isneginf(short.margins(q)).any())
     assert "the four-bar of tilt does not close there" in motion._likely_cause(short, broken, [])
-    assert "of its stroke beyond a stop" in motion._likely_cause(excavator, np.array([2.0, -1.2, -1.0]), [])
+    assert "of its stroke beyond a stop" in motion._likely_cause(
+        excavator, np.array([2.0, -1.2, -1.0]), []
+    )
     assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL), [1.0])
     assert "gives inf there" in motion._likely_cause(excavator, np.array(LEVEL), [0.0, np.inf])
 
 
 def test_causes_are_true(excavator: Machine) -> None:
-    """Too many steps, rates that jump without end, a number that is none: each is said, with its own remedy."""
+    """Too many steps, rates that jump without end, a number that is none: each is said, with its
+    own remedy.
+    """
     level = np.array(LEVEL)
     said = motion._likely_cause(excavator, level, [0.1], f"{TOO_MANY} 500000 steps", 1e-11)
     assert "coarser tolerance than 1e-11, a shorter duration or a smoother command" in said
-    assert "smooth a command" in motion._likely_cause(excavator, level, [0.1], f"no step is small enough: {NO_LIMIT}")
+    assert "smooth a command" in motion._likely_cause(
+        excavator, level, [0.1], f"no step is small enough: {NO_LIMIT}"
+    )
 
 
 class Toggling:
@@ -244,6 +328,8 @@ class Toggling:
 
 
 def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
-    found = integrate(Toggling(), np.zeros((1, 3)), np.ones(1), np.ones(1, dtype=int), np.zeros(1), 1e-12, 9999)[0]
+    found = integrate(
+        Toggling(), np.zeros((1, 3)), np.ones(1), np.ones(1, dtype=int), np.zeros(1), 1e-12, 9999
+    )[0]
     assert isinstance(found, GaveUpError)
     assert NO_LIMIT in found.cause

@@ -6,42 +6,50 @@ import math
 import re
 import sys
 
-import helpers
-import machines
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.linearization import linearize
+from armdesign.hydraulics.valve import Friction
 from armdesign.report.maps import map_sheets
-from armdesign.simulation.decay import identify_decay
-from armdesign.simulation.motion import simulate
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.identification.ringdown import identify_decay
+from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
-from armdesign.valve import Friction
+from tests import machines
+from tests.simulation import valves as helpers
 
 WORST = (1.154, -1.199, -2.191)
 
 
 def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:
-    """K v = ω² M v with trapped oil (closed form) = poles of the differentiated nonlinear model, undamped."""
+    """K v = ω² M v with trapped oil (closed form) = poles of the differentiated nonlinear model,
+    undamped.
+    """
     machine = helpers.with_friction(helpers.with_valves(machine), Friction())
     for pose in machines.inner_poses(machine, 3):
         poses = machine.at(pose)
         model = linearize(machine, pose)
-        np.testing.assert_allclose(model.natural_frequencies, ad.natural_modes(poses).frequencies[0], rtol=1e-6)
+        np.testing.assert_allclose(
+            model.natural_frequencies, ad.natural_modes(poses).frequencies[0], rtol=1e-6
+        )
         np.testing.assert_allclose(model.damping_ratios, 0, atol=1e-6)
 
 
 def test_leakage_damps_as_merritt_says() -> None:
-    """Symmetric cylinder at mid-stroke: ζ = (C_L/A) √(β M/V_t), M = J/r² (Merritt 1967, ch. 6; THEORY §7).
+    """Symmetric cylinder at mid-stroke: ζ = (C_L/A) √(β M/V_t), M = J/r² (Merritt 1967, ch. 6;
+    THEORY §7).
 
-    The rod is thinned to 1 mm. Left over: gravity's stiffness (5e-4 of the oil's), A1 − A2 and order ζ².
+    The rod is thinned to 1 mm. Left over: gravity's stiffness (5e-4 of the oil's), A1 − A2 and
+    order ζ².
     """
     leakage = 0.002 * l_per_min / bar
-    machine = helpers.with_leakage(ad.load("paper_1dof").replace({"cylinder.lift.rod_mm": 1.0}), leakage)
+    machine = helpers.with_leakage(
+        ad.load("paper_1dof").replace({"cylinder.lift.rod_mm": 1.0}), leakage
+    )
     poses, cylinder = machine.at([0.0]), machine.cylinders[0]
     mass = poses.mass_matrix[0, 0, 0] / poses.moment_arms[0, 0, 0] ** 2
     volume = sum(cylinder.volumes(poses.lengths[0, 0] - cylinder.closed_length))
@@ -101,17 +109,26 @@ def test_python_control_sees_the_same_plant(excavator: Machine) -> None:
     np.testing.assert_allclose(system(3j), response, rtol=1e-6, atol=1e-9 * np.abs(response).max())
 
 
-def test_without_python_control_the_remedy_is_named(excavator: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_python_control_the_remedy_is_named(
+    excavator: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(SimulationError, match=r"needs the package python-control; pip install 'armdesign\[control\]'"):
+    with pytest.raises(
+        SimulationError,
+        match=r"needs the package python-control; pip install 'armdesign\[control\]'",
+    ):
         linearize(excavator, WORST).to_control()
 
 
 @pytest.mark.parametrize("leak", ["leakage_l_per_min_per_bar", "overlap_percent"])
 def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
-    """Oil with air behind valves that leak: the frequency that the map tells beside its own is that of a free decay."""
+    """Oil with air behind valves that leak: the frequency that the map tells beside its own is
+    that of a free decay.
+    """
     size = -1.0 if leak == "overlap_percent" else 1e-4
-    machine = ad.load("paper_1dof").replace({"fluid.entrained_air_percent": 1.0, f"cylinder.lift.valve.{leak}": size})
+    machine = ad.load("paper_1dof").replace(
+        {"fluid.entrained_air_percent": 1.0, f"cylinder.lift.valve.{leak}": size}
+    )
     found = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
     note = map_sheets(found)[0].note
     assert "(lift) the flow makes others" in note
@@ -119,7 +136,9 @@ def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     plant = Plant(machine)
     trim = plant.split(plant.rest(found.worst.q))[4].tolist()
     run = simulate(machine, found.worst.q, lambda _: trim, velocity=[1e-4], duration=1.0, rate=400)
-    assert told == pytest.approx(identify_decay(run.time, run.velocity).natural_frequencies[0], rel=2e-3)
+    assert told == pytest.approx(
+        identify_decay(run.time, run.velocity).natural_frequencies[0], rel=2e-3
+    )
     assert told > 1.5 * found.worst.frequency
 
 
@@ -128,8 +147,12 @@ def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     [
         {"fluid.entrained_air_percent": 1.0},  # tight
         {"cylinder.lift.valve.overlap_percent": -1.0},  # the same stiffness under all pressures
-        # no spool position makes up for what both chambers lose: it creeps, from the pressures of the map
-        {"fluid.entrained_air_percent": 1.0, "cylinder.lift.valve.tank_leakage_l_per_min_per_bar": 1e-4},
+        # no spool position makes up for what both chambers lose: it creeps, from the pressures of
+        # the map
+        {
+            "fluid.entrained_air_percent": 1.0,
+            "cylinder.lift.valve.tank_leakage_l_per_min_per_bar": 1e-4,
+        },
     ],
 )
 def test_a_map_says_so_only_there(changes: dict[str, float]) -> None:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import machines
 import numpy as np
 import pytest
 
@@ -14,8 +13,9 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.simulation.integrator import GaveUpError, integrate
-from armdesign.simulation.motion import Case, attempt_all, simulate, simulate_all
-from armdesign.simulation.plant import Plant
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.simulate import Case, attempt_all, simulate, simulate_all
+from tests import machines
 
 WORST = (1.154, -1.199, -2.191)
 
@@ -68,8 +68,12 @@ def test_stiff_case_is_finished_implicitly() -> None:
     """λ = −1 and −10⁶: explicitly 300 000 steps; e^−t is met all the same."""
     stiff = np.array([[-1.0, 0.0], [1e6, -1e6]])
     system = Linear(np.array([stiff, oscillator(2.0)]))
-    states = integrate(system, np.ones((2, 2)), np.array([2.0, 2.0]), np.array([4, 4]), np.zeros(2), 1e-8, 20_000)
-    np.testing.assert_allclose(states[0], np.exp(-np.linspace(0, 2, 5))[:, None] * [1, 1], rtol=1e-5)
+    states = integrate(
+        system, np.ones((2, 2)), np.array([2.0, 2.0]), np.array([4, 4]), np.zeros(2), 1e-8, 20_000
+    )
+    np.testing.assert_allclose(
+        states[0], np.exp(-np.linspace(0, 2, 5))[:, None] * [1, 1], rtol=1e-5
+    )
     assert system.calls < 20_000
 
 
@@ -94,16 +98,28 @@ def cases(excavator: Machine) -> list[Case]:
     return [
         Case(machine=excavator, q=WORST, command={"boom": pulse(-0.01)}, duration=1.0, rate=50),
         Case(
-            machine=excavator.with_payload("empty"), q=(0.3, -1.2, -1.0), command={"bucket": pulse(0.05)}, duration=0.4
+            machine=excavator.with_payload("empty"),
+            q=(0.3, -1.2, -1.0),
+            command={"bucket": pulse(0.05)},
+            duration=0.4,
         ),
-        Case(machine=changed, q=WORST, command={"stick": pulse(0.02)}, duration=0.7, rate=90, hold=0.2),
+        Case(
+            machine=changed,
+            q=WORST,
+            command={"stick": pulse(0.02)},
+            duration=0.7,
+            rate=90,
+            hold=0.2,
+        ),
         Case(machine=excavator, q=WORST, command={"boom": pulse(1.0, 0.5)}, duration=0.6, rate=60),
         Case(machine=machines.named("paper_1dof"), q=[0.0], command={}, duration=0.1),
     ]
 
 
 def test_a_case_does_not_depend_on_its_company(excavator: Machine) -> None:
-    """Every case has its own steps and its own error: what differs is rounding, below the error of either (1e-7)."""
+    """Every case has its own steps and its own error: what differs is rounding, below the error of
+    either (1e-7).
+    """
     for case, run in zip(cases(excavator), simulate_all(cases(excavator)), strict=True):
         alone = simulate_all([case])[0]
         assert len(run.time) == round(case.duration * case.rate) + 1
@@ -115,7 +131,12 @@ def test_a_case_does_not_depend_on_its_company(excavator: Machine) -> None:
 def test_a_case_that_gives_up_does_not_touch_the_others(excavator: Machine) -> None:
     """Its spool loses its command on the way: the others come out bit by bit as without it."""
     good = cases(excavator)[:3]
-    bad = Case(machine=excavator, q=WORST, command={"boom": lambda t: 0.01 if t < 0.2 else math.nan}, duration=1.0)
+    bad = Case(
+        machine=excavator,
+        q=WORST,
+        command={"boom": lambda t: 0.01 if t < 0.2 else math.nan},
+        duration=1.0,
+    )
     with_it = attempt_all([good[0], bad, *good[1:]])
     error = with_it.pop(1)
     assert isinstance(error, SimulationError)
@@ -134,7 +155,15 @@ def test_one_case_is_simulate(excavator: Machine) -> None:
 
 def test_answer_converges_with_the_tolerance(excavator: Machine) -> None:
     runs = [
-        simulate(excavator, WORST, {"boom": pulse(-0.02)}, duration=1.0, rate=20, preloaded=True, tolerance=tolerance).q
+        simulate(
+            excavator,
+            WORST,
+            {"boom": pulse(-0.02)},
+            duration=1.0,
+            rate=20,
+            preloaded=True,
+            tolerance=tolerance,
+        ).q
         for tolerance in (1e-10, 1e-8, 1e-6)
     ]
     errors = [np.abs(run - runs[0]).max() for run in runs[1:]]
@@ -143,7 +172,9 @@ def test_answer_converges_with_the_tolerance(excavator: Machine) -> None:
 
 
 def test_bars_of_unlike_machines_do_not_mix() -> None:
-    """Cases with the same bars are evaluated together: as each alone, whatever load, pose and bars beside it."""
+    """Cases with the same bars are evaluated together: as each alone, whatever load, pose and bars
+    beside it.
+    """
     machine = ad.load("loader_crane")
     cases = [machine.with_payload(name) for name in ("full", "empty", "full")]
     cases.append(machine.replace({"cylinder.lift.barrel_kg": 99.0}))
@@ -151,5 +182,10 @@ def test_bars_of_unlike_machines_do_not_mix() -> None:
     states = np.array([Plant(case).rest(pose) for case, pose in zip(cases, q, strict=True)])
     states[:, 3:6] = np.random.default_rng(0).normal(size=(4, 3)) / 10
     shut = np.zeros((4, 3))
-    alone = [Plant(case).derivative(state[None], shut[:1])[0] for case, state in zip(cases, states, strict=True)]
-    np.testing.assert_allclose(Plant(*cases).derivative(states, shut), alone, rtol=1e-12, atol=1e-9)
+    alone = [
+        Plant(case).derivative(state[None], shut[:1])[0]
+        for case, state in zip(cases, states, strict=True)
+    ]
+    np.testing.assert_allclose(
+        Plant(*cases).derivative(states, shut), alone, rtol=1e-12, atol=1e-9
+    )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import helpers
-import machines
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,17 +11,19 @@ import pytest
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
-from armdesign.linearization import linearize, without_dry_friction
-from armdesign.machine import shipped
-from armdesign.modes import energy_shares, natural_modes
+from armdesign.frequency.modes import energy_shares, natural_modes
+from armdesign.hydraulics.valve import Friction
+from armdesign.machine.machine import shipped
 from armdesign.report.validations import validation_sheet, verdict
-from armdesign.simulation import motion
+from armdesign.simulation import simulate as motion
 from armdesign.simulation import validation as judging
-from armdesign.simulation.bias import sweep_bias
 from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.identification.sweep_bias import sweep_bias
+from armdesign.simulation.linearization import linearize, without_dry_friction
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
-from armdesign.valve import Friction
+from tests import machines
+from tests.simulation import valves as helpers
 
 WORST = (1.154, -1.199, -2.191)
 COLUMNS = [
@@ -48,7 +48,10 @@ def worst() -> Validation:
 
 
 def test_worst_pose_agrees(worst: Validation) -> None:
-    """The aim is 0.3 %; reached 0.02 %. Damping: the linear plant has none, the open valve a little."""
+    """The aim is 0.3 %; reached 0.02 %.
+
+    Damping: the linear plant has none, the open valve a little.
+    """
     frame = worst.frame
     assert list(frame.columns[: len(COLUMNS)]) == COLUMNS
     assert list(frame["cylinder"]) == ["boom", "boom", "bucket", "bucket", "stick", "stick"]
@@ -57,7 +60,10 @@ def test_worst_pose_agrees(worst: Validation) -> None:
     assert (frame["linear_damping"] == 0).all()
     full, half = frame[::2].reset_index(), frame[1::2].reset_index()
     assert (half["amplitude"] == full["amplitude"] / 2).all()
-    assert ((half["identified_damping"] > 0) & (half["identified_damping"] < full["identified_damping"])).all()
+    assert (
+        (half["identified_damping"] > 0)
+        & (half["identified_damping"] < full["identified_damping"])
+    ).all()
     assert full["identified_damping"].max() < 0.01
     assert set(frame["remark"]) == {"agrees"}
     assert frame["energy_error"].max() < 1e-5
@@ -72,7 +78,9 @@ def test_frame_shows_the_poses_visited(worst: Validation) -> None:
 
 
 def test_frame_shows_what_the_raw_peak_would_say(worst: Validation) -> None:
-    """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator; the small ones' fit is not."""
+    """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator; the small
+    ones' fit is not.
+    """
     expected = sweep_bias(periods=(16,), damping=(0.0,))["speed_peak"][0]
     off = worst.frame["peak_hz"] / worst.frame["linear_hz"] - 1
     assert (off < 0).all()
@@ -81,7 +89,9 @@ def test_frame_shows_what_the_raw_peak_would_say(worst: Validation) -> None:
 
 
 def test_measured_at_the_pose_asked_for(worst: Validation) -> None:
-    """The slow loop holds the mean pose to a small part of the swing, which itself is small and real."""
+    """The slow loop holds the mean pose to a small part of the swing, which itself is small and
+    real.
+    """
     for run in worst.runs:
         assert 5e-4 < run.span.max() < 0.1
         assert np.abs(run.mean - WORST).max() < 0.05 * run.span.max()
@@ -94,7 +104,9 @@ def test_response_is_kept_and_fitted(worst: Validation) -> None:
 
 
 def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
-    """Worst, median and best by the map of the same workspace: the one place, half and all of its sorted column."""
+    """Worst, median and best by the map of the same workspace: the one place, half and all of its
+    sorted column.
+    """
     machine = ad.load("mini_excavator_2t")
     workspace = ad.Workspace.grid(machine, 9)
     validation = validate(machine, workspace=workspace)
@@ -111,12 +123,15 @@ def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
     assert validation.worst_deviation < 5e-3
     empty = validate(machine, workspace=workspace, payloads=["empty"], cylinders=["boom"])
     assert {run.payload for run in empty.runs} == {"empty"}
-    assert empty.runs[0].linear_frequency == pytest.approx(found.worst_of["empty"].frequency, rel=1e-9)
+    assert empty.runs[0].linear_frequency == pytest.approx(
+        found.worst_of["empty"].frequency, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", shipped())
 def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: str) -> None:
-    """Issue: within 0.5 % of the linear plant's damped frequency, every cylinder at worst, median and best pose.
+    """Issue: within 0.5 % of the linear plant's damped frequency, every cylinder at worst, median
+    and best pose.
 
     Dry friction is left out, as it is in the linear plant; what it does is the next test's.
     """
@@ -126,39 +141,55 @@ def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: s
     assert {run.remark for run in validation.runs} == {"agrees"}
     for run in validation.runs[1::2]:
         poles = linearize(machine.with_payload(run.payload), run.q).modes
-        damped = poles.imag[np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - run.linear_frequency))] / (2 * np.pi)
+        damped = poles.imag[
+            np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - run.linear_frequency))
+        ] / (2 * np.pi)
         found = run.identified_frequency * np.sqrt(1 - run.identified_damping**2)
         assert found == pytest.approx(damped, rel=5e-3)
 
 
 def test_dry_friction_stands_beside() -> None:
-    """As shipped, with dry friction: the sweep without it is that of the machine without, the one with it is told too.
+    """As shipped, with dry friction: the sweep without it is that of the machine without, the one
+    with it is told too.
 
-    Dry friction takes more from a small motion, so the identified damping grows as the amplitude falls (as
-    4 F/π X ω, by 1/X), where an open valve's falls with it.
+    Dry friction takes more from a small motion, so the identified damping grows as the amplitude
+    falls (as 4 F/π X ω, by 1/X), where an open valve's falls with it.
     """
     machine = ad.load("patu_boom").with_payload("empty")
     pose = machine.ranges.mean(axis=1)
-    frame, smooth = validate(machine, pose).frame, validate(without_dry_friction(machine), pose).frame
+    frame, smooth = (
+        validate(machine, pose).frame,
+        validate(without_dry_friction(machine), pose).frame,
+    )
     assert set(frame["remark"]) == {"agrees"}
     for column in ("identified_hz", "identified_damping", "amplitude"):
         np.testing.assert_allclose(frame[column], smooth[column], rtol=1e-6)
     assert smooth["with_friction_hz"].isna().all()
-    damping = [frame[column].to_numpy() for column in ("with_friction_damping", "identified_damping")]
+    damping = [
+        frame[column].to_numpy() for column in ("with_friction_damping", "identified_damping")
+    ]
     assert damping[0][1] > 1.5 * damping[0][0] > 3 * damping[1][0]
     assert damping[1][1] == pytest.approx(damping[1][0] / 2, rel=0.1)
 
 
 def test_verdicts(worst: Validation) -> None:
-    """A wrong linear answer is a fault, whatever dry friction does; a deviation that falls with it is amplitude."""
+    """A wrong linear answer is a fault, whatever dry friction does; a deviation that falls with it
+    is amplitude.
+    """
 
     def judged(*shares: float, beside: float = 0.0, creeps: bool = False) -> list[str]:
-        """Remarks on runs that deviate by these shares, by ``beside`` more from the frequency at rest."""
+        """Remarks on runs that deviate by these shares, by ``beside`` more from the frequency at
+        rest.
+        """
         run = worst.runs[0]
         frequency = run.identified_frequency
         linear = [frequency / (1 + share) for share in shares]
-        group = [replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear]
-        return [one.remark for one in judging._judged(group, creeps) if isinstance(one, judging.Run)]
+        group = [
+            replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear
+        ]
+        return [
+            one.remark for one in judging._judged(group, creeps) if isinstance(one, judging.Run)
+        ]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
@@ -170,11 +201,15 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.02, 0.006, creeps=True) == judged(0.02, 0.02, creeps=True) == ["creep"] * 2
     assert judged(0.004, 0.002, creeps=True) == ["agrees"] * 2
     broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
-    assert [one.remark for one in judging._judged(broken) if isinstance(one, judging.Run)] == ["energy"] * 2
+    assert [one.remark for one in judging._judged(broken) if isinstance(one, judging.Run)] == [
+        "energy"
+    ] * 2
 
 
 def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A heavy load that the supply cannot hold at one of two poses; and runs that give up, each of them."""
+    """A heavy load that the supply cannot hold at one of two poses; and runs that give up, each of
+    them.
+    """
     machine = ad.load("paper_1dof").replace({"supply.pressure_bar": 60.0})
     poses, area = [[0.0], [0.6]], machine.cylinders[0].annulus_area
     needed = [-float(machine.at(pose).cylinder_forces[0, 0]) / area for pose in poses]
@@ -185,7 +220,9 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert found.worst_deviation == np.inf
     assert len(found.frame) == 3
     ordered = [column for column in found.frame.columns if column in COLUMNS]
-    assert ordered == [column for column in COLUMNS if column in ordered]  # though the first row is a failure
+    assert ordered == [
+        column for column in COLUMNS if column in ordered
+    ]  # though the first row is a failure
     assert ordered.index("identified_hz") < ordered.index("amplitude")
     assert "to hold the load, supply is 60 bar" in found.frame["remark"].iloc[0]
     assert list(np.isnan(found.frame["identified_hz"])) == [True, False, False]
@@ -198,17 +235,26 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs
-    assert verdict([nothing]).endswith("agree, 4 failed")  # two poses before, one in either of its runs
+    assert verdict([nothing]).endswith(
+        "agree, 4 failed"
+    )  # two poses before, one in either of its runs
     assert len(nothing.plot().axes) == 1
-    with pytest.raises(SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"):
+    with pytest.raises(
+        SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"
+    ):
         validate(machine, [0.6])
 
 
 def test_machines_side_by_side_are_as_alone() -> None:
-    """``validate_maps`` of two versions in one stack: the same sweeps and, to rounding, the same answers."""
+    """``validate_maps`` of two versions in one stack: the same sweeps and, to rounding, the same
+    answers.
+    """
     machine = ad.load("paper_1dof")
     workspace = ad.Workspace.grid(machine, 9)
-    maps = [ad.frequency_map(one, workspace) for one in (machine, machine.replace({"payload.load.mass_kg": 300.0}))]
+    maps = [
+        ad.frequency_map(one, workspace)
+        for one in (machine, machine.replace({"payload.load.mass_kg": 300.0}))
+    ]
     alone = validate(maps[1].machine, workspace=workspace)
     pd.testing.assert_frame_equal(validate_maps(maps)[1].frame, alone.frame, rtol=1e-5, atol=1e-7)
 
@@ -216,7 +262,11 @@ def test_machines_side_by_side_are_as_alone() -> None:
 def test_deviation_vanishes_with_amplitude() -> None:
     """From a sweep that swings the pressures hard to one a hundred times smaller."""
     machine = ad.load("excavator_20t").with_payload("full")
-    runs = [run for size in (3e-3, 3e-5) for run in validate(machine, WORST, amplitude=size, cylinders=["boom"]).runs]
+    runs = [
+        run
+        for size in (3e-3, 3e-5)
+        for run in validate(machine, WORST, amplitude=size, cylinders=["boom"]).runs
+    ]
     deviations = [abs(run.deviation) for run in runs]
     assert deviations[0] > 2e-3
     assert deviations[0] > deviations[1] > deviations[2]
@@ -226,12 +276,16 @@ def test_deviation_vanishes_with_amplitude() -> None:
 
 def test_paper_machine() -> None:
     run = validate(ad.load("paper_1dof"), [0.0]).runs[0]
-    assert run.linear_frequency == pytest.approx(10.7676, abs=1e-4)  # THEORY §5, eigenvalue of the exact formula
+    assert run.linear_frequency == pytest.approx(
+        10.7676, abs=1e-4
+    )  # THEORY §5, eigenvalue of the exact formula
     assert abs(run.deviation) < 1e-3
 
 
 def test_damping_is_identified() -> None:
-    """Leakage and viscous friction: half the sweep's amplitude brings the fit to the linear plant's ζ."""
+    """Leakage and viscous friction: half the sweep's amplitude brings the fit to the linear
+    plant's ζ.
+    """
     machine = helpers.with_leakage(ad.load("paper_1dof"), 0.003 * l_per_min / bar)
     machine = helpers.with_friction(machine, Friction(viscous=2e4))
     validation = validate(machine, [0.0], amplitude=4e-4)
@@ -242,20 +296,28 @@ def test_damping_is_identified() -> None:
 
 
 def test_air() -> None:
-    """β(p) of each chamber at its static pressure, as in the linear answer; the sweep is small enough for it."""
-    machine = ad.load("excavator_20t").with_payload("full").replace({"fluid.entrained_air_percent": 1.0})
+    """β(p) of each chamber at its static pressure, as in the linear answer; the sweep is small
+    enough for it.
+    """
+    machine = (
+        ad.load("excavator_20t").with_payload("full").replace({"fluid.entrained_air_percent": 1.0})
+    )
     full, half = validate(machine, WORST, cylinders=["boom"]).runs
     assert full.linear_frequency < 0.7
     assert abs(half.deviation) < abs(full.deviation) < 0.01
 
 
 def test_air_behind_valves_that_leak() -> None:
-    """The valve's flow, not the load, sets the pressures, and they the oil's stiffness; the damping is the leak's."""
+    """The valve's flow, not the load, sets the pressures, and they the oil's stiffness; the
+    damping is the leak's.
+    """
     changes: dict[str, float] = {"fluid.entrained_air_percent": 1.0}
     for name in ("boom", "stick", "bucket"):
         changes |= {f"cylinder.{name}.valve.overlap_percent": -0.5}
         changes |= {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 1e-3}
-    validation = validate(ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"])
+    validation = validate(
+        ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"]
+    )
     for run in validation.runs:
         assert run.remark == "leaks"
         assert run.frequency_at_rest > 1.3 * run.linear_frequency
@@ -265,48 +327,76 @@ def test_air_behind_valves_that_leak() -> None:
 
 def test_wide_underlap() -> None:
     """What damps so much, and shifts the frequency by a quarter, is told from a fault."""
-    changes = {f"cylinder.{name}.valve.overlap_percent": -5.0 for name in ("boom", "stick", "bucket")}
+    changes = {
+        f"cylinder.{name}.valve.overlap_percent": -5.0 for name in ("boom", "stick", "bucket")
+    }
     machine = ad.load("excavator_20t").with_payload("full").replace(changes)
     for run in validate(machine, WORST, cylinders=["boom"]).runs:
         assert run.remark == "leaks"
         assert run.linear_damping > 0.4
         assert run.deviation < -0.2
-        assert abs(run.identified_frequency - run.frequency_at_rest) < 3 * run.fit.frequency_deviations[0]
-    for run in validate(machine, WORST, cylinders=["boom"], amplitude=1e-4).runs:  # the edges bend the flow no more
+        assert (
+            abs(run.identified_frequency - run.frequency_at_rest)
+            < 3 * run.fit.frequency_deviations[0]
+        )
+    for run in validate(
+        machine, WORST, cylinders=["boom"], amplitude=1e-4
+    ).runs:  # the edges bend the flow no more
         assert run.remark == "leaks"
         assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=2e-3)
 
 
 def test_creep() -> None:
-    """What leaks into a chamber behind a load-holding valve without pilot cannot leave it: the pressures rise."""
-    across = {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 0.005 for name in ("boom", "stick", "bucket")}
+    """What leaks into a chamber behind a load-holding valve without pilot cannot leave it: the
+    pressures rise.
+    """
+    across = {
+        f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 0.005
+        for name in ("boom", "stick", "bucket")
+    }
     machine = ad.load("excavator_20t").with_payload("full").replace(across)
     assert not Experiment.of(machine, np.array(WORST), 0, 0).creeps
     held = {"side": "annulus", "setting_bar": 380.0, "pilot_ratio": 0.0}
     held |= {"rated_flow_l_per_min": 429, "rated_drop_bar": 14}
-    changes: dict[str, object] = {f"cylinder.boom.load_holding.{key}": value for key, value in held.items()}
-    machine = machine.replace(changes | {"cylinder.boom.valve.relief_bar": 360.0})  # p1 = p2 would need 370 bar
+    changes: dict[str, object] = {
+        f"cylinder.boom.load_holding.{key}": value for key, value in held.items()
+    }
+    machine = machine.replace(
+        changes | {"cylinder.boom.valve.relief_bar": 360.0}
+    )  # p1 = p2 would need 370 bar
     assert Experiment.of(machine, np.array(WORST), 0, 0).creeps
     assert {run.remark for run in validate(machine, WORST, cylinders=["boom"]).runs} == {"creep"}
 
 
 def test_tank_leakage_is_no_creep() -> None:
-    """Both chambers lose oil; but none leaks at return pressure, and the valve feeds the other: sweeps run there."""
-    changes = {f"cylinder.{name}.valve.tank_leakage_l_per_min_per_bar": 0.005 for name in ("boom", "stick", "bucket")}
+    """Both chambers lose oil; but none leaks at return pressure, and the valve feeds the other:
+    sweeps run there.
+    """
+    changes = {
+        f"cylinder.{name}.valve.tank_leakage_l_per_min_per_bar": 0.005
+        for name in ("boom", "stick", "bucket")
+    }
     machine = ad.load("excavator_20t").with_payload("full").replace(changes)
     assert not Experiment.of(machine, np.array(WORST), 0, 0).creeps
     assert {run.remark for run in validate(machine, WORST, cylinders=["stick"]).runs} == {"agrees"}
 
 
 def test_a_spool_that_never_leaves_its_overlap(excavator: Machine) -> None:
-    slow = {"cylinder.boom.valve.overlap_percent": 10.0, "cylinder.boom.valve.natural_frequency_hz": 0.1}
-    with pytest.raises(SimulationError, match="stays within its overlap of 10 %; raise the amplitude, or give a"):
+    slow = {
+        "cylinder.boom.valve.overlap_percent": 10.0,
+        "cylinder.boom.valve.natural_frequency_hz": 0.1,
+    }
+    with pytest.raises(
+        SimulationError, match="stays within its overlap of 10 %; raise the amplitude, or give a"
+    ):
         validate(excavator.replace(slow), WORST, cylinders=["boom"])
 
 
 @pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
 def test_odd_machines(name: str) -> None:
-    """Soft small cylinders whose geometry changes fast; cylinders seen from behind, across a telescope; one joint."""
+    """Soft small cylinders whose geometry changes fast; cylinders seen from behind, across a
+    telescope; one joint.
+    """
     machine = helpers.with_valves(machines.named(name).with_payload("load"))
     assert validate(machine, machines.inner_poses(machine, 1)[0]).worst_deviation < 3e-3
 
@@ -317,7 +407,9 @@ def test_overlap_is_leapt() -> None:
 
 
 def test_cylinders_by_name_sweep_their_own_mode(excavator: Machine) -> None:
-    """Bucket and stick each over the mode of which they hold most; the shares of a mode add up to 1."""
+    """Bucket and stick each over the mode of which they hold most; the shares of a mode add up to
+    1.
+    """
     poses = excavator.at(WORST)
     shares = energy_shares(poses, natural_modes(poses))[0]
     np.testing.assert_allclose(shares.sum(axis=1), 1)
@@ -333,9 +425,13 @@ def test_poses_and_payloads_make_rows() -> None:
 
 
 def test_a_sweep_that_hardly_breaks_loose() -> None:
-    """It does not show the mode, as the table and its verdict tell; without dry friction it does."""
+    """It does not show the mode, as the table and its verdict tell; without dry friction it
+    does.
+    """
     machine = helpers.with_friction(ad.load("paper_1dof"), Friction(coulomb=1500, static=1500))
-    assert isinstance(validate(machine, [0.0], amplitude=0.001).runs[0].with_friction, judging.Failure)
+    assert isinstance(
+        validate(machine, [0.0], amplitude=0.001).runs[0].with_friction, judging.Failure
+    )
     validation = validate(machine, [0.0], amplitude=0.004)
     for run in validation.runs:
         assert run.remark == "agrees"
@@ -349,7 +445,9 @@ def test_a_sweep_that_hardly_breaks_loose() -> None:
 
 
 def test_linear_model_sees_the_same_modes(worst: Validation, excavator: Machine) -> None:
-    assert worst.runs[0].linear_frequency == pytest.approx(linearize(excavator, WORST).natural_frequencies[0], rel=1e-9)
+    assert worst.runs[0].linear_frequency == pytest.approx(
+        linearize(excavator, WORST).natural_frequencies[0], rel=1e-9
+    )
 
 
 def test_faults(excavator: Machine) -> None:
@@ -358,11 +456,15 @@ def test_faults(excavator: Machine) -> None:
     with pytest.raises(SimulationError, match="amplitude"):
         validate(excavator, WORST, amplitude=2.0)
     for empty in ({"q": np.zeros((0, 3))}, {"payloads": []}, {"cylinders": []}):
-        with pytest.raises(SimulationError, match=f"{next(iter(empty))}: is empty; give some, or None"):
+        with pytest.raises(
+            SimulationError, match=f"{next(iter(empty))}: is empty; give some, or None"
+        ):
             validate(excavator, **({"q": WORST} | empty))  # type: ignore[arg-type]
     with pytest.raises(PoseError):
         validate(excavator, (3.0, 0.0, 0.0))
-    with pytest.raises(SimulationError, match=r"boom cylinder: needs \d+ bar to hold the load, supply is 350 bar"):
+    with pytest.raises(
+        SimulationError, match=r"boom cylinder: needs \d+ bar to hold the load, supply is 350 bar"
+    ):
         validate(excavator.with_payload(6000.0), WORST)
     edge = excavator.ranges[0, 1]
     with pytest.raises(SimulationError, match=r"boom cylinder: is .* mm from its end stop"):

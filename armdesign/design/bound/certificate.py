@@ -1,0 +1,152 @@
+"""An upper bound on the worst frequency that no pins and areas can exceed.
+
+The lowest ω² of a design is at most a sum of shares, one per cylinder, for any prices of rows and
+oil (``duality``). The most that a share can be under the cylinder's own requirements is enclosed
+from above by branch and bound on intervals (``branching``), which no local optimum can fool. Every
+round of better prices gives a bound; the lowest counts. What remains of the gap is duality's:
+between designs and their mixtures.
+
+A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
+at, and a stiffer arm.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.lagrangian import Dual, drives
+from armdesign.design.bound.mass_enclosure import barred
+from armdesign.design.program.constraints import SLACK, limits
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.search.semidefinite import contradicted
+from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.errors import InfeasibleError
+from armdesign.frequency.bands import Bands
+
+ROUNDS, AIRY = (
+    6,
+    2,
+)  # of branching, without and with air in the oil, which makes two more numbers of every cylinder
+CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
+COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+ROUNDING = (
+    1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """No design within boxes and requirements has a worst frequency above ``frequency`` [Hz].
+
+    Attributes:
+        frequency: on the poses and load cases of the problem [Hz]; infinite where nothing is
+            proved.
+        held: cylinders that it takes as rigid, because nothing is known about all of their
+            designs.
+        assumptions: what it takes for granted, in words.
+        refused: why nothing is proved, in words; else empty.
+    """
+
+    frequency: float
+    held: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    refused: str = ""
+
+    def above(self, reached: float) -> Bound:
+        """The bound as it may be stated beside an allowed design of worst frequency ``reached`` [Hz].
+
+        Never below it: raised to it, where only rounding lies between; where more does, the proof
+        is wrong.
+        """
+        if not contradicted(self.frequency, reached):
+            return replace(self, frequency=max(self.frequency, reached))
+        words = (
+            f"the one found, {self.frequency:.3f} Hz, lies below {reached:.3f} Hz, which a design"
+            " reaches"
+        )
+        return replace(self, frequency=math.inf, refused=words)
+
+
+def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
+    """The bound on all designs of a problem.
+
+    None where none is known. Where no pin varies it is the search's own.
+
+    Args:
+        problem: the design problem.
+        x: a good design: prices are sought around it. The bound holds whatever it is.
+        rows: rows that may enter, such as those that a search has watched.
+
+    Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
+    has a joint to itself and pins that ``shapes`` knows. A bound that x exceeds, though it is
+    allowed, is refused.
+    """
+    found = _found(problem, x, rows)
+    if found is None or limits(problem, x).values.min() < -SLACK:
+        return found
+    return found.above(hertz(float(problem.frequencies(x).min())))
+
+
+def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
+    """The bound, whatever x reaches."""
+    moving = any(v.pin is not None for v in problem.variables)
+    known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
+    if known is not None:
+        return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
+    bars = barred(problem)
+    some = () if problem.proportional or bars is None else drives(problem, bars)
+    if not some or bars is None:
+        return None
+    dual = Dual.begun(problem, some, x, rows, bars)
+    best = _lowest(dual)
+    if not math.isfinite(best):
+        return None
+    driven = {d.cylinder for d in some}
+    held = tuple(c.name for i, c in enumerate(problem.machine.cylinders) if i not in driven)
+    return Bound(
+        frequency=hertz(best * dual.reference) * (1 + ROUNDING),
+        held=held,
+        assumptions=_assumptions(problem, held),
+    )
+
+
+def _lowest(dual: Dual) -> float:
+    """The lowest bound on ω² of a few rounds, over the reference."""
+    best = math.inf
+    for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else ROUNDS):
+        try:
+            prices = dual.settled()
+        except InfeasibleError:  # the solver gave up: what is known so far still holds
+            break
+        tolerance = float(np.clip(0.2 * (best - prices.mixed), FINE, COARSE))
+        maxima = dual.branched(prices, tolerance)
+        best = min(best, dual.bounded(prices, maxima))
+        if best - prices.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
+            break
+        dual.learn(prices, maxima)
+    return best
+
+
+def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
+    words = [
+        "today's workspace and load cases",
+        "pins in their boxes, and requirements as the optimiser takes them",
+        (
+            "dead volumes in proportion to the areas"
+            if problem.proportional
+            else "dead volumes as they are"
+        ),
+        "moment arms that keep their sign between the poses looked at",
+    ]
+    if problem.own is not None:
+        words.append("own masses in proportion to areas and lengths")
+    if problem.bands != Bands():
+        words.append("masses as they are tried within their bands")
+    if any(v.pin is not None for v in problem.variables):
+        words.append(f"each requirement wider by {SLACK:g}")
+    words += [f"the {name} cylinder rigid" for name in held]
+    return tuple(words)

@@ -1,0 +1,233 @@
+"""What the requirements ask of one cylinder alone, over boxes of shapes (``shapes``) and for swept volumes v = A S.
+
+For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
+rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
+pressure × v ρ, and do not know the scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
+from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.mass_enclosure import Barred
+from armdesign.design.program.constraints import SLACK, buckling_factor
+from armdesign.design.program.dynamics import Problem
+
+HOLDING_ANGLES = 5  # of most push and pull today
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OwnLimits:
+    """Limits of one cylinder; sides are cap and annulus.
+
+    Attributes:
+        shape: the cylinder's, at the angles where requirements are looked at.
+        area: least and largest areas (2, 2: ends, sides) [m²], > 0.
+        volume: largest swept volumes (2,) [m³].
+        rod: area [m²] of a rod that stays while its bore varies; 0 where it varies too, or neither
+            does.
+        dead_length: least closed length less stroke [m].
+        arm: least moment arm [m/rad] at the first ``ranged`` angles of the shape, which stand for
+            the joint's range.
+        ranged: how many.
+        buckling: C in rod area ≥ L √(C A1).
+        torque: least bore area × largest moment arm at the first ``ranged`` angles [m³/rad].
+        hold: static torques (2, n) [N m] over the holding share, by which they push and by which
+            they pull; or 0.
+        supply, back: pressures of supply and return [Pa].
+    """
+
+    shape: Shape
+    area: Array
+    volume: Array
+    rod: float
+    dead_length: float
+    arm: float
+    ranged: int
+    buckling: float
+    torque: float
+    hold: Array
+    supply: float
+    back: float
+
+    def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
+        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, v, 2) around their volumes.
+
+        Boxes (m, 5) say also between which ends the volumes lie; each on its own, so that a rod
+        that stays is let go. A box is left out only where nothing can be allowed, so never for
+        what is not a number.
+        """
+        kept = np.arange(len(low))
+        scale = Interval(low[:, 2], high[:, 2])
+        if self.shape.boxes is not None:
+            scale = self.shape.boxes.scales(low[:, :2], high[:, :2], scale)
+            kept = np.flatnonzero(~(scale.low > scale.high))
+        e = self.shape.enclose(low[kept, :2], high[kept, :2])
+        scale = self._long_enough(e, scale[kept])
+        least = self._least_volumes(e, scale)
+        most = np.minimum(self.volume, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        slender = e.wide.open.low * np.sqrt(
+            e.stroke.low * self.buckling
+        )  # at scale 1; grows with its 3/2th power
+        scale = self._buildable(e, scale, least, most, slender)
+        most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        if low.shape[1] > 3:
+            least, most = np.maximum(least, low[kept, 3:]), np.minimum(most, high[kept, 3:])
+        left = ~(np.any(least > most, axis=1) | (scale.low > scale.high))
+        least, most, slender = least[left], most[left], slender[left] * scale.low[left] ** 1.5
+        if self.rod > 0 and low.shape[1] == 3:
+            vertices, possible = _around_rod(
+                least, most, slender, (e.stroke * scale)[left] * self.rod
+            )
+        else:
+            vertices, possible = _vertices(least, most, slender)
+        left = np.flatnonzero(left)[possible]
+        return kept[left], scale[left], vertices
+
+    def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
+        """The scales at which moment arm and dead length may suffice."""
+        low = np.maximum(scale.low, self.arm / e.wide.arm.size[:, : self.ranged].min(axis=1))
+        spare = e.wide.closed.high - e.stroke.low
+        with np.errstate(divide="ignore", invalid="ignore"):
+            needed = self.dead_length / spare
+        if self.dead_length > 0:
+            return Interval(np.where(spare <= 0, np.inf, np.maximum(low, needed)), scale.high)
+        return Interval(low, np.where(spare < 0, np.minimum(scale.high, needed), scale.high))
+
+    def _least_volumes(self, e: Enclosure, scale: Interval) -> Array:
+        """Swept volumes (m, 2) that digging and holding need at least."""
+        size = e.rate.size
+        least = self.area[0] * (e.stroke.low * np.minimum(scale.low, scale.high))[:, None]
+        push, pull = ((hold / size).max(axis=1) for hold in self.hold)
+        cap = np.maximum(least[:, 0], self.torque / size[:, : self.ranged].max(axis=1))
+        annulus = least[:, 1]
+        for _ in range(2):
+            cap = np.maximum(
+                cap, np.where(push > 0, push + self.back * annulus, 0.0) / self.supply
+            )
+            annulus = np.maximum(
+                annulus, np.where(pull > 0, pull + self.back * cap, 0.0) / self.supply
+            )
+        return np.stack([cap, annulus], axis=1)
+
+    def _buildable(
+        self, e: Enclosure, scale: Interval, least: Array, most: Array, slender: Array
+    ) -> Interval:
+        """The scales at which the areas that the volumes ask for are neither too large nor leave too thin a rod."""
+        low = np.maximum(scale.low, (least / self.area[1]).max(axis=1) / e.stroke.high)
+        high = np.minimum(scale.high, (most / self.area[0]).min(axis=1) / e.stroke.low)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rod = np.maximum(most[:, 0] - least[:, 1], 0.0) / np.sqrt(most[:, 0])
+            return Interval(low, np.fmin(high, (rod / slender) ** (2 / 3)))
+
+
+def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
+    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most with v2 ≤ v1 − slender √v1, a convex curve; where any are."""
+
+    def cap_for(annulus: Array) -> Array:
+        return np.asarray((slender + np.sqrt(slender**2 + 4 * annulus)) ** 2 / 4)
+
+    (low, floor), high = least.T, most[:, 0]
+    low = np.maximum(low, cap_for(floor))
+    top = np.minimum(most[:, 1], high - slender * np.sqrt(high))
+    possible = ~((low > high) | (floor > top))
+    low, floor, high, top, slender = (part[possible] for part in (low, floor, high, top, slender))
+    knee = np.clip(cap_for(top), low, high)
+    corner = np.clip(low - slender * np.sqrt(low), floor, top)
+    cap = np.stack([low, low, knee, high, high], axis=1)
+    return np.stack([cap, np.stack([floor, corner, top, top, floor], axis=1)], axis=2), possible
+
+
+def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tuple[Array, Flags]:
+    """As ``_vertices`` (k, 6, 2), with v1 − v2 the volume (k,) of a rod that stays, which must be ≥ slender √v1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stout = np.fmin(np.inf, (rod.high / slender) ** 2)
+    a, b = (
+        np.maximum(least[:, 0], least[:, 1] + rod.low),
+        np.minimum(most[:, 0], most[:, 1] + rod.high),
+    )
+    b = np.minimum(b, stout)
+    c, d = np.maximum(least[:, 1], a - rod.high), np.minimum(most[:, 1], b - rod.low)
+    possible = ~((a > b) | (c > d))
+    a, b, c, d, thin, thick = (part[possible] for part in (a, b, c, d, rod.low, rod.high))
+    cap = np.stack([a, a, np.minimum(b, d + thin), b, b, np.minimum(b, c + thick)], axis=1)
+    annulus = np.stack([c, np.minimum(d, a - thin), d, d, np.maximum(c, b - thick), c], axis=1)
+    return np.stack([cap, annulus], axis=2), possible
+
+
+def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimits | None:
+    """Limits of cylinder ``i``, each wider by ``SLACK``, whatever ``bars`` weigh.
+
+    None where its shape is not known.
+    """
+    machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
+    poses = problem.ranges[i]
+    if poses is None:
+        return None
+    joint = machine.linkages[i].joints[0]
+    digs = cylinder.name in r.digging
+    ranged = poses.q[
+        :: 1 if digs else 10, joint
+    ]  # the best of all digs; the least arm may be looked for at some
+    arms, today, more = np.abs(problem.arms_today[i]), problem.areas_today[i], 1 + SLACK
+    angles, torques = _holding(problem, i, bars)
+    shape = shape_of(problem, i, np.concatenate([ranged, angles]))
+    if shape is None:
+        return None
+    low, high = (
+        problem.areas(end)[i] / today for end in problem.bounds
+    )  # an annulus may follow its bore
+    bore_varies, rod_varies = problem.resized[i]
+    high = np.minimum(high, [r.thrust_share, np.inf])
+    hold = np.pad(
+        np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2),
+        ((0, 0), (2 + len(ranged), 0)),
+    )
+    return OwnLimits(
+        shape=shape,
+        area=np.stack([low * today / more, high * today * more]),
+        volume=r.oil_each_share * today * cylinder.stroke * more,
+        rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
+        dead_length=cylinder.dead_length - SLACK * cylinder.stroke,
+        arm=r.moment_arm_share * float(arms.min()) / more,
+        ranged=2 + len(ranged),
+        buckling=buckling_factor(problem, i) / more**2,
+        torque=r.digging_share * float(today[0] * arms.max()) / more if digs else 0.0,
+        hold=hold / (r.holding_share * more),
+        supply=machine.supply.pressure,
+        back=machine.supply.return_pressure,
+    )
+
+
+def _holding(problem: Problem, i: int, bars: Sequence[Barred]) -> tuple[Array, Array]:
+    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m].
+
+    The greatest that some load asks for at least, and the least that some load asks for at most.
+    """
+    joint = problem.machine.linkages[i].joints[0]
+    own, torque = problem.workspace.q[problem.held.pose, joint], problem.held.gravity[:, joint]
+    angles, index = np.unique(own, return_inverse=True)
+    order = np.lexsort([torque, index])
+    starts = np.searchsorted(index[order], np.arange(len(angles) + 1))
+    rows = np.stack([order[starts[1:] - 1], order[starts[:-1]]], axis=1)
+    extremes = torque[rows]
+    ranged = problem.ranges[i]
+    assert ranged is not None
+    order = np.argsort(ranged.q[:, joint])
+    arms = np.interp(angles, ranged.q[order, joint], problem.arms_today[i][order])
+    chosen = np.unique(
+        [np.argsort(sign * end / arms)[-HOLDING_ANGLES:] for end in extremes.T for sign in (1, -1)]
+    )
+    found = extremes[chosen]
+    for bar in bars:
+        rigid = problem.workspace.rigid[problem.held.pose[rows[chosen].ravel()]]
+        added = bar.gravity(rigid)[:, joint]
+        found[:, 0] += added.low[::2]
+        found[:, 1] += added.high[1::2]
+    return angles[chosen], found

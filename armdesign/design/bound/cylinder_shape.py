@@ -1,0 +1,428 @@
+"""The shape of a cylinder's moment arm, for all pins of a region at once.
+
+Let u = ℓ²/2. Seen from the base's link u, u' = ℓ r and u'' = ℓ H + r² are affine in where the base
+pin is, but for the square in u. A direct cylinder on a revolute joint looks the same when its rod
+pin turns with it: in units of the rod pin's distance from the joint the rod end runs on a unit
+circle, and the four pin coordinates make three numbers, the base's place b in those units and the
+scale. So in all cases, times scale²,
+
+    u = c0 + s0·b + ½ b·b,   u' = c1 + s1·b,   u'' = c2 + s2·b.
+
+Stiffness needs less still: with swept volumes v = A S in place of areas, only the piston's place σ
+= s/S, its rate ρ = r/S and the bend τ = H/r = u''/u' − u'/(2u), none of which knows the scale.
+
+Enclosures are the natural interval extension cut with the mean value form f(c) ± Σ max|∂f/∂b_k|
+δ_k (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, ch. 5 and 6), whose excess
+falls with the square of the box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.bound.pin_triangles import PinBoxes
+from armdesign.design.program.dynamics import Problem
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.joint_ranges import sweep
+from armdesign.mechanism.linkage import Linkage
+
+# of stroke and of |ℓ r|, in units of the scale: both are positive for a cylinder that works
+LEAST = 1e-9
+STRAIGHT = 1e-9  # how far from plane an arm may be
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """A cylinder's coefficients c (n, 3) and s (n, 3, 2) at n angles of its joint, and the region of b and scale.
+
+    The first two angles are those of the closed and of the open cylinder. ``sign`` is that of the
+    moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
+    exceed what the joint's range needs. ``boxes`` say which b and scale belong together; None if
+    all of the region do.
+    """
+
+    constant: Array
+    slope: Array
+    sign: float
+    low: Array  # (2,)
+    high: Array
+    scale: tuple[float, float]
+    fixed: tuple[float, float] | None = None
+    boxes: PinBoxes | None = None
+
+    @property
+    def region(self) -> tuple[Array, Array]:
+        """Lowest and highest b and scale (3,)."""
+        return np.append(self.low, self.scale[0]), np.append(self.high, self.scale[1])
+
+    def at(self, angles: Array) -> Shape:
+        """The same shape at its two ends and, of the angles after them, those of some indices."""
+        chosen = np.concatenate([[0, 1], angles + 2]).astype(int)
+        return replace(self, constant=self.constant[chosen], slope=self.slope[chosen])
+
+    def enclose(self, low: Array, high: Array) -> Enclosure:
+        """Over boxes of b with corners ``low`` and ``high`` (m, 2).
+
+        Exact for boxes of no width.
+        """
+        middle = (low + high) / 2
+        return Enclosure(
+            Natural(self, Interval(low, high)), Natural(self, interval(middle)), (high - low) / 2
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Natural:
+    """What a shape can be over boxes ``b`` (m, 2) at n angles, in units of its scale, by interval arithmetic alone.
+
+    place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths, stroke
+    (m,), its slope (m, 2). What no working cylinder can be (an arm of the other sign, a negative
+    stroke) is cut off; slopes then hold only between working cylinders, which is not enough for a
+    mean value form: see ``whole``.
+    """
+
+    shape: Shape
+    b: Interval
+
+    @cached_property
+    def _lever(self) -> Interval:
+        return self.b[:, None, :] + self.shape.slope[:, 0]
+
+    @cached_property
+    def _uncut(self) -> tuple[Interval, Interval]:
+        """u, and u' with the sign that makes it positive."""
+        flat = self.shape.constant[:, 0] - (self.shape.slope[:, 0] ** 2).sum(axis=1) / 2
+        first = (self.b[:, None, :] * self.shape.slope[:, 1]).sum(axis=2) + self.shape.constant[
+            :, 1
+        ]
+        return self._lever.square().sum(axis=2) * 0.5 + flat, first * self.shape.sign
+
+    @cached_property
+    def whole(self) -> Flags:
+        """Whether nothing had to be cut off (m,)."""
+        u, first = self._uncut
+        ends = self.open - self.closed
+        return np.asarray(
+            np.all((u.low >= LEAST) & (first.low >= LEAST), axis=1) & (ends.low >= LEAST)
+        )
+
+    @cached_property
+    def _half_square(self) -> Interval:
+        return self._uncut[0].above(LEAST)
+
+    @cached_property
+    def _first(self) -> Interval:
+        """|u'|: the arm vanishes nowhere in the range."""
+        return self._uncut[1].above(LEAST)
+
+    @cached_property
+    def _ratio(self) -> Interval:
+        """u''/u'."""
+        second = (self.b[:, None, :] * self.shape.slope[:, 2]).sum(axis=2) + self.shape.constant[
+            :, 2
+        ]
+        return second * self._first.reciprocal() * self.shape.sign
+
+    @cached_property
+    def _length(self) -> Interval:
+        return (self._half_square * 2).sqrt()
+
+    @cached_property
+    def _along(self) -> Interval:
+        """∂ℓ/∂b, a unit vector."""
+        unit = self._lever * self._length.reciprocal()[..., None]
+        return Interval(np.maximum(unit.low, -1.0), np.minimum(unit.high, 1.0))
+
+    @cached_property
+    def arm(self) -> Interval:
+        """Moment arm r (m, n)."""
+        return self._first * self.shape.sign * self._length.reciprocal()
+
+    @cached_property
+    def closed(self) -> Interval:
+        """Least length (m,)."""
+        return (
+            self._end(0)
+            if self.shape.fixed is None
+            else interval(np.full(len(self.b.low), self.shape.fixed[0]))
+        )
+
+    @cached_property
+    def open(self) -> Interval:
+        """Greatest length (m,)."""
+        return self._end(1) if self.shape.fixed is None else self.closed + self.shape.fixed[1]
+
+    def _end(self, end: int) -> Interval:
+        return self._length[:, end]
+
+    @cached_property
+    def stroke(self) -> Interval:
+        """Stroke S (m,)."""
+        return (self.open - self.closed).above(LEAST)
+
+    @cached_property
+    def stroke_slope(self) -> Interval:
+        """∂S/∂b (m, 2)."""
+        return (
+            self._along[:, 1] - self._along[:, 0]
+            if self.shape.fixed is None
+            else self._along[:, 0] * 0.0
+        )
+
+    @cached_property
+    def place(self) -> Interval:
+        """Piston's place σ = s/S (m, n)."""
+        return (self._length - self.closed[:, None]) * self.stroke.reciprocal()[:, None]
+
+    @cached_property
+    def place_slope(self) -> Interval:
+        """∂σ/∂b (m, n, 2)."""
+        start = self._along[:, :1] if self.shape.fixed is None else 0.0
+        change = self._along - start - self.place[..., None] * self.stroke_slope[:, None]
+        return change * self.stroke.reciprocal()[:, None, None]
+
+    @cached_property
+    def rate(self) -> Interval:
+        """Its rate ρ = r/S (m, n)."""
+        return self.arm * self.stroke.reciprocal()[:, None]
+
+    @cached_property
+    def rate_slope(self) -> Interval:
+        """∂ρ/∂b (m, n, 2)."""
+        change = (
+            self.shape.slope[:, 1] - self._along * self.arm[..., None]
+        ) * self._length.reciprocal()[..., None]
+        change = change - self.rate[..., None] * self.stroke_slope[:, None]
+        return change * self.stroke.reciprocal()[:, None, None]
+
+    @cached_property
+    def bend(self) -> Interval:
+        """Bend τ = H/r (m, n)."""
+        return self._ratio - self._first * self.shape.sign * self._half_square.reciprocal() * 0.5
+
+    @cached_property
+    def bend_slope(self) -> Interval:
+        """∂τ/∂b (m, n, 2)."""
+        first, by_u = self.shape.slope[:, 1], self._half_square.reciprocal()[..., None]
+        by_first = (self._first.reciprocal() * self.shape.sign)[..., None]
+        sweep_of_u = self._lever * (self._first * self.shape.sign)[..., None] * by_u
+        return (self.shape.slope[:, 2] - self._ratio[..., None] * first) * by_first - (
+            first - sweep_of_u
+        ) * by_u * 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """What a shape can be over boxes: ``wide`` cut with the mean value form about ``centre``, ``reach`` (m, 2) away.
+
+    Only where the box is whole: else the way from the centre may lead through what was cut off.
+    """
+
+    wide: Natural
+    centre: Natural
+    reach: Array
+
+    @cached_property
+    def place(self) -> Interval:
+        """Piston's place σ = s/S (m, n)."""
+        return self._cut("place")
+
+    @cached_property
+    def rate(self) -> Interval:
+        """Its rate ρ = r/S (m, n)."""
+        return self._cut("rate")
+
+    @cached_property
+    def bend(self) -> Interval:
+        """Bend τ = H/r (m, n)."""
+        return self._cut("bend")
+
+    @cached_property
+    def stroke(self) -> Interval:
+        """Stroke S (m,)."""
+        spread = (self.wide.stroke_slope.size * self.reach).sum(axis=1)
+        return self.wide.stroke.within(
+            _around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf))
+        )
+
+    def _cut(self, name: str) -> Interval:
+        slope: Interval = getattr(self.wide, f"{name}_slope")
+        spread = np.where(
+            self.wide.whole[:, None], (slope.size * self.reach[:, None]).sum(axis=2), np.inf
+        )
+        cut: Interval = getattr(self.wide, name).within(
+            _around(getattr(self.centre, name), spread)
+        )
+        return cut
+
+
+def _around(centre: Interval, spread: Array) -> Interval:
+    return Interval(centre.low - spread, centre.high + spread)
+
+
+def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
+    """Shape of cylinder ``i`` at angles of its joint (n,), after those of its ends.
+
+    None where none is known.
+
+    Known are cylinders that move one joint alone and vary at most by base and rod pins: on a
+    revolute joint in the plane of the pins, along a slide, or through a four-bar of given bars.
+    """
+    linkage, cylinder = problem.machine.linkages[i], problem.machine.cylinders[i]
+    moves = _moves(problem, i)
+    if len(linkage.joints) != 1 or moves is None:
+        return None
+    joint = linkage.joints[0]
+    sign = float(np.sign(problem.arms_today[i][0]))
+    ends = problem.machine.ranges[joint][:: int(sign)]
+    poses = sweep(problem.machine.arm, joint, np.concatenate([ends, angles]))
+    if not moves:
+        return replace(
+            _about_base(linkage, poses, np.zeros((2, 2)), sign),
+            fixed=(cylinder.closed_length, cylinder.stroke),
+        )
+    turning = (
+        problem.machine.arm.joints[joint].revolute
+        and linkage.four_bar is None
+        and "rod_end" in moves
+    )
+    return (
+        _turned(linkage, poses, moves, sign) if turning else _shifted(linkage, poses, moves, sign)
+    )
+
+
+def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
+    """How far each pin of a cylinder may move, down and up (2, 2: x and z) [m].
+
+    None if another part varies too.
+    """
+    found: dict[str, Array] = {}
+    for v in problem.variables:
+        if v.cylinder != i or v.pin is None:
+            continue
+        if v.pin not in ("base", "rod_end") or v.axis not in (0, 2):
+            return None
+        reach = found.setdefault(v.pin, np.zeros((2, 2)))
+        reach[:, v.axis // 2] = np.array([v.lower, v.upper]) * problem.box
+    return found
+
+
+def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
+    """The shape by moves b [m] of the base pin in its link, within ``reach`` (2, 2).
+
+    The rod end stays.
+    """
+    joint = linkage.joints[0]
+    now = linkage.actuation(poses)
+    length, arm, curve = (
+        now.length,
+        now.moment_arm[:, joint],
+        now.moment_arm_derivative[:, joint, joint],
+    )
+    slope = np.empty((len(poses), 3, 2))
+    for k, by in enumerate(linkage.sensitivities(poses, [("base", 0), ("base", 2)])):
+        d_arm, d_curve = by.moment_arm[:, joint], by.moment_arm_derivative[:, joint, joint]
+        slope[:, 0, k] = length * by.length
+        slope[:, 1, k] = by.length * arm + length * d_arm
+        slope[:, 2, k] = by.length * curve + length * d_curve + 2 * arm * d_arm
+    constant = np.stack([length**2 / 2, length * arm, length * curve + arm**2], axis=1)
+    return Shape(
+        constant=constant, slope=slope, sign=sign, low=reach[0], high=reach[1], scale=(1.0, 1.0)
+    )
+
+
+def _shifted(
+    linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float
+) -> Shape | None:
+    """The shape of a four-bar or along a slide: a move of the rod pin is one of the base pin backwards."""
+    reach = moves.get("base", np.zeros((2, 2)))
+    if "rod_end" in moves:
+        turn = _turn(linkage, poses)
+        if turn is None or np.ptp(turn, axis=0).max() > STRAIGHT:
+            return None
+        corners = (
+            np.array([[x, z] for x in moves["rod_end"][:, 0] for z in moves["rod_end"][:, 1]])
+            @ turn[0].T
+        )
+        reach = reach - np.stack([corners.max(axis=0), corners.min(axis=0)])
+    return _about_base(linkage, poses, reach, sign)
+
+
+def _turned(
+    linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float
+) -> Shape | None:
+    """The shape of a direct cylinder on a revolute joint, by the base pin in units of the rod pin's distance."""
+    turn = _turn(linkage, poses)
+    rod_end, arm, joint = linkage.rod_end, linkage.arm, linkage.joints[0]
+    if turn is None or rod_end is None:
+        return None
+    places = _from_joint(linkage, poses)
+    if abs(places["base"][1] - places["rod_end"][1]) > STRAIGHT:
+        return None
+    still = np.zeros((2, 2))
+    base, end = (places[pin][[0, 2]] + moves.get(pin, still) for pin in ("base", "rod_end"))
+    boxes = PinBoxes(base=base, rod_end=end)
+    low, high, scale = boxes.region()
+    unit = arm.direction(
+        poses, rod_end.link, np.array([1.0, 0.0, 0.0]), linkage.base.link, (joint,)
+    )
+    frame = arm.link_rotation(poses, linkage.base.link)[:, :, [0, 2]]
+    parts = [
+        np.einsum("ni,nik->nk", p, frame)
+        for p in (unit.value, unit.first[:, 0], unit.second[:, 0, 0])
+    ]
+    constant = np.tile([0.5, 0.0, 0.0], (len(poses), 1))
+    slope = -np.stack(parts, axis=1)
+    return Shape(
+        constant=constant, slope=slope, sign=sign, low=low, high=high, scale=scale, boxes=boxes
+    )
+
+
+def _from_joint(linkage: Linkage, poses: RigidPoses) -> dict[str, Array]:
+    """Base and rod pin (3,) [m] as seen from their joint, each in the axes of its link."""
+    arm, found = linkage.arm, {}
+    for pin in ("base", "rod_end"):
+        place = getattr(linkage, pin)
+        lever = (
+            arm.point(poses[:1], place.link, np.array(place.at))[0]
+            - poses.translation[0, linkage.joints[0]]
+        )
+        found[pin] = arm.link_rotation(poses[:1], place.link)[0].T @ lever
+    return found
+
+
+def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
+    """The base's place b and the scale (3,) of cylinder ``i`` of the design x."""
+    linkage, today = problem.linkages(x)[i], problem.machine.linkages[i]
+    poses = sweep(linkage.arm, linkage.joints[0], problem.machine.ranges[linkage.joints[0]])
+    if shape.boxes is not None:
+        places = _from_joint(linkage, poses)
+        base, end = (complex(places[pin][0], places[pin][2]) for pin in ("base", "rod_end"))
+        return np.array([(base / end).real, (base / end).imag, abs(end)])
+    move = np.subtract(linkage.base.at, today.base.at)[[0, 2]]
+    turn = _turn(linkage, poses)
+    if turn is not None and linkage.rod_end is not None and today.rod_end is not None:
+        move = move - turn[0] @ np.subtract(linkage.rod_end.at, today.rod_end.at)[[0, 2]]
+    return np.append(move, 1.0)
+
+
+def _turn(linkage: Linkage, poses: RigidPoses) -> Array | None:
+    """How the rod end's link stands in the base's (n, 2, 2), in x and z.
+
+    None if not in one plane.
+    """
+    if linkage.rod_end is None:
+        return None
+    frames = [
+        linkage.arm.link_rotation(poses, link)
+        for link in (linkage.base.link, linkage.rod_end.link)
+    ]
+    turn = np.swapaxes(frames[0], 1, 2) @ frames[1]
+    if np.abs(turn[:, 1] - [0.0, 1.0, 0.0]).max() > STRAIGHT:
+        return None
+    return np.asarray(turn[:, [0, 2]][:, :, [0, 2]])

@@ -1,0 +1,341 @@
+"""What own masses can do at some poses, whatever the design: inertia, gravity and its slope enclosed by intervals.
+
+A barrel lies from the base pin along the unit vector u to the rod end, a rod ends there: P = B + t
+c u. With d the span, ∂u = (∂d − u ∂ℓ)/ℓ and the next derivative likewise, all in intervals over
+small boxes of both pins, of which the union counts. Masses are m = (m0/(A0 c0)) A c with closed
+length c, see ``own_masses``.
+
+Where a four-bar moves, its knee is anywhere within the rocker's length of the pivot, fixed to the
+pivot's link: that is so for all joints but its cylinder's own, which the bound holds then
+(``duality.drives``): nothing depends on that one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.program.constraints import SLACK
+from armdesign.design.program.dynamics import Problem
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.joint_ranges import sweep
+from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS, FourBar, Linkage
+from armdesign.units import GRAVITY
+
+TINY = 1e-6  # [m]
+CUTS = 2  # of every pin coordinate into small boxes
+POINTS = (
+    (0.0, 1 / 6),
+    (0.5, 2 / 3),
+    (1.0, 1 / 6),
+)  # of a uniform bar (Simpson), see ``arm.points_of_bar``
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A point over a box: place (n, 3), derivatives by the joints (n, k, 3) and (n, k, k, 3)."""
+
+    value: Interval
+    first: Interval
+    second: Interval
+
+    @classmethod
+    def of(cls, jet: VectorJet) -> Motion:
+        """A point that is known."""
+        return cls(interval(jet.value), interval(jet.first), interval(jet.second))
+
+    def __add__(self, other: Motion) -> Motion:
+        return Motion(
+            self.value + other.value, self.first + other.first, self.second + other.second
+        )
+
+    def __sub__(self, other: Motion) -> Motion:
+        return Motion(
+            self.value - other.value, self.first - other.first, self.second - other.second
+        )
+
+    def __mul__(self, factor: Interval | float) -> Motion:
+        return Motion(self.value * factor, self.first * factor, self.second * factor)
+
+    @property
+    def length(self) -> Interval:
+        """Of the vector to the point."""
+        return self.value.square().sum(axis=-1).sqrt()
+
+    @property
+    def unit(self) -> Motion:
+        """The vector's direction."""
+        inverse = self.length.reciprocal()
+        u = (self.value * inverse[:, None]).within(Interval(np.array(-1.0), np.array(1.0)))
+        slope = (u[:, None] * self.first).sum(axis=-1)
+        first = (self.first - u[:, None] * slope[..., None]) * inverse[:, None, None]
+        bend = _products(self.first) + (self.value[:, None, None] * self.second).sum(axis=-1)
+        bend = (bend - slope[:, :, None] * slope[:, None]) * inverse[:, None, None]
+        second = (
+            self.second
+            - first[:, :, None] * slope[:, None, :, None]
+            - first[:, None] * slope[:, :, None, None]
+        )
+        return Motion(
+            u, first, (second - u[:, None, None] * bend[..., None]) * inverse[:, None, None, None]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Jets:
+    """Pins seen from the root, by name, and how each that moves does so by its coordinates.
+
+    The rod end of a four-bar that moves is its pivot, from which the knee lies somewhere.
+    """
+
+    pins: Mapping[str, VectorJet]
+    steps: Mapping[str, Sequence[VectorJet]]
+
+    def _over(self, name: str, pins: Mapping[str, Interval]) -> Motion:
+        point = Motion.of(self.pins[name])
+        for k, step in enumerate(self.steps.get(name, ())):
+            by = pins[name][k]
+            if by.high > by.low:
+                point = point + Motion.of(step) * by
+        return point
+
+    def span(self, pins: Mapping[str, Interval]) -> Motion:
+        """The way from base pin to rod end over a box of pins."""
+        return self._over("rod_end", pins) - self._over("base", pins)
+
+    def bars(self, box: Box) -> list[tuple[Motion, Motion]]:
+        """Barrel, rod, and rocker and coupler if they move, over a box: where each starts, and the way to its end."""
+        base, rod_end = self._over("base", box.pins), self._over("rod_end", box.pins)
+        if box.way is None:
+            way = (rod_end - base).unit * box.closed
+        else:
+            first, *more = [
+                Motion.of(step) * box.way[k] for k, step in enumerate(self.steps["rod_end"])
+            ]
+            way = sum(more, first)
+        found = [(base, way), (rod_end, way * -1.0)]
+        if "lug" in self.pins:
+            found += [
+                (end, rod_end - end)
+                for end in (self._over("pivot", box.pins), self._over("lug", box.pins))
+            ]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Moves of pins [m] by name, and the closed length.
+
+    And of a four-bar that moves: rocker's and coupler's lengths, and the barrel as a vector in the
+    pivot's link [m].
+    """
+
+    pins: Mapping[str, Interval]
+    closed: Interval
+    bars: tuple[Interval, ...] = ()
+    way: Interval | None = None
+
+    @property
+    def lengths(self) -> tuple[Interval, ...]:
+        """Of the bars, in the order of ``Jets.bars``."""
+        return (self.closed, self.closed, *self.bars)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Barred:
+    """Barrel and rod of a cylinder over all designs, and rocker and coupler where they move.
+
+    Attributes:
+        cylinder: its index.
+        per_area: of barrel and rod, mass per length and bore or rod area [kg/m³]; of rocker and
+            coupler, mass per length [kg/m]; 0 where one weighs nothing.
+        area: least and largest bore and annulus areas (2, 2: ends, sides) [m²].
+        boxes: small boxes of its pins.
+    """
+
+    problem: Problem
+    cylinder: int
+    per_area: tuple[float, ...]
+    area: Array
+    boxes: tuple[Box, ...]
+
+    @cached_property
+    def _sections(self) -> tuple[Interval, ...]:
+        """Bore and rod area (of the design, all parallel cylinders together) [m²], and 1 of every other bar."""
+        low, high = self.area
+        rod = Interval(np.maximum(low[0] - high[1], 0.0), np.maximum(high[0] - low[1], 0.0))
+        return (Interval(low[0], high[0]), rod, *(interval(1.0) for _ in self.per_area[2:]))
+
+    def gravity(self, rigid: RigidPoses) -> Interval:
+        """Gravity torques (n, nq) [N m] of all bars.
+
+        Unknown on the joint of a four-bar that moves.
+        """
+        jets, found = _jets(self.problem, self.cylinder, rigid), []
+        for box in self.boxes:
+            total = interval(0.0)
+            for (pin, way), length, per_area, section in zip(
+                jets.bars(box), box.lengths, self.per_area, self._sections, strict=True
+            ):
+                middle = (pin.first + way.first * 0.5)[..., 2]
+                total = total + middle * (length * section * (per_area * GRAVITY))
+            found.append(total)
+        return Interval(
+            np.min([f.low for f in found], axis=0), np.max([f.high for f in found], axis=0)
+        )
+
+    def worth(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
+        """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be: of barrel and rod per area, of others in all.
+
+        Weights are zero for the joint of a four-bar that moves.
+        """
+        jets = _jets(self.problem, self.cylinder, rigid)
+        found = [self._worth(jets.bars(box), box.lengths, weights, squared) for box in self.boxes]
+        return tuple(np.max(found, axis=0).tolist())
+
+    def _worth(
+        self,
+        bars: list[tuple[Motion, Motion]],
+        lengths: Sequence[Interval],
+        weights: Array,
+        squared: float,
+    ) -> list[float]:
+        found = []
+        for (pin, way), length, per_area in zip(bars, lengths, self.per_area, strict=True):
+            total = (pin.second + way.second * 0.5)[..., 2] * (weights * GRAVITY)
+            for along, share in POINTS:
+                total = total - _products(pin.first + way.first * along) * (
+                    weights * (share * squared)
+                )
+            found.append(float((length * interval(total.high.sum()) * per_area).high))
+        return found
+
+    def most(self, worth: Sequence[float]) -> float:
+        """The most that a ``worth`` comes to with any areas."""
+        return float(
+            sum(
+                (section * value).high
+                for section, value in zip(self._sections, worth, strict=True)
+            )
+        )
+
+
+def barred(problem: Problem) -> list[Barred] | None:
+    """The cylinders whose bars depend on x.
+
+    None where a four-bar moves whose pivot is not on the base pin's link.
+    """
+    own, found = problem.own, []
+    for i, names in own.bars.items() if own else ():
+        today, four_bar = problem.machine.cylinders[i], problem.machine.linkages[i].four_bar
+        sections = {
+            "barrel": today.bore_area * today.closed_length,
+            "rod": (today.bore_area - today.annulus_area) * today.closed_length,
+        }
+        if four_bar is not None and _moving(problem, i):
+            if four_bar.pivot.link != problem.machine.linkages[i].base.link:
+                return None
+            sections |= {bar: getattr(four_bar, bar) for bar in BARS}
+        weigh = {name: today.moving_masses[name] / sections[name] for name in names}
+        low, high = (problem.areas(end)[i] for end in problem.bounds)
+        most = problem.requirements.thrust_share * (1 + SLACK) * problem.areas_today[i, 0]
+        found.append(
+            Barred(
+                problem=problem,
+                cylinder=i,
+                per_area=tuple(weigh.get(name, 0.0) for name in sections),
+                area=np.stack([low, np.minimum(high, [most, np.inf])]),
+                boxes=tuple(_boxes(problem, i)),
+            )
+        )
+    return found
+
+
+def _moving(problem: Problem, i: int) -> bool:
+    """Whether something of a cylinder's four-bar moves."""
+    return any(place in OF_FOUR_BAR for place, _ in problem.moves(i).values())
+
+
+def _boxes(problem: Problem, i: int) -> list[Box]:
+    """Small boxes of a cylinder's pins, and closed lengths over them: those at that end of the joint's range.
+
+    A four-bar that moves stays whole: the pivot and the rocker around it say where the knee is.
+    """
+    linkage, today = problem.machine.linkages[i], problem.machine.cylinders[i]
+    low, high = problem.bounds
+    moves = problem.moves(i)
+    cut = [CUTS if place in PINS[:2] else 1 for place, _ in moves.values()]
+    edges = [
+        np.linspace(low[v], high[v], n + 1) * problem.box for v, n in zip(moves, cut, strict=True)
+    ]
+    found = []
+    for chosen in itertools.product(*(range(n) for n in cut)):
+        pins: dict[str, Interval] = {}
+        for (place, axis), edge, k in zip(moves.values(), edges, chosen, strict=True):
+            at = pins.setdefault(place, Interval(*(np.zeros(3) for _ in range(2))))
+            at.low[axis], at.high[axis] = edge[k], edge[k + 1]
+        if linkage.four_bar is not None and _moving(problem, i):
+            found.append(_around(linkage, linkage.four_bar, pins))
+            continue
+        closed = interval(today.closed_length)
+        if moves:
+            joint = linkage.joints[0]
+            end = problem.machine.ranges[joint][0 if problem.arms_today[i][0] > 0 else 1]
+            rigid = sweep(linkage.arm, joint, np.array([end]))
+            closed = _jets(problem, i, rigid).span(pins).length[0]
+        found.append(Box(pins, closed))
+    return found
+
+
+def _around(linkage: Linkage, four_bar: FourBar, pins: dict[str, Interval]) -> Box:
+    """A box with the knee anywhere within the rocker's length of the pivot, at every pose."""
+    still = interval(np.zeros(3))
+    rocker, coupler = (
+        (pins.get(bar, still)[0] + getattr(four_bar, bar)).above(0.0) for bar in BARS
+    )
+    knee = pins.get("pivot", still) + Interval(np.full(3, -rocker.high), np.full(3, rocker.high))
+    span = (
+        knee - pins.get("base", still) + (np.array(four_bar.pivot.at) - np.array(linkage.base.at))
+    )
+    closed = span.square().sum(axis=0).sqrt()
+    unit = span * closed.above(TINY).reciprocal()
+    way = unit.within(Interval(np.full(3, -1.0), np.full(3, 1.0))) * closed
+    return Box({**pins, "rod_end": knee}, closed, (rocker, coupler), way)
+
+
+def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
+    linkage, joints = problem.machine.linkages[i], tuple(range(len(problem.machine.joints)))
+    ends, four_bar = linkage.bars(rigid, 1.0), linkage.four_bar
+    pins, places = (
+        {"base": ends["barrel"][0], "rod_end": ends["rod"][1]},
+        {p for p, _ in problem.moves(i).values()},
+    )
+    held = {place: linkage.pin(place) for place in places}
+    if four_bar is not None and _moving(problem, i):
+        pivot = ends["rocker"][0]
+        pins |= {"rod_end": pivot, "pivot": pivot, "lug": ends["coupler"][1]}
+        held |= {"rod_end": four_bar.pivot}
+    steps = {
+        place: [
+            linkage.arm.direction(rigid, pin.link, axis, linkage.arm.root, joints)
+            for axis in np.eye(3)
+        ]
+        for place, pin in held.items()
+        if pin is not None
+    }
+    return Jets(pins, steps)
+
+
+def _products(first: Interval) -> Interval:
+    """P_j·P_k (n, k, k)."""
+    mixed = (first[:, :, None] * first[:, None, :]).sum(axis=-1)
+    own, k = first.square().sum(axis=-1), np.arange(first.low.shape[1])
+    mixed.low[:, k, k], mixed.high[:, k, k] = own.low, own.high
+    return mixed

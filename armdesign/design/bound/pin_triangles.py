@@ -1,0 +1,124 @@
+"""Which triangles of joint, base pin and rod pin are possible while each pin stays in its box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.design.bound.intervals import Interval
+
+TOUCH = 1e-9  # [m] by which pins may leave their boxes here: rounding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PinBoxes:
+    """Corners (2, 2: lowest and highest, x and z) [m] of the boxes of both pins, each seen from the joint in its link.
+
+    The triangle is drawn with the rod pin at (scale, 0) and the base pin at scale·b: its direction
+    is the base pin's less the rod pin's.
+    """
+
+    base: Array
+    rod_end: Array
+
+    def region(self) -> tuple[Array, Array, tuple[float, float]]:
+        """Lowest and highest b (2,), and the scales, that hold every triangle."""
+        (near, far), scale = _distances(self.base), _distances(self.rod_end)
+        ratios = near / scale[1], far / max(scale[0], TOUCH)
+        centre, low, high = self._between(np.array([[near, far]]).T, np.array([scale]).T)
+        angles = np.linspace(low[0], high[0], 721) + centre
+        points = (
+            np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.array(ratios)[:, None, None]
+        )
+        margin = ratios[1] * (
+            1 - np.cos((high[0] - low[0]) / 1440)
+        )  # how far an arc rises over its chords
+        return points.min(axis=(0, 1)) - margin, points.max(axis=(0, 1)) + margin, scale
+
+    def scales(self, low: Array, high: Array, scale: Interval) -> Interval:
+        """The part of the scales (m,) at which a triangle with b in the box (m, 2) may be possible; or low > high."""
+        nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
+        farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=1)
+        near, far = _distances(self.base)
+        with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 says nothing
+            left = Interval(
+                np.fmax(scale.low, near / farthest), np.minimum(scale.high, far / nearest)
+            )
+        base = np.stack(
+            [np.maximum(near, left.low * nearest), np.minimum(far, left.high * farthest)]
+        )
+        centre, first, last = self._between(base, np.stack([left.low, left.high]))
+        possible = (left.low <= left.high) & _directions_meet(low, high, centre, first, last)
+        return Interval(left.low, np.where(possible, left.high, -np.inf))
+
+    def _between(self, base: Array, rod_end: Array) -> tuple[float, Array, Array]:
+        """A direction, and the least and greatest directions of b from it, for distances (2, m) of both pins."""
+        parts = [
+            _directions(box, *ends) for box, ends in ((self.base, base), (self.rod_end, rod_end))
+        ]
+        (c0, low0, high0), (c1, low1, high1) = parts
+        return c0 - c1, low0 - high1, high0 - low1
+
+
+def _distances(box: Array) -> tuple[float, float]:
+    """Least and greatest distance of a box from the joint."""
+    low, high = box
+    nearest = float(np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)))
+    return (
+        max(nearest - TOUCH, 0.0),
+        float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))) + TOUCH,
+    )
+
+
+def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Array]:
+    """Direction of a box's middle, and the range about it of its points with distances in [near, far] (m,).
+
+    An edge is straight, so directions along it run one way: extremes lie at corners or where an
+    edge meets a circle. Empty ranges come as (∞, −∞).
+    """
+    low, high = box
+    middle = (low + high) / 2
+    centre = float(np.arctan2(middle[1], middle[0]))
+    if np.all(low <= TOUCH) and np.all(high >= -TOUCH):
+        return centre, np.full(len(near), -2 * np.pi), np.full(len(near), 2 * np.pi)
+    corners = np.array([[x, z] for x in box[:, 0] for z in box[:, 1]])
+    sizes = np.linalg.norm(corners, axis=1)
+    points = [np.broadcast_to(corners, (len(near), 4, 2))]
+    allowed = [(sizes >= near[:, None] - TOUCH) & (sizes <= far[:, None] + TOUCH)]
+    for distance in (near, far):
+        for axis in (0, 1):
+            for edge in box[:, axis]:
+                rest = np.sqrt(np.maximum(distance**2 - edge**2, 0.0))[:, None] * [-1.0, 1.0]
+                across = np.full_like(rest, edge)
+                points.append(np.stack([across, rest] if axis == 0 else [rest, across], axis=2))
+                inside = (rest >= low[1 - axis] - TOUCH) & (rest <= high[1 - axis] + TOUCH)
+                allowed.append(inside & (distance[:, None] >= abs(edge) - TOUCH))
+    found, allowed_all = np.concatenate(points, axis=1), np.concatenate(allowed, axis=1)
+    angle = _wrapped(np.arctan2(found[..., 1], found[..., 0]) - centre)
+    margin = TOUCH / max(_distances(box)[0], TOUCH)
+    least = np.where(allowed_all, angle, np.inf).min(axis=1) - margin
+    return centre, least, np.where(allowed_all, angle, -np.inf).max(axis=1) + margin
+
+
+def _directions_meet(low: Array, high: Array, centre: float, first: Array, last: Array) -> Flags:
+    """Whether boxes (m, 2) have a point in a direction from ``first`` to ``last`` (m,), counted from ``centre``."""
+    corners = np.stack(
+        [
+            np.stack([x, z], axis=1)
+            for x in (low[:, 0], high[:, 0])
+            for z in (low[:, 1], high[:, 1])
+        ]
+    )
+    angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)
+    least, most = angle.min(axis=0), angle.max(axis=0)
+    everywhere = np.all((low <= 0) & (high >= 0), axis=1) | (
+        most - least > np.pi
+    )  # at the joint, or on both sides of ±π
+    everywhere |= (first < -np.pi) | (last > np.pi)
+    return np.asarray((first <= last) & (everywhere | ((least <= last) & (most >= first))))
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

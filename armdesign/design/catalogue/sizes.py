@@ -1,0 +1,148 @@
+"""Which bores and rods can be bought: ISO 3320, a maker's 5 mm grid, or the user's own list."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from armdesign.errors import ArmDesignError
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.units import mm
+
+Sizes = tuple[
+    tuple[float, float], ...
+]  # bore and rod [m], of each cylinder or of each entry of a catalogue
+
+ISO_BORES_MM = (25, 32, 40, 50, 63, 80, 90, 100, 110, 125, 140, 160, 180, 200, 220, 250, 280, 320)
+ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100, 110, 125, 140, 160, 180,
+               200, 220)  # fmt: skip
+GRID_MM = 5  # of makers of excavators
+SAME = 1e-9  # [m]
+LARGEST = 2.0  # [m] a bore beyond it was meant in mm
+
+
+def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:
+    """Every bore and rod [m] of a catalogue, in ascending order, each once.
+
+    Args:
+        catalogue: "iso" (bores and rods of ISO 3320, every rod thinner than the bore), "5mm" (25
+            to 320 mm), or pairs of bore and rod [m]: ``[(140 * mm, 100 * mm), …]``.
+
+    Raises:
+        ArmDesignError: an unknown name, or a pair that is no cylinder.
+    """
+    if catalogue == "iso":
+        pairs = [(bore, rod) for bore in ISO_BORES_MM for rod in ISO_RODS_MM if rod < bore]
+    elif catalogue == "5mm":
+        pairs = [
+            (bore, rod) for bore in range(25, 321, GRID_MM) for rod in range(10, bore, GRID_MM)
+        ]
+    elif isinstance(catalogue, str):
+        raise ArmDesignError(
+            "catalogue",
+            f'"{catalogue:.40}" is not known',
+            'give "iso", "5mm" or pairs of bore and rod',
+        )
+    else:
+        return _own(list(catalogue))
+    return tuple((bore * mm, rod * mm) for bore, rod in pairs)
+
+
+def _own(pairs: list[Sequence[float]]) -> Sizes:
+    """The user's pairs, checked."""
+    remedy = "give pairs of bore and rod in metres, like (140 * mm, 100 * mm)"
+    if not pairs:
+        raise ArmDesignError("catalogue", "is empty", remedy)
+    for pair in pairs:
+        try:
+            bore, rod = (float(value) for value in pair)
+        except (TypeError, ValueError):
+            raise ArmDesignError(
+                "catalogue", f"{pair!r:.60} is not a pair of numbers", remedy
+            ) from None
+        if not 0 < rod < bore < LARGEST:  # false for NaN too
+            raise ArmDesignError(
+                "catalogue", f"({bore:g}, {rod:g}) m is not 0 < rod < bore < {LARGEST:g} m", remedy
+            )
+    return tuple(sorted({(float(bore), float(rod)) for bore, rod in pairs}))
+
+
+def read_sizes(path: str | Path) -> Sizes:
+    """Bore and rod [m] of every line of a CSV file with columns ``bore_mm`` and ``rod_mm``.
+
+    Raises:
+        ArmDesignError: no such file, no such columns, or a line that is no cylinder.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise ArmDesignError(
+            str(path), f"cannot be read ({reason})", "give a CSV file, iso or 5mm"
+        ) from None
+    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    remedy = "give columns bore_mm and rod_mm"
+    if not {"bore_mm", "rod_mm"} <= set(rows.fieldnames or ()):
+        raise ArmDesignError(
+            str(path), f"has columns {', '.join(rows.fieldnames or ()) or 'none'}", remedy
+        )
+    pairs = []
+    for row in rows:
+        try:
+            pairs.append((float(row["bore_mm"]) * mm, float(row["rod_mm"]) * mm))
+        except (TypeError, ValueError):
+            raise ArmDesignError(
+                f"{path}: line {rows.line_num}", "is not a pair of numbers", remedy
+            ) from None
+    return sizes_of(pairs)
+
+
+def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: bool) -> Sizes:
+    """Sizes of a catalogue that leave a bore or rod that may not vary as it is.
+
+    The cylinder's own if neither may.
+
+    Raises:
+        ArmDesignError: no size has the bore or rod that stays.
+    """
+    own = (cylinder.bore, cylinder.rod)
+    if not (bore_varies or rod_varies):
+        return (own,)
+    stays = [k for k, varies in enumerate((bore_varies, rod_varies)) if not varies]
+    found = tuple(size for size in sizes if all(abs(size[k] - own[k]) < SAME for k in stays))
+    if not found:
+        key = ("bore", "rod")[stays[0]]
+        raise ArmDesignError(
+            "catalogue",
+            f"has no size with the {key} of the {cylinder.name} cylinder,"
+            f" {size_in_mm(own[stays[0]]):g} mm",
+            f"offer one, or let cylinder.{cylinder.name}.{key}_mm vary too",
+        )
+    return found
+
+
+def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:
+    """The cylinder with another bore and rod [m], and dead volumes that grow with the areas if ``proportional``."""
+    new = replace(cylinder, bore=bore, rod=rod)
+    if not proportional:
+        return new
+    return replace(
+        new,
+        cap_dead_volume=cylinder.cap_dead_volume * new.bore_area / cylinder.bore_area,
+        annulus_dead_volume=cylinder.annulus_dead_volume
+        * new.annulus_area
+        / cylinder.annulus_area,
+    )
+
+
+def relative_areas(cylinder: Cylinder, bore: float, rod: float) -> tuple[float, float]:
+    """Bore and annulus area of another bore and rod [m], over those of the cylinder."""
+    new = sized(cylinder, bore, rod)
+    return new.bore_area / cylinder.bore_area, new.annulus_area / cylinder.annulus_area
+
+
+def size_in_mm(size: float) -> float:
+    """A bore or rod as its file writes it [mm]."""
+    return round(size / mm, 6)

@@ -1,0 +1,367 @@
+"""The doors of the design: ``optimize`` and ``size_cylinders``, and the ``Design`` they answer with.
+
+The optimum is found in real numbers, then rounded to what a drawing can say (0.1 mm), written to a
+machine file, read back and judged by ``check``, which knows nothing of the optimiser.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.certificate import Bound, upper_bound
+from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
+from armdesign.design.catalogue.branch_and_bound import Selection
+from armdesign.design.catalogue.sizes import sizes_of
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.provenance import call, documented
+from armdesign.design.requirements.check import Check, slacks, static_loads
+from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.multistart import Starts, met, multistart, posed
+from armdesign.design.search.refusal import not_written
+from armdesign.design.search.rounding import worst_on_poses, written
+from armdesign.design.search.sequential_sdp import PRICED, Search, hertz
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
+from armdesign.frequency.maps import FrequencyMap, frequency_map
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+from armdesign.units import WORKSHOP
+
+SMALLER = 0.99  # areas, to tell what depends on them
+BINDING = 2e-3  # a requirement with less slack than this binds
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """A new machine, why it is allowed, and what it gains.
+
+    Attributes:
+        machine: the new machine, rounded and read back from its file.
+        today: the machine it was made from.
+        requirements: the limits it was made under.
+        checks: every requirement judged on the new machine.
+        worth: for each requirement, the relative gain in the worst frequency if it were relaxed by
+            1 %, solved again from the optimum; requirements that one setting states are relaxed
+            together and share the gain.
+        at_margin: the same if it were what the first of that 1 % buys (its multiplier), before
+            another limit is met.
+        unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within
+            the bands that it was made for [Hz].
+        starts: worst frequency that each start of the search reached [Hz], without those that
+            failed.
+        failed_starts: of every start that failed why, in words.
+        workspace: today's workspace.
+        problem: the problem that was solved.
+        x: the optimum before rounding.
+        watched: rows of the problem that the search kept an eye on.
+        selection: the sizes of a catalogue and their proof, where nothing but sizes varied; None
+            otherwise.
+    """
+
+    machine: Machine
+    today: Machine
+    requirements: Requirements
+    checks: tuple[Check, ...]
+    worth: dict[str, float]
+    at_margin: dict[str, float]
+    unrounded: float
+    starts: tuple[float, ...]
+    failed_starts: tuple[str, ...]
+    workspace: Workspace
+    problem: Problem
+    x: Array
+    watched: Array
+    selection: Selection | None = None
+
+    @classmethod
+    def of(
+        cls, search: Search, starts: Starts, selection: Selection | None = None, *, command: str
+    ) -> Design:
+        """The rounded design of a search, with what its starts came to, and the attribute ``selection``.
+
+        Its file says that ``command`` made it.
+
+        Raises:
+            InfeasibleError: it misses a requirement, or nothing near it does that can be written.
+        """
+        search = met(search)
+        found = written(search)
+        if found is None:
+            raise not_written(search)
+        machine, checks = found
+        problem, worth = search.problem, {} if selection else search.worth()
+        return cls(
+            machine=documented(machine, problem.machine, problem.requirements, command),
+            today=problem.machine,
+            requirements=problem.requirements,
+            checks=checks,
+            worth={name: w.gain for name, w in worth.items()},
+            at_margin={name: w.at_margin for name, w in worth.items()},
+            unrounded=hertz(search.squared),
+            starts=starts.reached,
+            failed_starts=starts.failed,
+            workspace=problem.workspace,
+            problem=problem,
+            x=search.x,
+            watched=search.rows,
+            selection=selection,
+        )
+
+    @property
+    def catalogue(self) -> bool:
+        """Whether bores and rods are those of a catalogue."""
+        return bool(self.problem.sizes)
+
+    @cached_property
+    def before(self) -> FrequencyMap:
+        """Today's machine over its workspace."""
+        return frequency_map(self.today, self.workspace)
+
+    @cached_property
+    def after(self) -> FrequencyMap:
+        """The new machine over the same workspace."""
+        return frequency_map(self.machine, self.workspace)
+
+    @cached_property
+    def in_own_workspace(self) -> FrequencyMap:
+        """The new machine over its own workspace: end margins are shares of its own strokes."""
+        counts = [len(axis) for axis in self.workspace.axes]
+        own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
+        return frequency_map(self.machine, own)
+
+    @property
+    def bands(self) -> Bands:
+        """What is not known exactly: the bands it was made for.
+
+        Those of the machine's file if it was made for none.
+        """
+        return Bands.of(self.today) if self.problem.bands == Bands() else self.problem.bands
+
+    @cached_property
+    def band_before(self) -> FrequencyBand:
+        """Today's worst frequency within the bands, on the workspace's poses."""
+        return frequency_band(self.today, self.workspace, self.bands)
+
+    @cached_property
+    def band_after(self) -> FrequencyBand:
+        """The new machine's worst frequency within the bands, on the same poses."""
+        return frequency_band(self.machine, self.workspace, self.bands)
+
+    def written_by(self, command: str) -> Machine:
+        """The new machine with a file that says it was made by ``command``, as typed in a terminal."""
+        return documented(self.machine, self.today, self.requirements, command)
+
+    def plot(self, plane: str = "joints") -> Any:
+        """Maps before and after on one colour scale over two joints or over reach and height.
+
+        Returns the figure.
+        """
+        from armdesign.plots import drawing as plots
+
+        return plots.before_after(self, plane)
+
+    @cached_property
+    def certificate(self) -> Bound | None:
+        """What no design of this kind can exceed, and what that assumes.
+
+        Where pins vary it takes seconds to find.
+
+        With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary,
+        or own masses with the sizes: what no sizes at all exceed, so none of the catalogue either.
+        Refused where this design exceeds it.
+        """
+        if (
+            self.selection is not None and self.problem.own is None
+        ):  # else sizes were chosen with masses held
+            words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
+            refused = (
+                ""
+                if math.isfinite(self.selection.bound)
+                else "the one of all combinations lies below the best"
+            )
+            found = Bound(
+                frequency=self.selection.bound, held=(), assumptions=words, refused=refused
+            )
+            return found.above(self.unrounded)
+        free = replace(self.problem, sizes=()) if self.catalogue else self.problem
+        known = upper_bound(free.softened, self.x, self.watched)
+        return known and known.above(
+            max(self.unrounded, worst_on_poses(self.machine, self.problem))
+        )
+
+    @property
+    def bound(self) -> float | None:
+        """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz].
+
+        None: none is known.
+        """
+        known = self.certificate is not None and math.isfinite(self.certificate.frequency)
+        return self.certificate.frequency if self.certificate and known else None
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the bound exceeds the optimum before rounding.
+
+        None where no bound is known.
+        """
+        if self.bound is None:
+            return None
+        return self.bound / self.unrounded - 1 if self.unrounded > 0 else math.inf
+
+    @property
+    def slacks(self) -> dict[str, float]:
+        """Relative slack of every requirement, ≥ 0 where it is met."""
+        return {c.name: c.slack for c in self.checks}
+
+    @property
+    def binding(self) -> list[Check]:
+        """Requirements that bind and cost frequency, the dearest first."""
+        held = [
+            c
+            for c in self.checks
+            if c.slack < BINDING and self.at_margin.get(c.name, 0.0) > PRICED
+        ]
+        return sorted(held, key=lambda c: -self.worth[c.name])
+
+    @property
+    def tightest(self) -> list[Check]:
+        """Requirements that depend on the areas, that of least slack first: what counts where sizes come in steps."""
+        loads = static_loads(self.machine, self.workspace)
+        areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
+        both = np.stack([areas, SMALLER * areas])
+        names, (here, there) = slacks(
+            self.machine, both, self.today, self.workspace, self.requirements, loads
+        )
+        hang = {
+            name for name, slack, other in zip(names, here, there, strict=True) if slack != other
+        }
+        return sorted((c for c in self.checks if c.name in hang), key=lambda c: c.slack)
+
+    @property
+    def sentences(self) -> list[str]:
+        """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
+        return [
+            c.sentence(self.worth[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding
+        ]
+
+
+def optimize(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    vary: Sequence[str] = ("areas", "pins"),
+    *,
+    starts: int | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    start: Design | None = None,
+    bands: Bands | None = None,
+    catalogue: str | Iterable[Sequence[float]] | None = None,
+) -> Design:
+    """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
+
+    Args:
+        machine: today's machine.
+        workspace: poses that count; default grid if None.
+        requirements: limits; those of the machine's file if None.
+        vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of
+            the machine file ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar",
+            "cylinder.stick.base.at_mm.0").
+        starts: how many starts the search makes; the first is today's machine, the others are
+            drawn in the pin box. None: 3, or 6 where four-bars move.
+        seed: of the drawn starts. The same seed gives the same answer.
+        workers: processes that share the starts. The answer does not depend on it; a process takes
+            some seconds to set up, so that it pays from about ten starts, or three with four-bars.
+        start: a design of the same machine under other limits, where the first start is then made.
+        bands: what is not known exactly. The frequency that rises is then the worst within them;
+            requirements are judged at the values of the file. None: all is exact, whatever bands
+            the file states.
+        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None:
+            any size on the 0.1 mm grid. From the best free sizes one cylinder after the other
+            takes a size of the catalogue while the rest follows; then the best sizes for the pins
+            and the best pins for the sizes are found in turn, and one size after the other is
+            taken anew, until nothing is better. ``bound`` is that of free sizes and pins; where no
+            pin varies, that of the catalogue. A bore or rod that does not vary stays: then only
+            pairs that have it are offered.
+
+    Raises:
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from
+            another machine; no catalogue, or one of no use.
+        InfeasibleError: no design meets the requirements.
+    """
+    problem = posed(machine, workspace, requirements, vary, bands=bands)
+    if start is not None and _names(start.today) != _names(machine):
+        raise ArmDesignError(
+            "start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it"
+        )
+    given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
+    command = call(
+        "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands, catalogue=catalogue
+    )
+    if catalogue is not None and problem.moving:
+        found = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
+        return Design.of(*found, command=command)
+    if catalogue is not None:
+        return _of_catalogue(problem, catalogue, command)
+    return Design.of(
+        *multistart(problem, starts, seed, workers, given and given[0]), command=command
+    )
+
+
+def size_cylinders(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    *,
+    dead_volume: str = "fixed",
+    bands: Bands | None = None,
+    catalogue: str | Iterable[Sequence[float]] | None = None,
+) -> Design:
+    """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
+
+    With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in
+    the areas: one semidefinite programme is the global optimum and ``bound`` its dual certificate
+    (where buckling binds, which is reverse-convex, the bound may stay above the value). With
+    "fixed" each step replaces the convex stiffness by its tangent, so frequencies rise from step
+    to step; ``bound`` comes from its chord over all areas that are allowed.
+
+    With a ``catalogue`` ("iso", "5mm" or pairs of bore and rod [m]) every cylinder has one of its
+    sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that is
+    proved, and lies above it by the gap that is left where the combinations are too many.
+
+    With ``bands`` the worst frequency within them counts, as in ``optimize``, for the bound too.
+
+    Raises:
+        InfeasibleError: no sizes meet the requirements.
+    """
+    if dead_volume not in ("fixed", "proportional"):
+        raise ArmDesignError(
+            "dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"'
+        )
+    problem = posed(
+        machine, workspace, requirements, ("areas",), dead_volume == "proportional", bands
+    )
+    command = call("size_cylinders", dead_volume=dead_volume, bands=bands, catalogue=catalogue)
+    if catalogue is not None:
+        return _of_catalogue(problem, catalogue, command)
+    search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
+    return Design.of(search, Starts((hertz(search.squared),)), command=command)
+
+
+def _names(machine: Machine) -> tuple[str, ...]:
+    """Joints and functions."""
+    return (*machine.joints, *(function.name for function in machine.functions))
+
+
+def _of_catalogue(
+    problem: Problem, catalogue: str | Iterable[Sequence[float]], command: str
+) -> Design:
+    search, selection = sizes_for_pins(problem, sizes_of(catalogue))
+    return Design.of(search, Starts((selection.frequency,)), selection, command=command)

@@ -1,0 +1,122 @@
+"""Own masses of cylinders and four-bars, which follow their sizes and pins.
+
+Every bar keeps the steel of today's per length and section: a barrel weighs in proportion to its
+bore area and the closed length (a wall that grows with the bore is what equal pressure asks), a
+rod to its area and that length, rocker and coupler to their lengths. So for given pins inertia,
+gravity and its slope are affine in the areas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses, of_points, points_of_bar
+from armdesign.mechanism.linkage import BARS, Linkage
+
+Loads: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
+
+
+def masses(
+    cylinder: Cylinder, linkage: Linkage, areas: Any, closed: Any, new: Linkage
+) -> dict[str, Any]:
+    """Mass of each bar that weighs [kg], all parallel cylinders together, with other areas, lengths and four-bar.
+
+    Args:
+        cylinder: today's.
+        linkage: today's.
+        areas: bore and annulus, all together (…, 2) [m²]; may be complex.
+        closed: length [m].
+        new: the linkage with the new four-bar.
+    """
+    longer, rod = closed / cylinder.closed_length, cylinder.bore_area - cylinder.annulus_area
+    shares = {
+        "barrel": areas[..., 0] / cylinder.bore_area * longer,
+        "rod": (areas[..., 0] - areas[..., 1]) / rod * longer,
+    }
+    if linkage.four_bar is not None and new.four_bar is not None:
+        shares |= {
+            bar: getattr(new.four_bar, bar) / getattr(linkage.four_bar, bar) for bar in BARS
+        }
+    return {name: mass * shares[name] for name, mass in cylinder.moving_masses.items()}
+
+
+def with_masses(cylinder: Cylinder, found: Mapping[str, Any]) -> Cylinder:
+    """A cylinder with bars of other masses [kg], all parallel cylinders together."""
+    counts = {"barrel": cylinder.count, "rod": cylinder.count}
+    changes: dict[str, Any] = {
+        f"{name}_mass": float(mass) / counts.get(name, 1) for name, mass in found.items()
+    }
+    return replace(cylinder, **changes)
+
+
+def weighed(new: Machine, today: Machine) -> Machine:
+    """A machine with the own masses that its sizes and pins make of today's."""
+    cylinders = []
+    for c, linkage, old, before in zip(
+        new.cylinders, new.linkages, today.cylinders, today.linkages, strict=True
+    ):
+        areas = np.array([c.bore_area, c.annulus_area])
+        cylinders.append(with_masses(c, masses(old, before, areas, c.closed_length, linkage)))
+    return replace(new, cylinders=tuple(cylinders))
+
+
+@dataclass(frozen=True, eq=False)
+class OwnMasses:
+    """The bars of a machine that a design changes: for each of some cylinders, their names."""
+
+    machine: Machine
+    bars: Mapping[int, Sequence[str]]
+
+    @property
+    def rest(self) -> Machine:
+        """The machine without these bars."""
+        cylinders = list(self.machine.cylinders)
+        for i, names in self.bars.items():
+            cylinders[i] = with_masses(cylinders[i], dict.fromkeys(names, 0.0))
+        return replace(self.machine, cylinders=tuple(cylinders))
+
+    def rows(self, i: int) -> slice:
+        """Where the bars of cylinder ``i`` stand among all of them."""
+        first = sum(len(names) for k, names in self.bars.items() if k < i)
+        return slice(first, first + len(self.bars[i]))
+
+    def masses(self, areas: Array, closed: Array, linkages: Sequence[Linkage]) -> Array:
+        """Mass of each bar (…, k) [kg] with areas (…, nc, 2) [m²], closed lengths (…, nc) [m] and four-bars."""
+        return np.concatenate(
+            [self.masses_of(i, areas[..., i, :], closed[..., i], linkages[i]) for i in self.bars],
+            axis=-1,
+        )
+
+    def masses_of(self, i: int, areas: Array, closed: Any, linkage: Linkage) -> Array:
+        """Those of the bars of one cylinder."""
+        found = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
+        like = areas[..., 0]  # whose shape and type rocker and coupler alone would not have
+        return np.stack(
+            np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1
+        )[..., 1:]
+
+    def units(self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses) -> Loads:
+        """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
+        parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
+        mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return mass, gravity, slope
+
+    def units_of(self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses) -> Loads:
+        """Those of the bars of one cylinder."""
+        ends = linkage.bars(rigid, closed)
+        parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]
+        mass, gravity, slope = (np.stack(part) for part in zip(*parts, strict=True))
+        return mass, gravity, slope
+
+
+def summed(masses: Array, units: Loads) -> Loads:
+    """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k) from those of a kilogram of each."""
+    mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
+    return mass, gravity, slope

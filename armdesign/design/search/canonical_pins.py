@@ -1,0 +1,94 @@
+"""Equally good designs: of all that differ by nothing that counts, the one that moves the pins least.
+
+Turn all pins of a cylinder together about the joint that it drives, each in its own link, and its
+length, moment arm and stroke stay what they are at every pose: the four pin coordinates make three
+numbers of a triangle. Without a preference the answer would depend on where the search started.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.program.dynamics import Problem
+from armdesign.mechanism.linkage import PINS
+
+ANGLES = 400  # tried between the pins as found and the least move, where the box is in the way
+
+
+def settled(problem: Problem, x: Array) -> Array:
+    """The design of the same lengths and moment arms as x whose pins lie as near to today's as the box allows.
+
+    A cylinder keeps its pins where not all of them may move in the plane in which their joint
+    turns; all do where something else feels the turning: own masses, outlines, clearances, boxes
+    of single pins.
+    """
+    x, r = x.copy(), problem.requirements
+    felt = problem.own or r.outlines or r.clearances or r.pin_boxes
+    for i in problem.moving if not felt else ():
+        entries, centres, mirrored = _turnable(problem, i)
+        if len(entries) == 0:
+            continue
+        today = _levers(problem, problem.start, i, centres, mirrored)
+        found = _levers(problem, x, i, centres, mirrored)
+        turned = _least(found, today, problem.box)
+        moved = (turned - today) / problem.box
+        x[entries[:, 0]], x[entries[:, 1]] = (
+            moved.real,
+            np.where(mirrored, -moved.imag, moved.imag),
+        )
+    return x
+
+
+def _least(found: Array, today: Array, box: float) -> Array:
+    """Levers (as complex numbers) turned together to the least sum of squared moves, or towards it within the box."""
+    angle = np.angle(np.sum(np.conj(found) * today))
+    turned = found * np.exp(1j * np.linspace(0.0, angle, ANGLES))[:, None]
+    moved = turned - today
+    reach = np.maximum(np.abs(moved.real), np.abs(moved.imag)).max(axis=1)
+    outside = np.flatnonzero(reach > max(box, reach[0]))
+    return np.asarray(turned[outside[0] - 1 if len(outside) else -1])
+
+
+def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
+    """Entries of x of a cylinder's pins (pins, 2), the joint's place in their links, and which see it from behind.
+
+    Empty where they cannot turn.
+    """
+    arm, linkage = problem.machine.arm, problem.machine.linkages[i]
+    joint, index = linkage.joints[0], {move: entry for entry, move in problem.moves(i).items()}
+    pose = arm.kinematics(np.zeros((1, len(arm.joints))))
+    entries, centres, mirrored = [], [], []
+    for link, name in _pins(problem, i):
+        into_link = arm.link_rotation(pose, link)[0].T
+        axis = into_link @ pose.axis[0, joint]
+        free = [axis_ for name_, axis_ in index if name_ == name]
+        if (
+            sorted(free) != [0, 2]
+            or abs(abs(axis[1]) - 1) > 1e-9
+            or not arm.joints[joint].revolute
+        ):
+            return np.empty((0, 2), dtype=int), np.empty(0), np.empty(0, dtype=bool)
+        entries.append([index[name, 0], index[name, 2]])
+        centre = into_link @ (pose.translation[0, joint] - arm.point(pose, link, np.zeros(3))[0])
+        centres.append(complex(centre[0], centre[2]))
+        mirrored.append(bool(axis[1] < 0))
+    return np.array(entries), np.array(centres), np.array(mirrored)
+
+
+def _pins(problem: Problem, i: int) -> list[tuple[str, str]]:
+    """Link and name of every pin of a cylinder's linkage."""
+    linkage = problem.machine.linkages[i]
+    held = {name: linkage.pin(name) for name in PINS}
+    return [(pin.link, name) for name, pin in held.items() if pin is not None]
+
+
+def _levers(problem: Problem, x: Array, i: int, centres: Array, mirrored: Array) -> Array:
+    """From the joint to every pin in its link's plane, x + i z [m].
+
+    Conjugate where the link sees the joint turned.
+    """
+    linkage = problem.linkages(x)[i]
+    places = [linkage.place(name) or (0.0, 0.0, 0.0) for _, name in _pins(problem, i)]
+    levers = np.array([complex(at[0], at[2]) for at in places]) - centres
+    return np.asarray(np.where(mirrored, np.conj(levers), levers))

@@ -1,0 +1,175 @@
+"""Semidefinite programmes of the design: the only door to cvxpy.
+
+Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,
+low ≤ x ≤ high, where A and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a
+reference.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import InfeasibleError
+
+PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
+# share by which a bound may lie below a design that misses requirements by as little as a search
+# may
+MISLAID = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Answer of one programme: change of x, λ foreseen, multipliers of the constraints and matrix inequalities."""
+
+    change: Array  # (nx,)
+    value: float
+    violation: float  # sum of what had to be given up on the constraints
+    multipliers: Array  # (m,) of c + C x ≥ 0
+    low_multipliers: Array  # (nx,)
+    high_multipliers: Array  # (nx,)
+    weights: Array  # (n, nq, nq) of the matrix inequalities
+
+
+class StepProgramme:
+    """The programme with n poses, m constraints and nx variables, set up once and solved for many data.
+
+    Constraints may be violated at a price, so that a step from an infeasible x exists.
+    """
+
+    def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
+        import cvxpy as cp
+        from scipy.sparse import eye_array, kron
+
+        self.shape = (n, nq, m, nx)
+        upper = np.transpose(np.triu_indices(nq))
+        self._pairs = upper.T
+        entries = n * len(upper)
+        self._base, self._unit = cp.Parameter(entries), cp.Parameter(entries)
+        self._slopes = cp.Parameter((entries, nx))
+        self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
+        self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
+        self._change, self._lambda = cp.Variable(nx), cp.Variable()
+        self._excess = cp.Variable(m, nonneg=True)
+        place = np.zeros((nq * nq, len(upper)))
+        for k, (a, b) in enumerate(upper):
+            place[a * nq + b, k] = place[b * nq + a, k] = 1.0
+        triangles = self._base + self._slopes @ self._change - self._unit * self._lambda
+        whole = kron(eye_array(n), place, format="csr") @ triangles
+        self._matrices = cp.reshape(whole, (n, nq, nq), order="C") >> 0
+        self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
+        self._box = [self._change >= self._low, self._change <= self._high]
+        objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
+        self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
+
+    def solve(
+        self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
+    ) -> Step:
+        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``.
+
+        Raises:
+            InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
+        """
+        if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
+            raise InfeasibleError(
+                "design step", "stiffness or a requirement is not finite here", "start elsewhere"
+            )
+        a, b = self._pairs
+        frame = _levelled(base)
+        turned = np.swapaxes(frame, 1, 2)
+        unit = np.eye(base.shape[1])
+        self._base.value, self._unit.value = (
+            (frame @ m @ turned)[:, a, b].ravel() for m in (base, unit)
+        )
+        self._slopes.value = (frame @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
+        self._value.value, self._jacobian.value = value, jacobian
+        self._low.value, self._high.value = low, high
+        _solve(self._problem)
+        return Step(
+            change=np.clip(np.asarray(self._change.value), low, high),
+            value=float(np.sum(self._lambda.value)),
+            violation=float(np.sum(self._excess.value)),
+            multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
+            low_multipliers=np.asarray(self._box[0].dual_value),
+            high_multipliers=np.asarray(self._box[1].dual_value),
+            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ frame,
+        )
+
+
+@lru_cache(maxsize=8)
+def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
+    """The programme of this shape, set up once in a process.
+
+    Not for use by several threads at a time.
+    """
+    return StepProgramme(n, nq, m, nx)
+
+
+def _levelled(base: Array) -> Array:
+    """A congruence T for each matrix A, so that T A Tᵀ has no large entries: stiff modes may be 10⁵ × the lowest."""
+    size, vectors = np.linalg.eigh(base)
+    return np.asarray(
+        np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2)
+    )
+
+
+def certificate(step: Step) -> Array:
+    """The solver's multipliers of the matrix inequalities, made to be what weak duality asks: Z_j ⪰ 0, Σ tr Z_j = 1."""
+    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
+    weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+    return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
+
+
+def dual_bound(
+    step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
+) -> float:
+    """An upper bound on λ that holds whatever the solver did.
+
+    For any weights Z_j ⪰ 0 with Σ tr Z_j = 1 and y ≥ 0, weak duality gives
+    λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The
+    solver's multipliers, made to meet the signs and the trace, are such weights.
+    """
+    weights = certificate(step)
+    constant = np.einsum("nij,nij->", weights, base) + step.multipliers @ value
+    slope = np.einsum("nij,vnij->v", weights, slopes) + step.multipliers @ jacobian
+    return float(constant + np.maximum(slope * low, slope * high).sum())
+
+
+def lifted(found: float, reached: float, weights: Array, light: Array) -> float:
+    """An upper bound on λ where M depends on x too, from one on its stand-in near a λ that is ``reached``.
+
+    Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``found`` ≥ Σ ⟨Z_j,
+    that⟩ for all x. Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ found − reached − (λ −
+    reached) Σ ⟨Z_j, L⁻¹M L⁻ᵀ⟩, and M is never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light``
+    (n, nq, nq), the identity where M does not depend on x.
+    """
+    return reached + max(found - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
+
+
+def contradicted(bound: float, reached: float) -> bool:
+    """Whether a bound is none: not a number, or below what an allowed design reaches, both in Hz or both as ω²."""
+    return not bound >= reached - MISLAID * abs(reached)
+
+
+def _solve(problem: Any) -> None:
+    import cvxpy as cp
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "ignore"
+            )  # "solution may be inaccurate": every step is judged by its true objective
+            problem.solve(solver=cp.CLARABEL, warm_start=False)
+    except cp.SolverError as error:
+        raise InfeasibleError(
+            "design step", f"the solver gave up ({error})", "loosen the requirements"
+        ) from None
+    if problem.status not in ("optimal", "optimal_inaccurate"):
+        raise InfeasibleError(
+            "design step", f"the solver says {problem.status}", "loosen the requirements"
+        )

@@ -1,0 +1,145 @@
+"""Natural modes of an arm on trapped oil: K v = ω² M v at every pose.
+
+Three frequencies stand side by side: the coupled modes (what limits the machine), each cylinder
+with the others locked (the paper's formula generalised; never below the lowest coupled mode), and
+the rigid load (the paper's comparison).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags, chunks, stacked
+from armdesign.errors import PoseError
+from armdesign.machine.poses import Poses, own_joints
+from armdesign.units import GRAVITY
+
+PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural frequencies at n poses; arrays are read-only.
+
+    Attributes:
+        frequencies: coupled modes (n, nq) ascending [Hz]; 0 where the pose is unstable on its
+            trapped oil (ω² ≤ 0).
+        shapes: joint motions (n, nq, nq), column k belongs to frequency k, scaled to vᵀ M v = 1.
+        locked_frequencies: each cylinder with all others locked (n, nc) [Hz], inf where these
+            leave no motion. Cylinders with parallel rows of R, such as two on one joint, are
+            released together.
+        rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where
+            that load vanishes.
+    """
+
+    frequencies: Array
+    shapes: Array
+    locked_frequencies: Array
+    rigid_frequencies: Array
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            value.setflags(write=False)
+
+
+def natural_modes(poses: Poses) -> Modes:
+    """Coupled, locked and rigid-load natural frequencies at every pose, valves closed and no damping.
+
+    Raises:
+        PoseError: the inertia is not positive definite (a massless joint without payload).
+    """
+    return stacked((_natural_modes(poses[rows]) for rows in chunks(len(poses))), len(poses))
+
+
+def _natural_modes(poses: Poses) -> Modes:
+    mass, stiffness = poses.mass_matrix, poses.stiffness_matrix
+    inverse = _inverse_cholesky(poses)
+    squared, vectors = np.linalg.eigh(inverse @ stiffness @ np.swapaxes(inverse, 1, 2))
+    equivalent_mass = np.abs(poses.cylinder_forces) / GRAVITY
+    with np.errstate(divide="ignore"):
+        rigid = np.sqrt(poses.oil_stiffness / equivalent_mass) / (2 * math.pi)
+    return Modes(
+        frequencies=_hertz(squared),
+        shapes=np.swapaxes(inverse, 1, 2) @ vectors,
+        locked_frequencies=_locked(poses, mass, stiffness),
+        rigid_frequencies=rigid,
+    )
+
+
+def lowest_frequency(poses: Poses) -> Array:
+    """Lowest coupled natural frequency (n,) [Hz]."""
+    inverse = _inverse_cholesky(poses)
+    return _hertz(
+        np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ np.swapaxes(inverse, 1, 2))[:, 0]
+    )
+
+
+def energy_shares(poses: Poses, modes: Modes) -> Array:
+    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc): k_i (r_i·v)² over their sum.
+
+    The cylinder with the largest share in the lowest mode is the one that limits the pose.
+    """
+    energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
+    return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
+
+
+def _inverse_cholesky(poses: Poses) -> Array:
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(poses.mass_matrix)))
+    except np.linalg.LinAlgError:
+        raise PoseError(
+            "mass matrix",
+            "is not positive definite: a joint moves no mass",
+            "give its links inertia or load a payload",
+        ) from None
+
+
+def _hertz(squared: Array) -> Array:
+    """Frequency [Hz] of ω² [rad²/s²]; 0 for an unstable mode."""
+    return np.asarray(np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi))
+
+
+def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
+    """Lowest frequency of each cylinder with all others locked (n, nc) [Hz].
+
+    Inf where they leave no motion.
+
+    Locked cylinders hold the rows of R that are theirs, so only motions in the null space of these
+    rows remain: K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its
+    joint. Cylinders whose row is in the span of row i, such as two on one joint, cannot move alone
+    and are released together.
+    """
+    arms, own = poses.moment_arms, own_joints(poses.moment_arms)
+    if own is not None:
+        return _hertz(stiffness[:, own, own] / mass[:, own, own])
+    locked = np.full(arms.shape[:2], np.inf)
+    for i in range(arms.shape[1]):
+        held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
+        for rows, basis in _null_spaces(held):
+            transposed = np.swapaxes(basis, 1, 2)
+            inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass[rows] @ basis))
+            small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
+            locked[rows, i] = _hertz(np.linalg.eigvalsh(small)[:, 0])
+    return locked
+
+
+def _in_span(rows: Array, row: Array) -> Flags:
+    """Whether each of the rows (n, k, nq) is a multiple of ``row`` (n, nq): (n, k)."""
+    squared = (row**2).sum(axis=1)[:, None, None]
+    along = (rows @ row[:, :, None]) / np.where(squared > 0, squared, 1.0)
+    rest = rows - along * row[:, None, :]
+    return np.asarray(np.linalg.norm(rest, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
+
+
+def _null_spaces(held: Array) -> list[tuple[Array, Array]]:
+    """Motions that leave the rows ``held`` (n, k, nq) unmoved: poses of one rank, and their orthonormal basis.
+
+    Poses at which they leave none are left out.
+    """
+    _, sizes, right = np.linalg.svd(held)
+    rank = (sizes > 1e-9).sum(axis=1)
+    poses = [np.flatnonzero(rank == r) for r in np.unique(rank) if r < held.shape[2]]
+    return [(rows, np.swapaxes(right[rows, rank[rows[0]] :], 1, 2)) for rows in poses]

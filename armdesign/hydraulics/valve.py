@@ -1,0 +1,159 @@
+"""The 4/3 proportional valve, the load-holding valve and the friction of a cylinder: their data and their laws.
+
+The laws are elementwise: they take numbers, or arrays of one shape, as do the fields of the data
+they are given.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+LAMINAR_DROP = 0.5e5  # [Pa] below about this drop the flow through a metering edge is laminar
+RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edges:
+    """Gains of the four metering edges relative to the rated one."""
+
+    supply_to_cap: float = 1.0
+    supply_to_annulus: float = 1.0
+    cap_to_return: float = 1.0
+    annulus_to_return: float = 1.0
+
+
+EQUAL_EDGES = Edges()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Valve:
+    """A 4/3 valve for all parallel cylinders of a function together.
+
+    ``rated_flow`` [m³/s] passes one fully open metering edge at ``rated_drop`` [Pa], times the
+    gain of that edge in ``edges``; the spool answers its command as a second-order lag
+    (``natural_frequency`` [Hz], ``damping_ratio``) and moves at ``fastest`` [1/s] at most;
+    ``overlap`` is the share of the spool's travel without flow (negative: underlap, both edges of
+    a port open about the middle); ``leakage`` [m³/s/Pa] passes the piston, ``tank_leakage`` leaves
+    each chamber; port reliefs open at ``relief`` [Pa], None: 1.1 × supply pressure. Shut, it
+    leaves the chamber without load at ``preload`` [Pa], None: return pressure.
+    """
+
+    rated_flow: float
+    rated_drop: float
+    natural_frequency: float
+    damping_ratio: float
+    overlap: float = 0.0
+    leakage: float = 0.0
+    tank_leakage: float = 0.0
+    fastest: float = math.inf
+    relief: float | None = None
+    preload: float | None = None
+    edges: Edges = EQUAL_EDGES
+
+    @property
+    def gain(self) -> float:
+        """Flow over the root of the pressure drop of an open edge of rated size [m³/s/√Pa]."""
+        return self.rated_flow / math.sqrt(self.rated_drop)
+
+    @property
+    def leaks(self) -> bool:
+        """Whether oil flows at rest: by leakage, or within an underlap."""
+        return self.leakage > 0 or self.tank_leakage > 0 or self.overlap < 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadHolding:
+    """A counterbalance or pilot-operated check valve between a 4/3 valve and one chamber.
+
+    Oil enters the chamber freely; it leaves only as far as p + pilot_ratio × (pressure of the
+    other chamber) exceeds ``setting`` [Pa], and all of it is open ``opening_range`` [Pa] above.
+    Open, it passes ``rated_flow`` [m³/s] at ``rated_drop`` [Pa].
+    """
+
+    side: Literal["cap", "annulus"]
+    setting: float
+    pilot_ratio: float
+    opening_range: float
+    rated_flow: float
+    rated_drop: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction:
+    """Friction of one cylinder: Coulomb and static [N], Stribeck velocity [m/s], viscous [N s/m]."""
+
+    coulomb: float = 0.0
+    static: float = 0.0
+    stribeck_velocity: float = 5e-3
+    viscous: float = 0.0
+
+
+def edge_opening(spool: Any, overlap: Any) -> Any:
+    """Share 0…1 by which an edge is open that a positive spool position uncovers."""
+    return np.minimum(np.maximum((spool - overlap) / (1 - overlap), 0.0), 1.0)
+
+
+def opening(valve: Valve, spool: Any) -> Any:
+    """Net opening −1…1 of a port, to supply less to return, at a spool position.
+
+    0 within the overlap.
+    """
+    return edge_opening(spool, valve.overlap) - edge_opening(-spool, valve.overlap)
+
+
+def spool_position(valve: Valve, share: Any) -> Any:
+    """Inverse of ``opening``: the spool position that opens a share −1…1.
+
+    It leaps over an overlap.
+
+    Within an underlap o both edges of a port are open, so the net opening grows twice as fast: a =
+    |share| (1 − o), and the spool stands at max(a + o, a/2). In plain operators, fast for a single
+    number too.
+    """
+    way = abs(share) * (1 - valve.overlap)
+    size = 0.75 * way + valve.overlap / 2 + abs(way / 2 + valve.overlap) / 2
+    return ((share > 0) * 1.0 - (share < 0) * 1.0) * size
+
+
+def orifice_flow(gain: Any, drop: Any) -> Any:
+    """Flow [m³/s] through an orifice of gain K [m³/s/√Pa] under a pressure drop [Pa] of either sign.
+
+    Q = K Δp/(Δp² + Δp_lam²)^¼: K √|Δp| sign Δp (Merritt 1967, ch. 3), but laminar, proportional to
+    Δp, near Δp = 0 where the root has no derivative.
+    """
+    return gain * drop / np.sqrt(np.sqrt(drop * drop + LAMINAR_DROP * LAMINAR_DROP))
+
+
+def in_series(gain: Any, other: Any) -> Any:
+    """Gain of two orifices one behind the other: 1/K² = 1/K1² + 1/K2²; ``other`` may be inf."""
+    return gain / np.sqrt(1 + (gain / np.maximum(other, 1e-30)) ** 2)
+
+
+def friction_force(friction: Friction, speed: Any) -> Any:
+    """Friction [N] of one cylinder against its piston's speed [m/s]: Stribeck curve and viscous share.
+
+    F = (F_C + (F_S − F_C) exp(−(v/v_s)²)) tanh(10 v/v_s) + b v; the steep tanh replaces the step
+    at rest.
+    """
+    ratio = speed / friction.stribeck_velocity
+    fade = np.exp(-np.minimum(ratio * ratio, 100.0))
+    dry = friction.coulomb + (friction.static - friction.coulomb) * fade
+    return dry * np.tanh(10 * ratio) + friction.viscous * speed
+
+
+def spool_acceleration(valve: Valve, position: Any, speed: Any, command: Any) -> Any:
+    """Acceleration [1/s²] of a spool towards its command: ω² (u − x) − 2 ζ ω ẋ, its speed within the rate limit.
+
+    Written as 2 ζ ω (w − ẋ), it follows the speed w = ω (u − x)/(2 ζ) with a lag, and w is
+    limited.
+    """
+    omega = 2 * math.pi * valve.natural_frequency
+    wanted = (
+        omega / (2 * valve.damping_ratio) * (np.minimum(np.maximum(command, -1.0), 1.0) - position)
+    )
+    limited = np.minimum(np.maximum(wanted, -valve.fastest), valve.fastest)
+    return 2 * valve.damping_ratio * omega * (limited - speed)

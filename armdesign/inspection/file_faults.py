@@ -1,0 +1,158 @@
+"""Everything that makes a machine file unusable, at once: the file, its URDF, and the machine that they make."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine import machine_file
+from armdesign.machine.from_urdf import FLUID, SUPPLY
+from armdesign.machine.key_lines import Places, tell_line
+from armdesign.machine.machine import Machine, faults_of, find, load
+from armdesign.machine.parts import linkage, unknown_joints, unknown_links
+from armdesign.machine.schema import MachineSection
+from armdesign.mechanism import urdf_faults
+from armdesign.mechanism.arm import Arm
+
+
+def problems(path_or_name: str | Path, *, allow_outside: bool = False) -> list[ArmDesignError]:
+    """Everything that makes a machine file unusable, one error each; empty if it can be used.
+
+    Schema, keys that contradict each other, faults of the URDF, links and joints that it does not
+    have, then what only the assembled machine tells: ranges, dead centres, four-bars that do not
+    close. Each is looked at as far as it can be known without what is wrong elsewhere.
+
+    Args:
+        path_or_name: as of ``load``.
+        allow_outside: as of ``load``.
+    """
+    try:
+        path = find(path_or_name)
+        text = machine_file.read_text(path)
+    except ArmDesignError as error:
+        return [error]
+    found = _all(path, text, allow_outside)
+    places = Places(text)
+    for fault in found:
+        tell_line(fault, places, path.name)
+    return list({str(fault): fault for fault in found}.values())
+
+
+def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
+    """Every fault, in the order in which they are looked for."""
+    section, faults, wrong = machine_file.problems(text, path.name)
+    found: list[ArmDesignError] = [*faults]
+    if (
+        section is None
+        or "urdf" in wrong
+        or any(fault.part.endswith(": urdf") for fault in faults)
+    ):
+        return found
+    try:
+        urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
+    except ArmDesignError as error:
+        return [*found, error]
+    joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
+    in_urdf = urdf_faults.problems(urdf_text, joints, section.frozen, section.urdf)
+    found += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
+    geometry = _without_masses(urdf_text) if in_urdf else urdf_text
+    if joints is None or any(fault.part.endswith(": joints") for fault in faults):
+        return found
+    if in_urdf and urdf_faults.problems(geometry, joints, section.frozen, section.urdf):
+        return found
+    try:
+        if not found:
+            found += faults_of(Machine.unchecked(text, urdf_text, path))
+        if found:
+            return [*found, *_faults_of_the_rest(section, geometry, path, _blamed(found))]
+        Workspace.grid(load(path, allow_outside=allow_outside))
+    except ArmDesignError as error:
+        found.append(error)
+    return found
+
+
+def _unknown_names(
+    section: MachineSection, urdf_text: str, source: str, wrong: set[str]
+) -> list[MachineFileError]:
+    """Links and motors' joints that the URDF lacks.
+
+    None for stand-ins, none if the URDF has none at all.
+    """
+    try:
+        robot = urdf_faults.parse(urdf_text, source)
+    except MachineFileError:
+        return []
+    links, joints = (
+        [str(part.get("name")) for part in robot.findall(kind)] for kind in ("link", "joint")
+    )
+    stand_ins = wrong | {f"{key}.{name}" for key in wrong for name in ("link", "joint")}
+    faults = unknown_links(section, links, source) if links else []
+    faults += (
+        unknown_joints(section, joints, urdf_faults.movable_joints(robot), source)
+        if joints
+        else []
+    )
+    return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
+
+
+def _without_masses(urdf_text: str) -> str:
+    """A URDF of the same geometry: pins and ranges do not depend on masses, so faults of these do not hide them."""
+    try:
+        robot = urdf_faults.parse(urdf_text, "")
+    except MachineFileError:
+        return urdf_text
+    for link in robot.findall("link"):
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _blamed(faults: Iterable[ArmDesignError]) -> set[str]:
+    """Names of the cylinders of which something has been said."""
+    found = (re.search(r": cylinder\.([^.]+)", fault.part) for fault in faults)
+    return {match[1] for match in found if match}
+
+
+def _faults_of_the_rest(
+    section: MachineSection, urdf_text: str, path: Path, blamed: set[str]
+) -> Iterator[MachineFileError]:
+    """Faults of the cylinders of which nothing has been said.
+
+    Joints that only others move stand still.
+    """
+    arm = Arm(urdf_text, section.joints, section.frozen, section.urdf)
+    while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
+        moved = {j for table in sound.values() for j in linkage(table, arm).joints} or set(
+            range(len(arm.joints))
+        )
+        still = {
+            joint.name: (joint.lower + joint.upper) / 2
+            for j, joint in enumerate(arm.joints)
+            if j not in moved
+        }
+        data = {
+            "name": section.name,
+            "urdf": section.urdf,
+            "joints": [name for name in section.joints if name not in still],
+            "frozen": (
+                {name: at for name, at in section.frozen.items() if name not in section.joints}
+                | still
+            ),
+            "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
+            "payload": {"empty": {"mass_kg": 0.0}},
+            "fluid": FLUID,
+            "supply": SUPPLY,
+            "cylinder": {
+                name: table.model_dump(exclude_none=True) for name, table in sound.items()
+            },
+        }
+        machine = Machine.unchecked(machine_file.dump(data, "what is sound"), urdf_text, path)
+        faults = [fault for fault in faults_of(machine) if _blamed([fault])]
+        yield from faults
+        if not faults:
+            return
+        blamed = blamed | _blamed(faults)

@@ -1,0 +1,191 @@
+"""A machine file for a URDF that already exists: which joints the cylinders move, and defaults for the rest."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from armdesign.errors import MachineFileError
+from armdesign.machine import machine_file, schema
+from armdesign.mechanism.urdf_faults import MOVABLE
+
+FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
+SUPPLY = {"pressure_bar": 250.0, "return_pressure_bar": 5.0, "flow_l_per_min": 100.0}
+
+
+def read(urdf: str | Path) -> tuple[str, Path]:
+    """Text of a URDF given as path or as text, and the path that stands for it.
+
+    Raises:
+        MachineFileError: it is neither, or cannot be read.
+    """
+    if isinstance(urdf, str) and "<" in urdf:
+        return urdf, Path(f"{_usable_name(_robot(urdf, 'urdf').get('name', ''))}.urdf")
+    if not isinstance(urdf, str | Path):
+        raise MachineFileError(
+            "urdf", f"a {type(urdf).__name__} is not allowed", "give a path or the URDF's text"
+        )
+    path = Path(urdf)
+    return machine_file.read_text(path), path
+
+
+def machine_text(
+    urdf_text: str,
+    path: Path,
+    cylinders: Mapping[str, Any],
+    *,
+    name: str | None,
+    joints: Iterable[str] | None,
+    frozen: Mapping[str, float] | None,
+    payloads: Mapping[str, Any] | None,
+    tool: Mapping[str, Any] | None,
+    fluid: Mapping[str, Any] | None,
+    supply: Mapping[str, Any] | None,
+    requirements: Mapping[str, Any] | None,
+    motors: Mapping[str, Any] | None,
+) -> str:
+    """Text of the machine file; what is None takes its default.
+
+    Args:
+        urdf_text: the URDF.
+        path: its path: its file name goes into the machine file.
+        cylinders: tables by name, as in a machine file.
+        name: default: the URDF's file name.
+        joints: default: every movable joint that a cylinder spans or a motor turns, from the root
+            outwards.
+        frozen: values of other joints [rad or m]; default 0.
+        payloads: tables by name; default: one empty load case.
+        tool: a pin; default: the origin of the outermost link that the last joint moves.
+        fluid: keys that differ from ``FLUID``.
+        supply: keys that differ from ``SUPPLY``.
+        requirements: as in a machine file.
+        motors: tables by name, as in a machine file.
+
+    Raises:
+        MachineFileError: no well-formed XML, or something that is no table.
+    """
+    given = {
+        "cylinders": cylinders,
+        "payloads": payloads,
+        "tool": tool,
+        "fluid": fluid,
+        "supply": supply,
+    }
+    for key, value in {
+        **given,
+        "frozen": frozen,
+        "requirements": requirements,
+        "motors": motors,
+    }.items():
+        if value is not None and not isinstance(value, Mapping):
+            raise MachineFileError(
+                key,
+                f"a {type(value).__name__} is not allowed",
+                "give a mapping as in a machine file",
+            )
+    robot = _robot(urdf_text, path.name)
+    found = (
+        [str(joint) for joint in joints]
+        if joints is not None
+        else _driven(robot, cylinders, motors or {})
+    )
+    data: dict[str, Any] = {
+        "name": name if name is not None else _usable_name(path.stem),
+        "urdf": path.name,
+        "joints": found,
+        "frozen": frozen,
+        "tool": tool or {"link": _outermost(robot, found), "at_mm": [0.0, 0.0, 0.0]},
+        "payload": payloads or {"empty": {"mass_kg": 0.0}},
+        "fluid": {**FLUID, **(fluid or {})},
+        "supply": {**SUPPLY, **(supply or {})},
+        "cylinder": cylinders,
+        "motor": motors,
+        "requirements": requirements,
+    }
+    return machine_file.dump(
+        {key: value for key, value in data.items() if value is not None}, f"made from {path.name}"
+    )
+
+
+def _robot(text: str, source: str) -> ET.Element:
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        raise MachineFileError(
+            source, f"not well-formed XML ({error})", "correct the URDF at that place"
+        ) from None
+
+
+def _usable_name(words: str) -> str:
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", words)[: schema.NAME_LENGTH]
+    return name if re.match(schema.NAME_PATTERN, name) else "machine"
+
+
+def _parents(robot: ET.Element) -> dict[str, tuple[ET.Element, str]]:
+    """Joint above every link but the root, and the link that carries it."""
+    found = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            found[str(child.get("link"))] = (joint, str(parent.get("link")))
+    return found
+
+
+def _above(link: str, parents: dict[str, tuple[ET.Element, str]]) -> list[ET.Element]:
+    """Joints from a link to the root; a loop ends it, for the URDF's own check to refuse."""
+    found: list[ET.Element] = []
+    while link in parents and parents[link][0] not in found:
+        joint, link = parents[link]
+        found.append(joint)
+    return found
+
+
+def _driven(
+    robot: ET.Element, cylinders: Mapping[str, Any], motors: Mapping[str, Any]
+) -> list[str]:
+    """Movable joints that cylinders span or motors turn, from the root outwards.
+
+    All movable ones if there is none.
+    """
+    parents, between = _parents(robot), []
+    for table in cylinders.values():
+        first, *others = [_above(link, parents) for link in _links(table)] or [[]]
+        for other in others:
+            between += [
+                joint for joint in (*first, *other) if (joint in first) != (joint in other)
+            ]
+    turned = [
+        table.get("joint", name) for name, table in motors.items() if isinstance(table, Mapping)
+    ]
+    movable = [joint for joint in robot.findall("joint") if joint.get("type") in MOVABLE]
+    chosen = [
+        joint for joint in movable if joint in between or joint.get("name") in turned
+    ] or movable
+    depth = {id(joint): len(_above(str(link), parents)) for link, (joint, _) in parents.items()}
+    return [
+        str(joint.get("name"))
+        for joint in sorted(chosen, key=lambda joint: depth.get(id(joint), 0))
+    ]
+
+
+def _links(table: Any) -> list[str]:
+    """Links that a cylinder's pins are on, base first."""
+    if not isinstance(table, Mapping):
+        return []
+    bars = table.get("four_bar")
+    pins = [table.get("base"), table.get("rod_end")]
+    pins += [bars.get("pivot"), bars.get("lug")] if isinstance(bars, Mapping) else []
+    return [str(pin["link"]) for pin in pins if isinstance(pin, Mapping) and "link" in pin]
+
+
+def _outermost(robot: ET.Element, joints: list[str]) -> str:
+    """The link furthest from the root among those that the last joint moves."""
+    parents = _parents(robot)
+    chains = {
+        link: [str(joint.get("name")) for joint in _above(link, parents)] for link in parents
+    }
+    moved = {link: chain for link, chain in chains.items() if joints and joints[-1] in chain}
+    return max(moved, key=lambda link: len(moved[link]), default="none")

@@ -1,0 +1,182 @@
+"""What a number was most likely meant to be: in another unit than its key's, with a decimal comma, as a text.
+
+A wrong unit is a factor: a thousand where metres stand under a key in millimetres. It is named
+only where the number as it stands is implausible and the number in the key's own unit is not.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from armdesign.machine.schema import unit_of
+from armdesign.units import deg
+
+PSI = 6894.757  # [Pa]
+# by unit of the key: the units that stand there by mistake, and how many of the key's one of them
+# is
+MISTAKEN = {
+    "mm": {"metres": 1e3, "centimetres": 10.0, "inches": 25.4},
+    "bar": {"MPa": 10.0, "kPa": 1e-2, "Pa": 1e-5, "psi": PSI / 1e5},
+    "MPa": {"GPa": 1e3, "bar": 0.1, "kPa": 1e-3, "Pa": 1e-6, "psi": PSI / 1e6},
+    "l": {"m³": 1e3, "cm³": 1e-3},
+    "cm³": {"l": 1e3, "m³": 1e6},
+    "l/min": {"m³/s": 6e4, "l/s": 60.0},
+    "kg/m³": {"kg/l": 1e3},
+    "kg": {"t": 1e3, "g": 1e-3},
+    "deg": {"radians": 1 / deg},
+    "ms": {"s": 1e3},
+    "": {"per cent": 1e-2},
+}
+# what machines have, in the unit of the key, with room; small rigs and mining shovels included
+USUAL = {
+    "pressure_bar": (40.0, 700.0),
+    "return_pressure_bar": (0.5, 40.0),
+    "relief_bar": (40.0, 800.0),
+    "setting_bar": (20.0, 800.0),
+    "rated_drop_bar": (1.0, 350.0),
+    "bulk_modulus_MPa": (400.0, 2200.0),
+    "density_kg_per_m3": (600.0, 1400.0),
+    "flow_l_per_min": (0.3, 20_000.0),
+    "rated_flow_l_per_min": (0.3, 20_000.0),
+    "displacement_cm3": (1.0, 50_000.0),
+    "line_volume_l": (0.05, 1_000.0),
+    "stroke_time_ms": (2.0, 2_000.0),
+    "mass_kg": (0.0, 500_000.0),
+    "damping_ratio": (0.05, 2.0),
+}
+SHARES = (
+    "_share",
+    "share",
+    "end_margin",
+    "damping_ratio",
+    "pilot_ratio",
+)  # ends of keys of numbers without a unit
+
+
+@dataclass(frozen=True)
+class Meant:
+    """The units that a number may be in by mistake, likeliest first, and the number in the unit of its key."""
+
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+
+    @property
+    def unit(self) -> str:
+        """Its name or names."""
+        return " or ".join(self.units)
+
+    @property
+    def remedy(self) -> str:
+        """What to write."""
+        return f"write {' or '.join(map(rounded, self.values))}"
+
+
+def rounded(value: float) -> str:
+    """A number as a person writes it, with six digits at most."""
+    return f"{float(f'{value:.6g}'):.10g}"
+
+
+def units_of(path: tuple[Any, ...]) -> dict[str, float]:
+    """Units that a number at a key path is in by mistake, and what to multiply it by."""
+    unit, key = unit_of(path).strip(), str(path[-1])
+    if not unit and not key.endswith(SHARES):
+        return {}
+    return MISTAKEN.get(unit, {})
+
+
+def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool]) -> Meant | None:
+    """The units in which a number becomes plausible; None where none makes it so.
+
+    Args:
+        path: of its key.
+        value: as it stands.
+        plausible: whether a number in the unit of the key is.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15:
+        return None
+    if not unit_of(path) and abs(value) <= 1:
+        return None  # a share, not per cent
+    found = [
+        (value * factor, unit)
+        for unit, factor in units_of(path).items()
+        if plausible(value * factor)
+    ]
+    low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
+    if low > 0:  # the one that is nearer to the middle is likelier
+        found.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
+    return (
+        Meant(tuple(unit for _, unit in found), tuple(new for new, _ in found)) if found else None
+    )
+
+
+def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:
+    """Whether a number is one that machines have at a key path; none is where nothing is known."""
+    low, high = USUAL.get(str(path[-1]), (float("inf"), float("-inf")))
+    return lambda value: low <= value <= high
+
+
+# -------------------------------------------------------------------------------- as it is written
+
+_COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
+_THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
+
+
+def with_point(written: str) -> str:
+    """A remedy for a number with a decimal comma."""
+    point = written.replace(",", ".")
+    if _THOUSANDS.fullmatch(written):
+        return f"write {point}, or {written.replace(',', '')} where the comma parts thousands"
+    return f"write {point}"
+
+
+def bare_point(line: str) -> str:
+    """A remedy for a line of TOML with a number that begins or ends with its point.
+
+    "" if it has none.
+    """
+    match = re.search(r"[=,\[]\s*([+-]?)(?:(\.\d+)|(\d+)\.)\s*(?:[,\]}#\r]|$)", line)
+    return f"write {match[1]}{f'0{match[2]}' if match[2] else f'{match[3]}.0'}" if match else ""
+
+
+def comma_in(line: str) -> re.Match[str] | None:
+    """Where a line of TOML gives a key a number with a decimal comma."""
+    return re.search(rf"(?<==)\s*({_COMMA.pattern})", line)
+
+
+def list_meant(written: str, count: int) -> str:
+    """A list of so many numbers that was written with decimal commas, as TOML has it.
+
+    "" if it was not.
+    """
+    points = _COMMA.sub(r"\1.\2", written)
+    try:
+        items = tomllib.loads(f"list = {points}")["list"]
+    except tomllib.TOMLDecodeError:
+        return ""
+    return (
+        "[" + ", ".join(map(str, items)) + "]" if points != written and len(items) == count else ""
+    )
+
+
+def number_meant(text: str, unit: str) -> tuple[str, str]:
+    """What is wrong with a text where a number belongs, if not the quotes alone, and the remedy.
+
+    "" if it is none.
+    """
+    text = text.strip()
+    if _COMMA.fullmatch(text):
+        return "decimal comma, and a text", with_point(text)
+    if match := _NUMBER.fullmatch(text):
+        words = (
+            f"write the number alone, in {unit}"
+            if match[2] and unit
+            else "write it without quotes"
+        )
+        return "", f"{words}: {match[1]}"
+    return "", ""

@@ -1,0 +1,248 @@
+"""The parts of a machine, made from the tables of its file: here, and only here, workshop units become SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from armdesign.errors import MachineFileError, choose
+from armdesign.hydraulics.actuator import Cylinder, Fluid, Motor, Supply
+from armdesign.hydraulics.valve import Edges, Friction, LoadHolding, Valve
+from armdesign.machine.schema import (
+    CylinderSection,
+    FluidSection,
+    LoadHoldingSection,
+    MachineSection,
+    MotorSection,
+    PinSection,
+    SupplySection,
+    ValveSection,
+)
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.linkage import FourBar, Linkage, Pin
+from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """A load case: a point mass [kg] on a link.
+
+    ``pitch`` [rad] limits the poses at which the link holds it.
+    """
+
+    name: str
+    mass: float = 0.0
+    link: str | None = None
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pitch: tuple[float, float] | None = None
+
+
+def payloads(section: MachineSection) -> tuple[Payload, ...]:
+    """Load cases in the order of the file."""
+    made = []
+    for name, case in section.payload.items():
+        x, y, z = (value * mm for value in case.at_mm or (0.0, 0.0, 0.0))
+        pitch = (case.pitch_deg[0] * deg, case.pitch_deg[1] * deg) if case.pitch_deg else None
+        made.append(
+            Payload(name=name, mass=case.mass_kg, link=case.link, at=(x, y, z), pitch=pitch)
+        )
+    return tuple(made)
+
+
+def fluid(section: FluidSection) -> Fluid:
+    """The oil."""
+    return Fluid(
+        bulk_modulus=section.bulk_modulus_MPa * MPa,
+        air=section.entrained_air_percent / 100,
+        density=section.density_kg_per_m3,
+    )
+
+
+def supply(section: SupplySection) -> Supply:
+    """The pump."""
+    return Supply(
+        pressure=section.pressure_bar * bar,
+        return_pressure=section.return_pressure_bar * bar,
+        flow=section.flow_l_per_min * l_per_min,
+        flow_limited=section.pump == "flow_limited",
+        cut_off=section.cut_off_percent / 100,
+        line_volume=section.line_volume_l * litre,
+    )
+
+
+def pin(section: PinSection) -> Pin:
+    """A pin [m]."""
+    x, y, z = (value * mm for value in section.at_mm)
+    return Pin(link=section.link, at=(x, y, z))
+
+
+def linkage(section: CylinderSection, arm: Arm) -> Linkage:
+    """The pins of a cylinder, its four-bar if it has one."""
+    bars, four_bar = section.four_bar, None
+    if bars is not None:
+        four_bar = FourBar(
+            pivot=pin(bars.pivot),
+            lug=pin(bars.lug),
+            rocker=bars.rocker_mm * mm,
+            coupler=bars.coupler_mm * mm,
+            side=1 if bars.knee == "left" else -1,
+        )
+    return Linkage(
+        base=pin(section.base),
+        rod_end=pin(section.rod_end) if section.rod_end else None,
+        four_bar=four_bar,
+        arm=arm,
+    )
+
+
+def _valve(section: ValveSection) -> Valve:
+    return Valve(
+        rated_flow=section.rated_flow_l_per_min * l_per_min,
+        rated_drop=section.rated_drop_bar * bar,
+        natural_frequency=section.natural_frequency_hz,
+        damping_ratio=section.damping_ratio,
+        overlap=section.overlap_percent / 100,
+        leakage=section.leakage_l_per_min_per_bar * l_per_min / bar,
+        tank_leakage=section.tank_leakage_l_per_min_per_bar * l_per_min / bar,
+        fastest=math.inf if section.stroke_time_ms is None else 1 / (section.stroke_time_ms * ms),
+        relief=None if section.relief_bar is None else section.relief_bar * bar,
+        preload=None if section.preload_bar is None else section.preload_bar * bar,
+        edges=Edges(**section.edges.model_dump()),
+    )
+
+
+def _load_holding(section: LoadHoldingSection) -> LoadHolding:
+    return LoadHolding(
+        side=section.side,
+        setting=section.setting_bar * bar,
+        pilot_ratio=section.pilot_ratio,
+        opening_range=section.opening_range_bar * bar,
+        rated_flow=section.rated_flow_l_per_min * l_per_min,
+        rated_drop=section.rated_drop_bar * bar,
+    )
+
+
+def cylinder(name: str, section: CylinderSection) -> Cylinder:
+    """The hydraulics of a cylinder, with valve and friction."""
+    friction = section.friction
+    return Cylinder(
+        name=name,
+        count=section.count,
+        bore=section.bore_mm * mm,
+        rod=section.rod_mm * mm,
+        stroke=section.stroke_mm * mm,
+        closed_length=section.closed_length_mm * mm,
+        cap_dead_volume=section.dead_volume_l.cap * litre,
+        annulus_dead_volume=section.dead_volume_l.annulus * litre,
+        cap_hose_volume=section.hose.cap_l * litre,
+        annulus_hose_volume=section.hose.annulus_l * litre,
+        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
+        compliance=section.compliance_m_per_N,
+        barrel_mass=section.barrel_kg,
+        rod_mass=section.rod_kg,
+        barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
+        rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
+        coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
+        valve=_valve(section.valve) if section.valve else None,
+        load_holding=_load_holding(section.load_holding) if section.load_holding else None,
+        friction=Friction(
+            coulomb=friction.coulomb_N,
+            static=friction.static_N or friction.coulomb_N,
+            stribeck_velocity=friction.stribeck_velocity_mm_per_s * mm,
+            viscous=friction.viscous_N_s_per_m,
+        ),
+    )
+
+
+def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
+    """Cylinders that stand still because every joint between their pins is frozen, each with those joints."""
+    found = {}
+    for name, table in section.cylinder.items():
+        made = linkage(table, arm)
+        between = arm.frozen_between(at.link for at in made.all_pins)
+        if between and not made.joints:
+            found[name] = sorted(between, key=arm.movable_joints.index)
+    return found
+
+
+def motors(section: MachineSection) -> tuple[Motor, ...]:
+    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    made = (_motor(name, motor) for name, motor in section.motor.items())
+    return tuple(motor for motor in made if motor.joint in section.joints)
+
+
+def _motor(name: str, section: MotorSection) -> Motor:
+    friction, count = section.friction, section.count
+    return Motor(
+        name=name,
+        joint=section.joint or name,
+        count=count,
+        displacement=section.displacement_cm3 * cm3,
+        gear_ratio=section.gear_ratio,
+        cap_dead_volume=section.trapped_volume_l.a * litre,
+        annulus_dead_volume=section.trapped_volume_l.b * litre,
+        cap_hose_volume=section.hose.a_l * litre,
+        annulus_hose_volume=section.hose.b_l * litre,
+        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
+        compliance=section.compliance_rad_per_N_m,
+        valve=_valve(section.valve) if section.valve else None,
+        friction=Friction(  # of one motor: a function multiplies it by their count
+            coulomb=friction.coulomb_N_m / count,
+            static=(friction.static_N_m or friction.coulomb_N_m) / count,
+            stribeck_velocity=friction.stribeck_velocity_deg_per_s * deg,
+            viscous=friction.viscous_N_m_s_per_rad / count,
+        ),
+    )
+
+
+def unknown_links(
+    section: MachineSection, links: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every link that the machine file names and the URDF does not have."""
+    named = {f"payload.{name}": case.link for name, case in section.payload.items()}
+    named["tool"] = section.tool.link
+    asked = section.requirements
+    named |= {f"requirements.lift.{name}": lift.link for name, lift in asked.lift.items()}
+    named |= {
+        f"requirements.clearance.{name}": clearance.link
+        for name, clearance in asked.clearance.items()
+    }
+    for name, cylinder in section.cylinder.items():
+        bars = cylinder.four_bar
+        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
+        pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
+        named |= {
+            f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None
+        }
+    outlined = [link for link in asked.outline if link not in links]
+    return [
+        MachineFileError(
+            f"{source}: requirements.outline", f'no link "{link}" in the URDF', choose(link, links)
+        )
+        for link in outlined
+    ] + [
+        MachineFileError(
+            f"{source}: {path}.link", f'no link "{link}" in the URDF', choose(link, links)
+        )
+        for path, link in named.items()
+        if link is not None and link not in links
+    ]
+
+
+def unknown_joints(
+    section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have.
+
+    Those that can move are offered instead.
+    """
+    return [
+        MachineFileError(
+            f"{source}: motor.{name}.joint",
+            f'no joint "{joint}" in the URDF',
+            choose(joint, movable),
+        )
+        for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
+        if joint not in joints
+    ]

@@ -1,0 +1,197 @@
+"""Why a joint has no range, or only part of one: a unit, an axis or limits with which all would be right.
+
+Each cause is tried: the range is worked out again with the axis reversed, with limits taken as
+degrees, with one length or pin taken as metres. A cause is named where the strokes then fit the
+limits of the URDF, and do not as it stands.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.errors import MachineFileError
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.machine.likely_values import MISTAKEN, rounded
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.joint_ranges import joint_ranges, over, sweep
+from armdesign.mechanism.linkage import BARS, PINS, Linkage, key_of
+from armdesign.units import deg, mm
+
+Own = list[tuple[Linkage, Cylinder]]  # what moves one joint alone
+MENDS = 0.3  # fit of strokes and limits that is enough for a cause of what cannot be used at all
+# and for lengths in centimetres or inches: so near to what stands there, that others may fit as
+# well
+BY_CHANCE = 0.8
+ODD, FITS = 0.85, 0.97  # the fit that is enough beside one below ODD
+ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
+TURN = 2 * np.pi + 0.01  # [rad] beyond which no cylinder turns a joint
+LARGEST_ARM = 50.0  # [m] from joint to joint, beyond which lengths are hardly metres
+SAMPLES = 61
+LENGTHS = {"stroke_mm": ("stroke",), "closed_length_mm": ("closed_length",)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """What would mend a joint, as it looks, and what to write.
+
+    ``path`` is a key path, or "axis", "limits", "urdf" of the URDF; ``least`` is the fit that it
+    takes to be believed.
+    """
+
+    path: str
+    words: str
+    remedy: str
+    fit: float = 0.0
+    least: float = 0.0
+
+    @property
+    def in_urdf(self) -> bool:
+        """Whether it is the URDF's."""
+        return self.path in ("axis", "limits", "urdf")
+
+
+def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
+    """The likeliest cause of a joint without a range (``faulty``), or whose strokes miss its limits; else None."""
+    now = 0.0 if faulty else _fit(arm, joint, own)
+    if now > ALIKE:
+        return None
+    tried = [
+        dataclasses.replace(cause, fit=_fit(*trial)) for cause, trial in _trials(arm, joint, own)
+    ]
+    common = MENDS if faulty else FITS if now < ODD else FITS_EXACTLY
+    best = max((cause.fit for cause in tried), default=0.0)
+    # the simplest of those that are about as good
+    return next(
+        (
+            cause
+            for cause in tried
+            if cause.fit >= max(common, cause.least) and cause.fit > 0.95 * best
+        ),
+        None,
+    )
+
+
+def _fit(arm: Arm, joint: int, own: Own) -> float:
+    """Share of the limits that the strokes cover times the least share of a stroke that is used.
+
+    0 without a range.
+    """
+    linkages, cylinders = tuple(k for k, _ in own), tuple(c for _, c in own)
+    lower, upper = arm.limits[joint]
+    try:
+        with np.errstate(all="ignore"):
+            low, high = joint_ranges(arm, linkages, cylinders, 0.0, "")[joint]
+            poses = sweep(arm, joint, over(np.array([low, high]), SAMPLES))
+            used = min(float(np.ptp(k.length(poses))) / c.stroke for k, c in own)
+    except MachineFileError:
+        return 0.0
+    return used * float((high - low) / (upper - lower))
+
+
+def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, int, Own]]]:
+    """Causes, simple ones first, each with what the joint would be."""
+    (lower, upper), at = arm.limits[joint], arm.joints[joint]
+    unit = "rad" if at.revolute else "m"
+    if at.revolute and max(abs(lower), abs(upper)) > TURN:
+        words = f"limits [{lower:g}, {upper:g}] rad look like degrees"
+        remedy = f'write lower="{rounded(lower * deg)}" upper="{rounded(upper * deg)}"'
+        yield (
+            Cause(path="limits", words=words, remedy=remedy),
+            (arm.within(joint, lower * deg, upper * deg), joint, own),
+        )
+    axis, other = (" ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
+    words = (
+        f"its axis ({axis}) looks reversed: with ({other}) the strokes fit its limits [{lower:g},"
+        f" {upper:g}] {unit}"
+    )
+    remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {unit}'
+    yield (
+        Cause(path="axis", words=words, remedy=remedy),
+        (arm.within(joint, -upper, -lower), joint, own),
+    )
+    for words, factor in MISTAKEN["mm"].items():
+        for paths, made in _enlarged(own, factor):
+            yield _of_keys(own, paths, words, factor), (arm, joint, made)
+    whole = [_scaled(pair, _everything(pair), 1e3) for pair in own]
+    if max(
+        float(np.linalg.norm(link.translation)) for link in arm.links.values()
+    ) > LARGEST_ARM or any(
+        float(np.linalg.norm(joint.translation)) > LARGEST_ARM for joint in arm.joints
+    ):
+        words = "its lengths look like millimetres beside those of the cylinders"
+        yield (
+            Cause(
+                path="urdf", words=words, remedy="a URDF is in metres: divide its lengths by 1000"
+            ),
+            (arm, joint, whole),
+        )
+    else:
+        words = "its lengths and pins look like metres"
+        cause = Cause(
+            path=f"cylinder.{own[0][1].name}", words=words, remedy="write all of its lengths in mm"
+        )
+        yield cause, (arm, joint, whole)
+
+
+def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:
+    return [*LENGTHS, *_places(pair[0])]
+
+
+def _places(linkage: Linkage) -> list[str]:
+    return [place for place in (*PINS, *BARS) if linkage.place(place) is not None]
+
+
+def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], Own]]:
+    """Cylinders of which one length or pin, or several that go together, are larger.
+
+    And which those are.
+    """
+    for i, pair in enumerate(own):
+        places = _places(pair[0])
+        pins, bars = ([place for place in places if place in kind] for kind in (PINS, BARS))
+        together = [names for names in ([*LENGTHS], bars, pins, [*pins, *bars]) if len(names) > 1]
+        for names in ([name] for name in _everything(pair)), together:
+            for chosen in names:
+                made = [*own[:i], _scaled(pair, chosen, factor), *own[i + 1 :]]
+                if made[i][1].stroke < made[i][1].closed_length:
+                    yield [(i, name) for name in chosen], made
+
+
+def _scaled(
+    pair: tuple[Linkage, Cylinder], names: list[str], factor: float
+) -> tuple[Linkage, Cylinder]:
+    """A cylinder with some of its lengths and places times a factor."""
+    linkage, cylinder = pair
+    for name in names:
+        if name in LENGTHS:
+            (key,) = LENGTHS[name]
+            cylinder = dataclasses.replace(cylinder, **{key: factor * getattr(cylinder, key)})
+        else:
+            linkage = linkage.with_place(name, [factor * x for x in linkage.place(name) or ()])
+    return linkage, cylinder
+
+
+def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -> Cause:
+    """The cause that lengths or pins are in another unit: their key paths, and what to write there."""
+    told: list[tuple[str, str, str]] = []
+    for i, name in which:
+        linkage, cylinder = own[i]
+        path = f"cylinder.{cylinder.name}"
+        if name in LENGTHS:
+            values: tuple[float, ...] = (getattr(cylinder, LENGTHS[name][0]),)
+            path = f"{path}.{name}"
+        else:
+            values, path = linkage.place(name) or (), f"{path}.{key_of(name)}"
+        show: Callable[[float], str] = lambda x: ", ".join(rounded(x * v / mm) for v in values)  # noqa: B023, E731
+        now, then = (f"[{show(x)}]" if len(values) > 1 else show(x) for x in (1.0, factor))
+        told.append((path, now, then))
+    first = told[0][0]
+    looks = "looks" if len(told) == 1 else "look"
+    words = f"{' and '.join(now for _, now, _ in told)} mm {looks} like {unit}"
+    base = ".".join(first.split(".")[:2]) + "."
+    remedy = "write " + " and ".join(f"{path.removeprefix(base)} = {new}" for path, _, new in told)
+    return Cause(path=first, words=words, remedy=remedy, least=0.0 if factor > 100 else BY_CHANCE)

@@ -1,0 +1,393 @@
+"""The arm: rigid links and joints of a URDF. The only door to Pinocchio.
+
+The URDF has been reduced to the joints that are coordinates (``urdf.py``), so nq = nv = n.
+Pinocchio gives inertia, gravity and its derivative pose by pose; placements are batched numpy
+(axis 0 = pose).
+
+The world is the frame of the URDF's root link: z up, gravity along −z.
+"""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array, chunks, stacked
+from armdesign.errors import MachineFileError
+from armdesign.mechanism.jets import VectorJet, cross
+from armdesign.mechanism.urdf import read_urdf, rotations
+from armdesign.units import GRAVITY
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPoses:
+    """What the bare links contribute at n poses.
+
+    It depends on neither pins, cylinders nor payload.
+    """
+
+    q: Array  # (n, nq) [rad, m]
+    mass_matrix: Array  # (n, nq, nq)
+    gravity_torque: Array  # (n, nq)
+    gravity_stiffness: Array  # (n, nq, nq), ∂g/∂q
+    rotation: Array  # (n, nq, 3, 3) joint frames in the world
+    translation: Array  # (n, nq, 3) [m]
+    axis: Array  # (n, nq, 3) joint axes in the world
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, rows: Any) -> RigidPoses:
+        """The poses ``rows`` selects (slice, mask or indices)."""
+        return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def distinct(self, joint: int) -> tuple[RigidPoses, Array | slice]:
+        """Poses at which a joint has each of its values once, and for every pose which of them has its value.
+
+        The poses themselves where few values occur twice. Worked out once for a joint.
+        """
+        if joint not in self._distinct:
+            _, first, back = np.unique(self.q[:, joint], return_index=True, return_inverse=True)
+            self._distinct[joint] = (
+                (self[first], back) if 2 * len(first) < len(self) else (self, slice(None))
+            )
+        return self._distinct[joint]
+
+    @cached_property
+    def _distinct(self) -> dict[int, tuple[RigidPoses, Array | slice]]:
+        return {}
+
+
+class Arm:
+    """The moving links of a URDF.
+
+    Args:
+        urdf: text of the URDF.
+        joints: coordinates, in the order of q.
+        frozen: value of other joints [rad or m]; 0 where none is given.
+        source: file name for messages.
+
+    Raises:
+        MachineFileError: XML, link, joint or inertia that cannot be used.
+    """
+
+    def __init__(
+        self, urdf: str, joints: list[str], frozen: dict[str, float], source: str
+    ) -> None:
+        self.source = source
+        self.xml, self.joints, self.links = read_urdf(urdf, joints, frozen, source)
+        self._paths: dict[tuple[str, str], tuple[tuple[int, int], ...]] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joint names in the order of q."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def all_joints(self) -> list[str]:
+        """Names of all joints of the URDF, those that are no coordinates too."""
+        return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
+
+    @cached_property
+    def movable_joints(self) -> list[str]:
+        """Names of the joints that are coordinates or could be."""
+        return [
+            *self.names,
+            *dict.fromkeys(name for link in self.links.values() for name in link.frozen),
+        ]
+
+    def frozen_between(self, links: Iterable[str]) -> set[str]:
+        """Names of the joints between some links that could move but do not."""
+        stand_still = [set(self.links[link].frozen) for link in links]
+        return {name for names in stand_still for name in names} - stand_still[0].intersection(
+            *stand_still
+        )
+
+    @cached_property
+    def limits(self) -> Array:
+        """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
+        return np.array([[joint.lower, joint.upper] for joint in self.joints])
+
+    def within(self, joint: int, lower: float, upper: float) -> Arm:
+        """The same arm with other limits [rad, m] of one joint, to try them."""
+        twin, limits = copy.copy(self), self.limits.copy()
+        limits[joint] = lower, upper
+        vars(twin)["limits"] = limits
+        return twin
+
+    @cached_property
+    def _chains(self) -> list[tuple[int, ...]]:
+        """For each joint, the joints from the root to it."""
+        chains: list[tuple[int, ...]] = [()] * len(self.joints)
+        for index in self._order:
+            parent = self.joints[index].parent
+            chains[index] = (*(chains[parent] if parent >= 0 else ()), index)
+        return chains
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Joints sorted so that each comes after its parent."""
+        order: list[int] = []
+        while len(order) < len(self.joints):
+            order += [
+                index
+                for index, joint in enumerate(self.joints)
+                if index not in order and (joint.parent < 0 or joint.parent in order)
+            ]
+        return order
+
+    def chain(self, link: str) -> tuple[int, ...]:
+        """Joints from the root to a link, root first."""
+        joint = self.links[link].joint
+        return self._chains[joint] if joint >= 0 else ()
+
+    @cached_property
+    def slewing(self) -> dict[int, float]:
+        """Joints that turn all there is about the vertical, with their sign: inertia and gravity do not feel them."""
+        still = self.kinematics(np.zeros((1, len(self.joints))))
+        found: dict[int, float] = {}
+        for index in self._order:
+            joint, upright = self.joints[index], float(still.axis[0, index, 2])
+            below_all = (
+                joint.parent in (-1, *found)
+                and sum(other.parent == joint.parent for other in self.joints) == 1
+            )
+            if joint.revolute and below_all and abs(abs(upright) - 1) < 1e-12:
+                found[index] = upright
+        return found
+
+    def heading(self, q: Array) -> Array:
+        """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
+        angle = sum((sign * q[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def reach(self, q: Array, place: Array) -> Array:
+        """Horizontal distance of places (n, 3) from the root's z axis (n,) [m].
+
+        Negative behind the arm.
+        """
+        ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
+        return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
+
+    def reach_and_height(self, q: Array, place: VectorJet) -> tuple[Array, Array]:
+        """Reach and height (n, 2) [m] of places seen from the root, and their derivatives by the joints (n, 2, k)."""
+        radius = self.reach(q, place.value)
+        outward = place.value[:, :2] / np.where(radius == 0, np.inf, radius)[:, None]
+        slopes = np.stack(
+            [(place.first[:, :, :2] @ outward[:, :, None])[..., 0], place.first[:, :, 2]], axis=1
+        )
+        return np.stack([radius, place.value[:, 2]], axis=1), slopes
+
+    def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
+        """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
+        if (start, end) not in self._paths:
+            up, down = self.chain(start), self.chain(end)
+            common = next(
+                (i for i, (a, b) in enumerate(zip(up, down, strict=False)) if a != b),
+                min(len(up), len(down)),
+            )
+            back = tuple((j, -1) for j in reversed(up[common:]))
+            self._paths[start, end] = back + tuple((j, 1) for j in down[common:])
+        return self._paths[start, end]
+
+    # ---------------------------------------------------------------------------------- placements
+
+    def placements(self, q: Array) -> tuple[Array, Array, Array]:
+        """Joint frames in the world at q (n, nq): rotation, translation and joint axis."""
+        n, nq = q.shape
+        rotation, translation = np.empty((n, nq, 3, 3)), np.empty((n, nq, 3))
+        for index in self._order:
+            joint = self.joints[index]
+            angle = q[:, index] if joint.revolute else np.zeros(n)
+            local = joint.rotation @ rotations(joint.axis, angle)
+            offset = np.broadcast_to(joint.translation, (n, 3))
+            if not joint.revolute:
+                offset = offset + np.outer(q[:, index], joint.rotation @ joint.axis)
+            if joint.parent < 0:
+                rotation[:, index], translation[:, index] = local, offset
+            else:
+                before = rotation[:, joint.parent]
+                rotation[:, index] = before @ local
+                translation[:, index] = translation[:, joint.parent] + np.einsum(
+                    "nij,nj->ni", before, offset
+                )
+        axis = np.stack(
+            [rotation[:, i] @ joint.axis for i, joint in enumerate(self.joints)], axis=1
+        )
+        return rotation, translation, axis
+
+    def kinematics(self, q: Array) -> RigidPoses:
+        """Placements alone at q (n, nq), without inertia and gravity (zeros): for questions of geometry."""
+        n, nq = q.shape
+        square = np.zeros((n, nq, nq))
+        return RigidPoses(q, square, np.zeros((n, nq)), square, *self.placements(q))
+
+    def link_rotation(self, poses: RigidPoses, link: str) -> Array:
+        """Orientation of a link frame in the world (n, 3, 3)."""
+        body = self.links[link]
+        if body.joint < 0:
+            return np.broadcast_to(body.rotation, (len(poses), 3, 3))
+        return np.asarray(poses.rotation[:, body.joint] @ body.rotation)
+
+    def point(self, poses: RigidPoses, link: str, at: Array) -> Array:
+        """World position (n, 3) [m] of a point given in a link's frame."""
+        body = self.links[link]
+        local = body.translation + body.rotation @ at
+        if body.joint < 0:
+            return np.broadcast_to(local, (len(poses), 3))
+        return np.asarray(poses.translation[:, body.joint] + poses.rotation[:, body.joint] @ local)
+
+    def motion(
+        self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
+    ) -> VectorJet:
+        """A point of ``link`` and its first two derivatives by ``joints``, as an observer on ``seen_from`` sees it.
+
+        A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one
+        shifts it; of two joints the nearer to the observer acts last: ∂²P/∂q_j∂q_k = ω_j ×
+        ∂P/∂q_k.
+        """
+        return self._seen(
+            poses, self.point(poses, link, at), True, self.path(seen_from, link), joints
+        )
+
+    def direction(
+        self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]
+    ) -> VectorJet:
+        """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
+        vector = np.asarray(self.link_rotation(poses, link) @ local)
+        return self._seen(poses, vector, False, self.path(seen_from, link), joints)
+
+    def _seen(
+        self,
+        poses: RigidPoses,
+        vector: Array,
+        bound: bool,
+        path: tuple[tuple[int, int], ...],
+        joints: tuple[int, ...],
+    ) -> VectorJet:
+        """Derivatives of a point (``bound`` to a place) or a free direction by the joints on a path, nearest first."""
+        n, k = len(vector), len(joints)
+        first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
+        path = tuple(
+            (j, sign) for j, sign in path if j in joints and (bound or self.joints[j].revolute)
+        )
+        for j, sign in path:
+            axis = sign * poses.axis[:, j]
+            lever = vector - poses.translation[:, j] if bound else vector
+            first[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
+        for near, (j, sign) in enumerate(path):
+            if not self.joints[j].revolute:
+                continue
+            axis = sign * poses.axis[:, j]
+            for further, _ in path[near:]:
+                a, b = joints.index(j), joints.index(further)
+                second[:, a, b] = second[:, b, a] = cross(axis, first[:, b])
+        return VectorJet(vector, first, second)
+
+    def pitch(self, poses: RigidPoses, link: str) -> Array:
+        """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""
+        rotation = self.link_rotation(poses, link)
+        forward = np.cross(rotation[:, :, 1], [0.0, 0.0, 1.0])
+        return np.arctan2(rotation[:, 2, 0], np.einsum("ni,ni->n", rotation[:, :, 0], forward))
+
+    # ----------------------------------------------------------------------------------- Pinocchio
+
+    @property
+    def model_order(self) -> Array:
+        """For each coordinate of ours, its index in Pinocchio's model (nq,)."""
+        return self._pinocchio[2]
+
+    @cached_property
+    def _pinocchio(self) -> tuple[Any, Any, Array]:
+        """Model, scratch data and, for each coordinate of ours, its index in the model."""
+        import pinocchio
+
+        try:
+            model = pinocchio.buildModelFromXML(self.xml)
+        except ValueError as error:
+            raise MachineFileError(
+                self.source, f"Pinocchio refuses it ({error})", "check it with check_urdf"
+            ) from None
+        names = list(model.names)[1:]  # the first is the world
+        index = np.array([model.joints[1 + names.index(name)].idx_v for name in self.names])
+        return model, model.createData(), index
+
+    def rigid_poses(self, q: Array) -> RigidPoses:
+        """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
+        return stacked((self._rigid_poses(q[rows]) for rows in chunks(len(q))), len(q))
+
+    def _rigid_poses(self, q: Array) -> RigidPoses:
+        import pinocchio
+
+        model, data, index = self._pinocchio
+        n, nq = q.shape
+        mass, gravity, stiffness = np.empty((n, nq, nq)), np.empty((n, nq)), np.empty((n, nq, nq))
+        ordered = np.empty_like(q)
+        ordered[:, index] = q
+        for row, at in enumerate(ordered):
+            mass[row] = pinocchio.crba(model, data, at)
+            stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, at)
+            gravity[row] = data.g  # a by-product of its derivative
+        mass = np.triu(mass) + np.swapaxes(
+            np.triu(mass, 1), 1, 2
+        )  # crba fills the upper triangle only
+        pick = np.ix_(np.arange(n), index, index)
+        return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
+
+    @property
+    def root(self) -> str:
+        """Name of the root link: the world."""
+        return next(iter(self.links))
+
+
+def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q of point masses [kg] seen from the root: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
+    return (
+        sum((mass * (p.first @ np.swapaxes(p.first, 1, 2)) for mass, p in points), np.zeros(())),
+        sum((mass * GRAVITY * p.first[:, :, 2] for mass, p in points), np.zeros(())),
+        sum((mass * GRAVITY * p.second[:, :, :, 2] for mass, p in points), np.zeros(())),
+    )
+
+
+def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:
+    """Three point masses that move, weigh and store like a uniform slender bar between two points.
+
+    A sixth of the mass at either end, the rest in the middle (Simpson's rule, exact: all is
+    quadratic along the bar).
+    """
+    middle = (ends[0] + ends[1]) * 0.5
+    return [(mass / 6, ends[0]), (2 * mass / 3, middle), (mass / 6, ends[1])]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """An arm, a point mass [kg] on a link at [m] in its frame, and the point masses of bars that are no links.
+
+    Arms with equal ``bars``, whatever these are, have the same such point masses.
+    """
+
+    arm: Arm
+    link: str | None
+    at: tuple[float, float, float]
+    mass: float
+    points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None
+    bars: tuple[object, ...] = ()
+
+    def model(self) -> Any:
+        """Pinocchio's model of the links with the point mass; the bars are not in it."""
+        import pinocchio
+
+        model = pinocchio.Model(self.arm._pinocchio[0])
+        body = self.arm.links[self.link] if self.link is not None else None
+        if body is not None and body.joint >= 0 and self.mass > 0:
+            lever = body.translation + body.rotation @ np.array(self.at)
+            inertia = pinocchio.Inertia(self.mass, lever, np.zeros((3, 3)))
+            joint = model.getJointId(self.arm.names[body.joint])
+            model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
+        return model

@@ -1,0 +1,217 @@
+"""Sheets of the paper's reproduction: configurations, errors, errata, what gives the printed error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from armdesign.paper.reproduction import Erratum, Reproduction
+
+
+def paper_sheets(
+    found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame, bias: pd.DataFrame
+) -> list[Sheet]:
+    """What was chosen, the configurations, what a peak is worth, errors, errata, what gives the printed error."""
+    return [
+        _paper_choices(found),
+        _paper_frequencies(found),
+        _sweep_bias(bias),
+        _paper_errors(found),
+        _paper_errata(errata),
+        *_paper_scan(scan),
+    ]
+
+
+def _paper_choices(found: Reproduction) -> Sheet:
+    machine, at, sweep = found.machine, found.mechanism, found.sweep
+    cylinder, valve, units = machine.cylinders[0], machine.cylinders[0].valve, WORKSHOP
+    masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
+    sizes = "/".join(units.number(size, "m") for size in (cylinder.bore, cylinder.rod))
+    dead = " and ".join(
+        units.text(v, "m³") for v in (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
+    )
+    rows = [
+        ("load masses m2", "eight", f"{len(masses)}: {masses[0]:g} to {masses[-1]:g} kg"),
+        ("link lengths l2", "five", f"{len(lengths)}: {lengths[0]:g} to {lengths[-1]:g} m"),
+        ("pins a1, d1", "–", ", ".join(units.text(float(v), "m") for v in at.pins.values())),
+        ("pose", "θ0 = γ = 90 deg", "the same; the piston then stands at mid-stroke"),
+        (
+            "cylinder",
+            "asymmetric",
+            f"{sizes} mm, stroke {units.text(cylinder.stroke, 'm')}, dead {dead}",
+        ),
+        ("supply", "constant", units.text(machine.supply.pressure, "Pa")),
+        ("oil", "constant β", f"{machine.fluid.bulk_modulus / 1e6:g} MPa, no air"),
+        (
+            "sweep",
+            "a sine sweep",
+            f"{sweep.start:g} to {sweep.stop:g} Hz in {sweep.duration:g} s, open loop",
+        ),
+        ("its amplitude", "–", f"{100 * sweep.amplitude:g} % of the spool's travel"),
+        ("mass in (11)", "average static load", "static force at θ0 / 9.81 m/s²"),
+        (
+            "A, V0 in (11), (42)",
+            "symmetric piston",
+            "bore area and its chamber; also the means of both sides",
+        ),
+    ]
+    if valve is not None:
+        flow = (
+            f"{units.text(valve.rated_flow, 'm³/s')} at {units.text(valve.rated_drop, 'Pa')} per"
+            " edge"
+        )
+        rows.insert(5, ("4/3 valve", "commercial", f"{flow}, {valve.natural_frequency:g} Hz"))
+    return Sheet(
+        title="What the paper gives, and what stands in for the rest",
+        columns=("", "the paper", "where"),
+        rows=tuple(rows),
+        note=(
+            "no curve of the paper can be reproduced in number: it gives no dimension of anything"
+        ),
+    )
+
+
+def _paper_frequencies(found: Reproduction) -> Sheet:
+    at = found.mechanism
+    masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
+    exact, swept = found.computed["joint_exact"], found.swept
+    cells = [
+        f"{f:.2f} {100 * (peak / f - 1):+5.1f} %" for f, peak in zip(exact, swept, strict=True)
+    ]
+    by_place = {
+        (m, n): cell for m, n, cell in zip(at.load_mass, at.link_length, cells, strict=True)
+    }
+    worst = float(np.abs(found.identified / exact - 1).max())
+    return Sheet(
+        title="Exact natural frequency [Hz], and how far off the sweep's highest line is",
+        columns=("m2", *(f"l2 = {length:g} m" for length in lengths)),
+        rows=tuple((f"{m:g} kg", *(by_place.get((m, n), "") for n in lengths)) for m in masses),
+        note=(
+            f"fitted at small amplitude: at most {100 * worst:.2g} % off; the sweep made the oil"
+            f" cavitate in {found.cavitated} of {len(exact)} and moved the piston by up to"
+            f" {1000 * max(abs(one.drift) for one in found.measurements):.0f} mm"
+        ),
+    )
+
+
+def _sweep_bias(bias: pd.DataFrame) -> Sheet:
+    rows = [
+        (
+            f"{one.periods:g}",
+            f"{one.damping:g}",
+            *(f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES),
+        )
+        for _, one in bias.iterrows()
+    ]
+    return Sheet(
+        title=(
+            "What a sweep alone gets wrong: an oscillator's highest point in a spectrum, and"
+            " the fit"
+        ),
+        columns=("periods in the sweep", "ζ", *BIASES.values()),
+        rows=tuple(rows),
+        note=(
+            "a short record ends while it still rings; the position of a long one peaks at √(1 −"
+            " 2ζ²) of the natural frequency: a resonance, not a bias; lines as wide as 1/T add up"
+            " to half of one"
+        ),
+    )
+
+
+def _paper_errors(found: Reproduction) -> Sheet:
+    from armdesign.paper.reproduction import FORMULAS, PUBLISHED, WAYS
+
+    errors = found.errors
+    rows = [
+        (words, *(f"{errors[way][name]:.4g}" for way in WAYS)) for name, words in FORMULAS.items()
+    ]
+    return Sheet(
+        title=f"Root mean square error over the {len(found.swept)} configurations [rad/s]",
+        columns=("formula", *WAYS.values()),
+        rows=tuple(rows),
+        note=(
+            f"the paper prints {PUBLISHED:g} rad/s for (11); its value for (42) is missing in our"
+            " copy"
+        ),
+        bold=(len(rows) - 1,),
+    )
+
+
+def _paper_errata(errata: Sequence[Erratum]) -> Sheet:
+    rows = []
+    for item in errata:
+        cells = ("none", "")
+        if item.change is not None:
+            low, high = (f"{100 * end:+.2f}" for end in (item.change.min(), item.change.max()))
+            cells = (f"{low} %" if low == high else f"{low} to {high} %", f"{item.error:.3g}")
+        rows.append((item.equation, item.printed, item.right, *cells))
+    return Sheet(
+        title="The paper's errata, each by itself: what it does to the frequency",
+        columns=("equation", "printed", "right", "change", "rms [rad/s]"),
+        rows=tuple(rows),
+        note="; ".join(f"{item.equation}: {item.remark}" for item in errata if item.remark)
+        + "; x² = a1² + d1²",
+    )
+
+
+def _paper_scan(scan: pd.DataFrame) -> list[Sheet]:
+    """What comes near the printed error, read in its unit and, as the formulas give Hz, in that."""
+    from armdesign.paper.reproduction import PUBLISHED
+
+    head = f"Cylinders and grids that come near the printed {PUBLISHED:g}"
+    titles = {
+        f"{head} rad/s": PUBLISHED,
+        f"{head} if it were Hz, {2 * np.pi * PUBLISHED:.1f} rad/s": 2 * np.pi * PUBLISHED,
+    }
+    return [_paper_near(scan, title, target) for title, target in titles.items()]
+
+
+def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
+    """The three combinations closest to an error [rad/s] by each formula with the static mass."""
+    static = ["static_11", "static_12", "static_12_as_printed"]
+    off = (scan[static] / target - 1).abs()
+    closest = {int(row) for name in static for row in off[name].to_numpy().argsort()[:3]}
+    shown = scan.loc[sorted(closest, key=lambda row: float(scan["static_11"].iloc[row]))]
+    rows = [
+        (
+            f"{one.bore_mm:g}/{one.rod_mm:g} × {one.stroke_mm:g}",
+            f"{one.dead_volume_l:g}",
+            f"{one.bulk_modulus_MPa:g}",
+            f"{one.mass_from_kg:g}–{one.mass_to_kg:g}",
+            f"{one.length_from_m:g}–{one.length_to_m:g}",
+            *(f"{one[name]:.3g}" for name in SCANNED),
+        )
+        for _, one in shown.iterrows()
+    ]
+    within = ", ".join(f"{int((off[name] < 0.05).sum())} by {SCANNED[name]}" for name in static)
+    return Sheet(
+        title=title,
+        columns=("cylinder [mm]", "dead [l]", "β [MPa]", "m2 [kg]", "l2 [m]", *SCANNED.values()),
+        rows=tuple(rows),
+        note=(
+            f"root mean square errors [rad/s] against the exact frequency; of {len(scan)}"
+            f" combinations whose load the supply holds, within 5 %: {within}"
+        ),
+    )
+
+
+BIASES = {
+    "speed_peak": "peak of speed",
+    "position_peak": "peak of position",
+    "speed_fit": "fit to speed",
+}
+SCANNED = {
+    "static_11": "(11)",
+    "static_12": "(12)",
+    "static_12_as_printed": "(12) printed",
+    "reflected_12": "J/r²",
+    "joint_42_as_printed": "(42)",
+}

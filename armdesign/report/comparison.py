@@ -1,0 +1,240 @@
+"""Two machines, or two versions of one, side by side: frequencies, what limits, what differs in their files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from armdesign.design.requirements.settings import Requirements
+from armdesign.frequency.maps import FrequencyMap, frequency_map
+from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
+from armdesign.machine import machine_file
+from armdesign.machine.machine import Machine
+from armdesign.report.designs import loads_sheet
+from armdesign.report.maps import spread_sheet
+from armdesign.report.sheet import Sheet, pose_text
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN = 40  # differing keys that are printed; the CSV has them all
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Frequency maps of two machines by their labels.
+
+    ``same_workspace`` tells whether the poses are the same.
+    """
+
+    maps: dict[str, FrequencyMap]
+    same_workspace: bool
+
+    @cached_property
+    def differences(self) -> dict[str, tuple[Any, Any]]:
+        """Values of the machine files that differ, by key path, in the files' units.
+
+        None where a file has none.
+        """
+        one, other = (machine_file.flat(m.machine.section) for m in self.maps.values())
+        paths = [*one, *(path for path in other if path not in one)]
+        return {
+            path: (one.get(path), other.get(path))
+            for path in paths
+            if one.get(path) != other.get(path)
+        }
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """Every quantity that is compared, one row each: its name, SI unit, both values, relative change.
+
+        Values of the files follow as they are written there, in the unit that their key names:
+        their unit is "file".
+        """
+        import pandas as pd
+
+        rows: list[tuple[Any, ...]] = []
+        one, other = (_quantities(m) for m in self.maps.values())
+        for name in [*one, *(name for name in other if name not in one)]:
+            unit = (one.get(name) or other[name])[1]
+            rows.append((name, unit, *(found.get(name, (None,))[0] for found in (one, other))))
+        rows += [
+            (path, "file", *(_words(v) for v in values))
+            for path, values in self.differences.items()
+        ]
+        changes = [_change(a, b) for _, _, a, b in rows]
+        frame = pd.DataFrame(rows, columns=["quantity", "unit", *self.maps], dtype=object)
+        frame["change"] = changes
+        return frame.map(
+            lambda value: float(f"{value:.9g}") if isinstance(value, float) else value
+        )
+
+    def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
+        """The comparison as tables."""
+        pairs = {label: (m.machine, m.workspace) for label, m in self.maps.items()}
+        digging = {
+            name for machine, _ in pairs.values() for name in Requirements.of(machine).digging
+        }
+        return [
+            self._worst(units),
+            spread_sheet(self.maps),
+            self._limiting(),
+            self._differing(),
+            loads_sheet(pairs, digging, units),
+        ]
+
+    def _worst(self, units: Units) -> Sheet:
+        rows: list[tuple[str, ...]] = []
+        one, other = (m.worst_of for m in self.maps.values())
+        for payload in [*one, *(name for name in other if name not in one)]:
+            cases = [
+                (label, m, m.worst_of[payload])
+                for label, m in self.maps.items()
+                if payload in m.worst_of
+            ]
+            for label, m, worst in cases:
+                where = pose_text(m.machine, worst, units).rpartition(", payload ")[0]
+                rows.append(
+                    (
+                        payload if label == cases[0][0] else "",
+                        label,
+                        f"{worst.frequency:.3f}",
+                        worst.cylinder,
+                        where,
+                    )
+                )
+            if len(cases) == 2 and cases[0][2].frequency > 0:
+                change = 100 * (cases[1][2].frequency / cases[0][2].frequency - 1)
+                rows.append(("", "change", f"{change:+.1f} %", "", ""))
+        note = (
+            "both in the workspace of the first"
+            if self.same_workspace
+            else "each in its own workspace"
+        )
+        return Sheet(
+            title="Worst natural frequency [Hz]",
+            columns=("payload", "machine", "frequency", "cylinder", "where"),
+            rows=tuple(rows),
+            note=note,
+            bold=tuple(k for k, row in enumerate(rows) if row[1] == "change"),
+        )
+
+    def _limiting(self) -> Sheet:
+        shares = [m.limiting_shares for m in self.maps.values()]
+        names = list(dict.fromkeys(name for share in shares for name in share.index))
+        rows = [
+            (
+                name,
+                *(
+                    f"{100 * share[name]:.1f} %" if name in share.index else "–"
+                    for share in shares
+                ),
+            )
+            for name in names
+        ]
+        return Sheet(
+            title="Poses that each cylinder limits",
+            columns=("cylinder", *self.maps),
+            rows=tuple(rows),
+        )
+
+    def _differing(self) -> Sheet:
+        rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
+        hidden = len(rows) - SHOWN
+        urdfs = {m.machine.urdf_text for m in self.maps.values()}
+        notes = ["as the files have them, each in the unit that its key names"] if rows else []
+        notes += [f"{hidden} more in compare.csv"] if hidden > 0 else []
+        notes += ["the URDFs differ too"] if len(urdfs) > 1 else []
+        return Sheet(
+            title="What differs in the files" if rows else "The files say the same",
+            columns=("key", *self.maps) if rows else (),
+            rows=tuple(rows[:SHOWN]),
+            note="; ".join(notes),
+        )
+
+    def plot(self, plane: str = "joints") -> Any:
+        """Both heatmaps on one colour scale; returns the figure."""
+        from armdesign.plots import drawing as plots
+
+        return plots.side_by_side(self.maps, plane)
+
+
+def compare(
+    first: Machine, second: Machine, points: int | Sequence[int] | None = None
+) -> Comparison:
+    """Map two machines.
+
+    The second is mapped in the workspace of the first if it has the same arm and can take all of
+    its poses; else each is mapped in its own.
+    """
+    workspace = Workspace.grid(first, points)
+    same = (
+        _same_arm(first, second) and float(second.margins(workspace.q).min()) >= -MARGIN_TOLERANCE
+    )
+    own = workspace if same else Workspace.grid(second, points)
+    labels = _labels(first, second)
+    maps = (frequency_map(first, workspace), frequency_map(second, own))
+    return Comparison(dict(zip(labels, maps, strict=True)), same)
+
+
+def _same_arm(first: Machine, second: Machine) -> bool:
+    one, other = ((m.urdf_text, m.section.joints, m.section.frozen) for m in (first, second))
+    return one == other
+
+
+def _labels(first: Machine, second: Machine) -> tuple[str, str]:
+    """What tells two machines apart: name, file or folder."""
+    candidates = ((m.name, m.source.stem, m.source.resolve().parent.name) for m in (first, second))
+    for one, other in zip(*candidates, strict=True):
+        if one != other:
+            return one, other
+    return f"{first.name} A", f"{first.name} B"
+
+
+def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
+    """Value and SI unit of everything that the comparison writes, by name."""
+    from armdesign.design.requirements.check import digging_forces
+
+    machine = frequencies.machine
+    found: dict[str, tuple[Any, str]] = {}
+    spread = frequencies.percentiles((5, 50, 95))
+    for payload, worst in frequencies.worst_of.items():
+        found[f"{payload}.worst"] = (worst.frequency, "Hz")
+        found[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
+        for joint, value in zip(machine.arm.joints, worst.q, strict=True):
+            found[f"{payload}.worst.{joint.name}"] = (
+                float(value),
+                "rad" if joint.revolute else "m",
+            )
+        for percent, value in zip((5, 50, 95), spread.loc[payload], strict=True):
+            found[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
+    for name, share in frequencies.limiting_shares.items():
+        found[f"limiting.{name}"] = (float(share), "")
+    forces = digging_forces(machine)
+    for c in machine.cylinders:
+        found[f"{c.name}.oil_cap"] = (c.bore_area * c.stroke, "m³")
+        found[f"{c.name}.oil_annulus"] = (c.annulus_area * c.stroke, "m³")
+        found[f"{c.name}.thrust"] = (machine.supply.pressure * c.bore_area, "N")
+        if c.name in forces:
+            found[f"{c.name}.tool_force"] = (forces[c.name], "N")
+    return found
+
+
+def _words(value: Any) -> str:
+    """A value of a file as it is written there, short."""
+    if value is None:
+        return "–"
+    if isinstance(value, list):
+        return ", ".join(map(_words, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _change(one: Any, other: Any) -> float | None:
+    try:
+        a, b = float(one), float(other)
+    except (TypeError, ValueError):
+        return None
+    return b / a - 1 if a else None

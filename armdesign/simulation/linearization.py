@@ -1,0 +1,194 @@
+"""The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and their damping.
+
+A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here
+knows a formula of stiffness. The operating point is rest with all valves shut, or open just enough
+to make up for leakage. Shut, a lapped valve passes no flow whatever the pressures, so it adds no
+damping: what damps is leakage and viscous friction. Dry friction, which has no derivative at rest,
+is left out. The flow that a spool opens is larger to one side than to the other; A holds the mean
+of both, and 0 within an overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+from armdesign.hydraulics.valve import Friction
+from armdesign.machine.machine import Machine
+from armdesign.simulation.plant.plant import Plant
+from armdesign.units import bar
+
+# Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table
+# 1).
+WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+STEPS = (
+    1e-4,
+    1e-3,
+    0.05,
+    0.05,
+    0.05,
+    1e-6,
+    1e-2,
+)  # of q, q̇, p1, p2, supply [bar], spool, spool speed
+ROUNDING = 1e-10  # of a damping ratio
+NEGLIGIBLE = (
+    1e-5  # of the fastest pole: slower ones are the trapped oil's zeros with their rounding
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """State space about rest at one pose; arrays are read-only, SI.
+
+    Attributes:
+        A: (n, n) over the states.
+        B: (n, nc) by the spool commands −1…1.
+        C: (nc, n), to the piston positions [m].
+        D: (nc, nc), zero.
+        states: names of the states; the last 2 nc are those of the spools.
+        inputs: names of the cylinders.
+        equilibrium: the state at rest (n,): q, q̇, p1, p2 [Pa], spool, spool speed.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    equilibrium: Array
+
+    def __post_init__(self) -> None:
+        for value in (self.A, self.B, self.C, self.D, self.equilibrium):
+            value.setflags(write=False)
+
+    @cached_property
+    def poles(self) -> Array:
+        """All eigenvalues of A (n,) [rad/s], slow ones first."""
+        return _by_size(np.linalg.eigvals(self.A))
+
+    @cached_property
+    def modes(self) -> Array:
+        """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first.
+
+        The spools' own are left out.
+
+        The spools drive the rest and feel nothing of it, so its poles are those of its own block
+        of A. At most one pair per joint: pairs slower than these are creep under leakage.
+        """
+        size = len(self.A) - 2 * len(self.inputs)
+        joints = (size - 2 * len(self.inputs)) // 2
+        poles = _by_size(np.linalg.eigvals(self.A[:size, :size]))
+        found = poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
+        return found[-joints:]
+
+    @property
+    def natural_frequencies(self) -> Array:
+        """|λ|/2π of ``modes`` [Hz]."""
+        return np.abs(self.modes) / (2 * math.pi)
+
+    @property
+    def damping_ratios(self) -> Array:
+        """ζ = −Re λ/|λ| of ``modes``."""
+        ratios = -self.modes.real / np.abs(self.modes)
+        return np.asarray(np.where(np.abs(ratios) < ROUNDING, 0.0, ratios))
+
+    def to_control(self) -> Any:
+        """The same as a ``StateSpace`` of python-control, names of states, inputs and outputs with it.
+
+        Pressures are in bar there, all else SI: numbers of one order, which need no balancing by
+        slycot.
+
+        Raises:
+            SimulationError: python-control is not installed.
+        """
+        try:
+            import control
+        except ImportError:
+            remedy = "pip install 'armdesign[control]'"
+            raise SimulationError(
+                "to_control", "needs the package python-control", remedy
+            ) from None
+        unit = np.array([bar if name.endswith("pressure") else 1.0 for name in self.states])
+        return control.ss(
+            self.A * unit / unit[:, None],
+            self.B / unit[:, None],
+            self.C * unit,
+            self.D,
+            states=list(self.states),
+            inputs=list(self.inputs),
+            outputs=[f"{name} position" for name in self.inputs],
+        )
+
+
+def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:
+    """State space of the machine under its payload about rest at one pose q (nq,).
+
+    Args:
+        machine: the machine.
+        q: joint positions [rad, m].
+        preloaded: chamber pressures at rest, see ``Plant.rest``.
+
+    Raises:
+        PoseError: the pose cannot be taken.
+        SimulationError: a cylinder has no valve, or a relief cannot hold its load: there is no
+            rest.
+    """
+    plant = Plant(without_dry_friction(machine))
+    plant.refuse_overcome(q)
+    rest = plant.rest(q, preloaded)
+    held, steps = plant.split(rest)[4], plant.spread(STEPS)
+    a = _jacobian(lambda y: plant.derivative(y, _rows(held, y)), rest, steps)
+    b = _jacobian(lambda u: plant.derivative(_rows(rest, u), u), held, np.full(plant.nc, 1e-2))
+    c = _jacobian(lambda y: plant.evaluate(y, _rows(held, y)).extensions, rest, steps)
+    unit = plant.units
+    return LinearModel(
+        A=a * unit[:, None] / unit,
+        B=b * unit[:, None],
+        C=c / unit,
+        D=np.zeros((plant.nc, plant.nc)),
+        states=plant.state_names,
+        inputs=tuple(function.name for function in machine.functions),
+        equilibrium=rest * unit,
+    )
+
+
+def without_dry_friction(machine: Machine) -> Machine:
+    """The machine with viscous friction alone: dry friction has no derivative at rest."""
+
+    def smooth(friction: Friction) -> Friction:
+        return replace(friction, coulomb=0.0, static=0.0)
+
+    return replace(
+        machine,
+        cylinders=tuple(replace(c, friction=smooth(c.friction)) for c in machine.cylinders),
+        motors=tuple(replace(m, friction=smooth(m.friction)) for m in machine.motors),
+    )
+
+
+def _rows(values: Array, like: Array) -> Array:
+    return np.tile(values, (len(like), 1))
+
+
+def _jacobian(f: Callable[[Array], Array], x: Array, steps: Array) -> Array:
+    """∂f/∂x (outputs, inputs) at x with a step per input.
+
+    F takes all shifted x (n, inputs) at once.
+    """
+    shifts = np.diag(steps)
+    points = [x + sign * k * shifts for k in range(1, len(WEIGHTS) + 1) for sign in (1, -1)]
+    values = f(np.concatenate(points)).reshape(len(WEIGHTS), 2, len(steps), -1)
+    differences = np.tensordot(WEIGHTS, values[:, 0] - values[:, 1], 1)
+    return np.asarray((differences / steps[:, None]).T)
+
+
+def _by_size(poles: Array) -> Array:
+    return np.asarray(poles[np.argsort(np.abs(poles), kind="stable")])

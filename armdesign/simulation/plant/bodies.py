@@ -1,0 +1,98 @@
+"""Rigid bodies under joint torques, stacked: Pinocchio's forward dynamics, with bars that are no links."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.mechanism.arm import LoadedArm
+from armdesign.simulation.plant.compiled import compiled
+from armdesign.units import GRAVITY
+
+
+class Bodies:
+    """Loaded arms of one shape: axis 0 is the case; one arm alone serves any number of cases.
+
+    Args:
+        arms: one per case, or one for all; the order of the joints is the same in all of them.
+    """
+
+    def __init__(self, arms: Sequence[LoadedArm]) -> None:
+        import pinocchio
+
+        self._library, self._arm = pinocchio, arms[0]
+        models = [loaded.model() for loaded in arms]
+        self._pairs = [(model, model.createData()) for model in models]
+        self._order = arms[0].arm.model_order
+        self._same = bool(np.all(self._order == np.arange(len(self._order))))
+
+    def acceleration(
+        self, q: Array, velocity: Array, torque: Array, bars: tuple[Array, Array] | None = None
+    ) -> Array:
+        """q̈ = M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms.
+
+        NaN where the bars' shares are.
+
+        By the articulated-body algorithm. With what bars add to M (n, nq, nq) and to h (n, nq), M
+        is computed by composite bodies and h by Newton and Euler's recursion, and the sums are
+        solved.
+        """
+        if not self._same:
+            q, velocity = self._ordered(q), self._ordered(velocity)
+        pairs, found = cycle(self._pairs), np.empty(q.shape)
+        if bars is None:
+            aba, pushes = self._library.aba, torque if self._same else self._ordered(torque)
+            for row, ((model, data), at, speed, push) in enumerate(
+                zip(pairs, q, velocity, pushes, strict=False)
+            ):
+                found[row] = aba(model, data, at, speed, push)
+            return found if self._same else found[:, self._order]
+        mass, force = np.empty(bars[0].shape), np.empty(q.shape)
+        for row, ((model, data), at, speed) in enumerate(zip(pairs, q, velocity, strict=False)):
+            mass[row] = self._library.crba(model, data, at)
+            force[row] = self._library.nonLinearEffects(model, data, at, speed)
+        _solve(mass, force, self._order, *bars, torque, found)
+        return found
+
+    def energy(self, q: Array, velocity: Array) -> Array:
+        """Kinetic and potential energy [J] of links, payload and bars of one loaded arm at states (m, nq)."""
+        (model, data), library = self._pairs[0], self._library
+        total = np.zeros(len(q))
+        for row, (at, speed) in enumerate(
+            zip(self._ordered(q), self._ordered(velocity), strict=True)
+        ):
+            total[row] = library.computeMechanicalEnergy(model, data, at, speed)
+        points = self._arm.points(self._arm.arm.kinematics(q)) if self._arm.points else []
+        for m, point in points:
+            moved = np.einsum("nji,nj->ni", point.first, velocity)
+            total += m * (0.5 * np.einsum("ni,ni->n", moved, moved) + GRAVITY * point.value[:, 2])
+        return total
+
+    def _ordered(self, values: Array) -> Array:
+        """Rows in the order of the model."""
+        ordered = np.empty_like(values)
+        ordered[:, self._order] = values
+        return ordered
+
+
+@compiled
+def _solve(
+    mass: Any, force: Any, order: Any, bar_mass: Any, bar_force: Any, torque: Any, found: Any
+) -> None:
+    """(M + M_bars)⁻¹(τ − h − h_bars) of every case.
+
+    Pinocchio fills the upper triangle of M, in its own order.
+    """
+    for case in range(len(found)):
+        whole, rest = bar_mass[case].copy(), torque[case] - bar_force[case]
+        for j in range(len(order)):
+            rest[j] -= force[case, order[j]]
+            for k in range(len(order)):
+                whole[j, k] += mass[case, min(order[j], order[k]), max(order[j], order[k])]
+        finite = math.isfinite(whole.sum() + rest.sum())
+        found[case] = np.linalg.solve(whole, rest) if finite else np.full(len(order), np.nan)

@@ -1,0 +1,154 @@
+"""The door to numba: functions of numbers and small arrays, compiled when first called and kept for later processes.
+
+A right-hand side asked for ten thousand times costs numpy fifty small arrays each time; as machine
+code it costs as much as its arithmetic. What is compiled reads as plain Python, loops over cases
+and cylinders included. The laws of ``fluid`` and ``valve`` serve both worlds as they are.
+
+Compiled code is kept in files that each hold one function for one set of argument types, sealed
+with a digest: a file that is damaged, half written or cannot be read is left aside, and the
+function compiled again. Loading such a file runs what is in it, so a folder is used only if nobody
+else may write there; without any the code is not kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from numba.extending import register_jitable
+
+from armdesign import units
+from armdesign import user_folders as folders
+from armdesign.errors import printable
+from armdesign.hydraulics import fluid, valve
+
+F = TypeVar("F", bound=Callable[..., object])
+
+HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation
+
+for module in (fluid, valve):
+    for law in vars(module).values():
+        if isinstance(law, FunctionType) and law.__module__ == module.__name__:
+            register_jitable(law)
+
+
+def compiled(function: F) -> F:
+    """The function, compiled when first called or loaded from where an earlier process kept it."""
+    made: Any = numba.njit(error_model="numpy")(function)
+    if hasattr(made, "compile"):  # numba is not switched off
+        made._cache = _Kept(
+            f"{function.__module__.rpartition('.')[2]}.{cast(Any, function).__qualname__}"
+        )
+    return cast(F, made)
+
+
+def resolved(function: F, *arguments: object) -> F:
+    """The compiled function for arguments of just these types, dimensions and layouts, which it no longer looks at.
+
+    numba looks at every argument of every call, which for arrays of records takes longer than what
+    is computed here.
+    """
+    made, typeof = cast(Any, function), cast(Any, numba.typeof)
+    if not hasattr(made, "compile"):  # numba is switched off
+        return function
+    return cast(F, made.compile(tuple(typeof(argument) for argument in arguments)))
+
+
+class _Kept(NullCache):
+    """Compiled code of one function in files: what numba asks before it compiles, and tells afterwards.
+
+    It stands in for numba's own cache, which ends the program where it finds no folder to write
+    into or a damaged file, mixes up what two processes compile at once, and does not see that a
+    called function has changed.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """The function for some argument types, or None where it must be compiled."""
+        context.refresh()
+        key = _key(signature, context.codegen())
+        for folder in _folders()[0]:
+            try:
+                sealed = self._file(folder, key).read_bytes()
+                digest, data = sealed[:32], sealed[32:]
+                if hashlib.sha256(data).digest() == digest:
+                    known, payload = pickle.loads(data)
+                    if known == key:
+                        return cast(Any, CompileResult)._rebuild(context, *payload)
+            except Exception:  # of any kind: whatever is wrong with a file, compiling mends it
+                continue
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what was compiled for some argument types, if there is a place for it."""
+        folder = _folders()[1]
+        if (
+            folder is None
+            or result.library.has_dynamic_globals
+            or any(not lifted.can_cache for lifted in result.lifted)
+        ):
+            return
+        key = _key(signature, result.codegen)
+        data = cast(Any, dumps)((key, result._reduce()))
+        with contextlib.suppress(
+            OSError
+        ):  # a full disk, or another process that keeps the same at this moment
+            file = self._file(folder, key)
+            file.unlink(missing_ok=True)
+            with file.open("xb") as written:
+                written.write(hashlib.sha256(data).digest() + data)
+
+    def _file(self, folder: Path, key: object) -> Path:
+        return folder / f"{self._name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.nbc"
+
+
+def _key(signature: Any, codegen: Any) -> tuple[object, ...]:
+    """All that compiled code depends on beside the sources: argument types, processor, numba, Python."""
+    return signature, codegen.magic_tuple(), numba.__version__, sys.implementation.cache_tag
+
+
+@cache
+def _folders() -> tuple[tuple[Path, ...], Path | None]:
+    """Where kept code may be read, and where it may be written (None: nowhere).
+
+    Their name says all that may be compiled, so that what is in them cannot be older than any of
+    it.
+    """
+    sources = [Path(module.__file__ or "") for module in (fluid, units, valve)] + sorted(
+        HERE.rglob("*.py")
+    )
+    name = f"compiled-{hashlib.sha256(b''.join(source.read_bytes() for source in sources)).hexdigest()[:12]}"
+    chosen, found = str(cast(Any, numba.config).CACHE_DIR), []
+    first = [(Path(chosen), None)] if chosen else []
+    for place, programs in [
+        *first,
+        (HERE / "__pycache__", HERE),
+        *((place, None) for place in folders.of_user()),
+    ]:
+        try:
+            safe = folders.made(place / name, programs)
+        except OSError:
+            continue
+        if safe:
+            found.append(place / name)
+            if folders.writable(place / name):
+                return tuple(found), place / name
+        elif chosen and place == Path(chosen):
+            problem = (
+                "others may write there, so it is not used; name a folder that is yours alone"
+            )
+            print(printable(f"armdesign: NUMBA_CACHE_DIR {chosen}: {problem}"), file=sys.stderr)
+    return tuple(found), None

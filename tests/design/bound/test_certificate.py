@@ -1,0 +1,371 @@
+"""The upper bound for pins and areas: above every design that can be found, near the best, honest
+about the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import Requirements, Workspace
+from armdesign.design.bound.branch_and_bound import maximum
+from armdesign.design.bound.certificate import CLOSE, COARSE, FINE, upper_bound
+from armdesign.design.bound.lagrangian import Dual, Prices, drives
+from armdesign.design.program.constraints import limits
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.search.sequential_sdp import Search, hertz
+from tests.design.designs import as_machine, problem_of, solved, workspace_of
+from tests.machines import BOOM, FOLD, LIFT, STICK, build, named, redundant
+
+TOLERANCE = (
+    2 * CLOSE
+)  # of ω² between two bounds of nested problems: rounds end that far from the best prices
+
+
+@cache
+def finished(name: str) -> Search:
+    return solved(problem_of(name), 1e-6)
+
+
+def bound_of(search: Search) -> float:
+    found = upper_bound(search.problem, search.x, search.rows)
+    assert found is not None
+    return found.frequency
+
+
+def feasible_designs(
+    problem: Problem, count: int, seed: int = 0, own: str = ""
+) -> list[np.ndarray]:
+    """Random pins and areas that meet all requirements, or those of one cylinder, by ``limits`` at
+    all holding rows.
+    """
+    random = np.random.default_rng(seed)
+    low, high = problem.bounds
+    pins = np.array([v.pin is not None for v in problem.variables])
+    found: list[np.ndarray] = []
+    for _ in range(200 * count):
+        x = np.where(
+            pins,
+            random.uniform(low, high) * random.uniform(0, 1),
+            random.uniform(0.8, 1.1, len(low)),
+        )
+        at = limits(problem, x)
+        mine = np.array([name.endswith(own) for name in at.names])
+        if at.values[mine].min() >= 0:
+            found.append(x)
+        if len(found) == count:
+            break
+    assert len(found) >= count / 3
+    return found
+
+
+# -------------------------------------------------------------------------------- shipped machines
+
+# measured, rounded up: share by which the bound exceeds the optimum; below 12 % was asked for
+GAPS = {
+    "excavator_20t": 0.03,
+    "excavator_12t": 0.03,
+    "mini_excavator_2t": 0.02,
+    "loader_crane": 0.01,
+    "patu_boom": 0.01,
+    "paper_1dof": 0.01,
+}
+
+
+@pytest.mark.parametrize("name", GAPS)
+def test_bound_of_every_shipped_machine(name: str) -> None:
+    """Above the optimum on all its poses, and near it; no cylinder is left out."""
+    design = ad.optimize(named(name), starts=1)
+    assert design.bound is not None
+    assert design.gap is not None
+    assert design.certificate is not None
+    assert design.certificate.held == ()
+    assert 0 <= design.gap < GAPS[name]
+    assert design.bound == pytest.approx(design.unrounded * (1 + design.gap))
+
+
+# ------------------------------------------------------------------------------------- brute force
+
+
+def brute_force(problem: Problem) -> float:
+    """Best worst frequency [Hz] of ``paper_1dof`` over pins on a grid that zooms in, by the law of
+    cosines.
+
+    ω² = (β (A1²/V1 + A2²/V2) r² + g' − g h/r)/J grows with both areas, so these are as large as
+    oil, thrust and Euler's rod allow, each on its own (A2 ≤ A1 − L √(c A1) grows with A1). J, g
+    and g' do not depend on the cylinder.
+    """
+    machine, r, q = problem.machine, problem.requirements, problem.workspace.q[:, 0]
+    (c,), beta = machine.cylinders, machine.fluid.bulk_modulus
+    case = machine.with_payload("load").at(problem.workspace.q)
+    inertia, g, slope = (
+        case.mass_matrix[:, 0, 0],
+        case.gravity_torque[:, 0],
+        case.gravity_stiffness[:, 0, 0],
+    )
+    ends = np.linspace(*machine.ranges[0], 61)
+    at_rest = np.array(
+        [-0.5, 0.0, 0.0, 0.15]
+    )  # base x, z; rod pin x, z from the joint (the machine's file)
+    factor = ((c.bore_area - c.annulus_area) / c.open_length) ** 2 / c.bore_area
+
+    def geometry(pins: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, ...]:
+        d, a = np.hypot(pins[:, 0], pins[:, 1])[:, None], np.hypot(pins[:, 2], pins[:, 3])[:, None]
+        between = np.arctan2(pins[:, 1], pins[:, 0]) - np.arctan2(pins[:, 3], pins[:, 2])
+        psi = between[:, None] - angles  # q turns the boom's x axis up
+        length = np.sqrt(a**2 + d**2 - 2 * a * d * np.cos(psi))
+        arm = -a * d * np.sin(psi) / length
+        return length, arm, (a * d * np.cos(psi) - arm**2) / length
+
+    sign = np.sign(geometry(at_rest[None], ends)[1][0, 0])
+    least = r.moment_arm_share * np.abs(geometry(at_rest[None], ends)[1]).min()
+
+    def worst(pins: np.ndarray) -> np.ndarray:
+        over, arms, _ = geometry(pins, ends)
+        closed, stroke = over.min(axis=1), np.ptp(over, axis=1)
+        most = c.stroke / stroke * min(r.oil_each_share, r.oil_total_share)
+        a1 = c.bore_area * np.minimum(most, r.thrust_share)
+        a2 = np.minimum(c.annulus_area * most, a1 - (closed + stroke) * np.sqrt(factor * a1))
+        length, arm, curve = geometry(pins, q)
+        s = length - closed[:, None]
+        oil = a1[:, None] ** 2 / (a1[:, None] * s + c.cap_dead_volume)
+        oil += a2[:, None] ** 2 / (a2[:, None] * (stroke[:, None] - s) + c.annulus_dead_volume)
+        force = g / arm
+        push = machine.supply.pressure * a1 - machine.supply.return_pressure * a2
+        pull = machine.supply.pressure * a2 - machine.supply.return_pressure * a1
+        held = (force.max(axis=1) <= r.holding_share * push) & (
+            -force.min(axis=1) <= r.holding_share * pull
+        )
+        allowed = held & ((sign * arms).min(axis=1) >= least) & (closed - stroke >= c.dead_length)
+        return np.where(
+            allowed, ((beta * oil * arm**2 + slope - force * curve) / inertia).min(axis=1), -np.inf
+        )
+
+    centre, reach, best = at_rest, problem.box, -np.inf
+    for _ in range(12):
+        axes = [np.linspace(m - reach, m + reach, 13) for m in centre]
+        pins = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+        pins = np.clip(pins, at_rest - problem.box, at_rest + problem.box)
+        values = np.concatenate([worst(part) for part in np.array_split(pins, 20)])
+        if values.max() > best:
+            best, centre = float(values.max()), pins[values.argmax()]
+        reach *= 0.6
+    return hertz(best)
+
+
+def test_one_cylinder_against_brute_force() -> None:
+    """The paper's mechanism: 13⁴ pins a level say where the global optimum is; the bound lies
+    above it by < 0.6 %.
+    """
+    machine = named("paper_1dof")
+    workspace = Workspace.grid(machine, points=(25,))
+    problem = Problem(
+        machine=machine,
+        workspace=workspace,
+        requirements=Requirements.of(machine),
+        vary=("areas", "pins"),
+    )
+    search = solved(problem)
+    best, bound = brute_force(problem), bound_of(search)
+    assert hertz(search.squared) == pytest.approx(best, rel=1e-3)
+    assert best * (1 - 1e-9) <= bound < best * 1.006
+
+
+# -------------------------------------------------------------------------------------- any design
+
+
+def test_no_random_design_exceeds_the_bound() -> None:
+    """Two joints that share oil: allowed designs drawn in the boxes, by the package's front
+    door.
+    """
+    search = finished("double")
+    bound, problem = bound_of(search), search.problem
+    reached = [hertz(problem.frequencies(x).min()) for x in feasible_designs(problem, 60)]
+    assert max(reached) > hertz(problem.frequencies(problem.start).min())
+    assert max([*reached, hertz(search.squared)]) <= bound
+    assert bound < hertz(search.squared) * 1.05
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_prices_give_a_bound(seed: int) -> None:
+    """Random prices in place of the solver's: less tight, but nothing that is allowed exceeds
+    them.
+    """
+    search = finished("double")
+    problem, random = search.problem, np.random.default_rng(seed)
+    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
+    inverse, base = dual._frames(dual.rows)
+    root = random.normal(size=base.shape)
+    z = root @ np.swapaxes(root, 1, 2)
+    z /= np.trace(z, axis1=1, axis2=2).sum()
+    oil, (budget, today) = random.uniform(0, 2, 2), dual._budget
+    prices = Prices(
+        rows=dual.rows,
+        weight=np.swapaxes(inverse, 1, 2) @ z @ inverse / dual.reference,
+        trace=np.trace(z, axis1=1, axis2=2),
+        oil=oil / today,
+        constant=float(np.einsum("nij,nij->", z, base) + oil.sum() * budget),
+        light=1.0,
+        mixed=0.0,
+        shares=np.ones(len(dual.columns)),
+    )
+    upper = prices.constant + sum(m.upper for m in dual.branched(prices, FINE))
+    for x in [search.x, *feasible_designs(problem, 20, seed)]:
+        assert problem.frequencies(x, dual.rows).min() / dual.reference <= upper * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["double", "excavator"])
+def test_branching_against_dense_sampling(name: str) -> None:
+    """Each share, by ``Poses`` of sampled machines that meet the cylinder's own requirements,
+    stays below its maximum.
+
+    What branching says it reached is reached: its value is below its upper end by the tolerance at
+    most.
+    """
+    search = finished(name)
+    problem = search.problem
+    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
+    prices = dual.settled()
+    found = dual.branched(prices, COARSE)
+    for k, (drive, most) in enumerate(zip(dual.drives, found, strict=True)):
+        assert most.value <= most.upper <= most.value + COARSE
+        own = f".{problem.machine.cylinders[drive.cylinder].name}"
+        values = []
+        for x in [search.x, *feasible_designs(problem, 15, k, own)]:
+            machine = as_machine(problem, x)
+            value = -prices.oil @ (
+                problem.areas(x)[drive.cylinder] * machine.cylinders[drive.cylinder].stroke
+            )
+            for row, weight in zip(prices.rows, prices.weight[:, k, k], strict=True):
+                case = machine.with_payload(machine.payloads[problem.rows.payload[row]].name)
+                poses = case.evaluate(problem.workspace.rigid[problem.rows.pose[[row]]])
+                i, j = drive.cylinder, drive.joint
+                stiffness = poses.oil_stiffness[0, i] * poses.moment_arms[0, i, j] ** 2
+                stiffness -= poses.cylinder_forces[0, i] * poses.moment_arm_derivatives[0, i, j, j]
+                value += weight * stiffness
+            values.append(value)
+        assert max(values) <= most.upper + 1e-9
+
+
+# ------------------------------------------------------------------------------------ monotonicity
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pin_box": 0.02},
+        {"oil_each_share": 1.0},
+        {"thrust_share": 1.02},
+        {"moment_arm_share": 0.98},
+        {"holding_share": 0.5},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> None:
+    """At equal prices each cylinder's most falls or stays, to the tolerance of branching."""
+    wide = finished("double")
+    dual = Dual.begun(wide.problem, drives(wide.problem), wide.x, wide.rows)
+    for share, drive in zip(
+        dual.shares(dual.prices()), drives(problem_of("double", **change)), strict=True
+    ):
+        region = {name: getattr(drive.shape, name) for name in ("low", "high", "scale", "boxes")}
+        narrow = replace(share, limits=drive.limits, shape=replace(share.shape, **region))
+        tight, loose = (maximum(s, COARSE, 50_000) for s in (narrow, share))
+        assert loose.upper - loose.value <= COARSE
+        assert tight.upper <= loose.upper + COARSE
+
+
+@pytest.mark.parametrize(
+    "change", [{"pin_box": 0.02}, {"oil_total_share": 0.97}], ids=lambda change: next(iter(change))
+)
+def test_tighter_requirements_never_raise_the_bound(change: dict[str, float]) -> None:
+    """A smaller pin box, less oil: the bound as a whole falls."""
+    narrow = bound_of(solved(problem_of("double", **change), 1e-5))
+    assert narrow**2 <= bound_of(finished("double")) ** 2 * (1 + TOLERANCE)
+
+
+# ------------------------------------------------------------------------------- what is not known
+
+
+def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
+    """A compliant cylinder is not bounded: its joint is held, which only stiffens; the bound says
+    so and holds.
+    """
+    soft = replace(LIFT, extra="compliance_m_per_N = 2e-8")
+    machine = build([BOOM, STICK], [soft, FOLD])
+    workspace = Workspace.grid(machine, points=(5, 5))
+    problem = Problem(
+        machine=machine,
+        workspace=workspace,
+        requirements=Requirements.of(machine),
+        vary=("areas", "pins"),
+    )
+    search = solved(problem, 1e-5)
+    found = upper_bound(problem, search.x, search.rows)
+    assert found is not None
+    assert found.held == ("lift",)
+    assert "the lift cylinder rigid" in found.assumptions
+    assert found.frequency >= hertz(search.squared)
+
+
+def test_no_bound_where_joints_are_shared() -> None:
+    """Several cylinders on every joint share its load."""
+    single, machine = problem_of("single"), redundant()
+    workspace = Workspace.grid(machine, points=[4] * len(machine.joints))
+    asked = {"workspace": workspace, "requirements": Requirements.of(machine)}
+    problem = Problem(machine=machine, **asked, vary=("areas", "pins"))
+    assert upper_bound(problem, problem.start, np.arange(len(problem))) is None
+    assert upper_bound(single, single.start, np.arange(len(single))) is not None
+
+
+@pytest.mark.parametrize("percent", [0.5, 2.0])
+@pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
+def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None:
+    """Each chamber's oil at the greatest pressure that its design allows: no random design exceeds
+    it.
+    """
+    machine = build([BOOM], [LIFT], air_percent=percent)
+    requirements = Requirements.of(machine)
+    problem = Problem(
+        machine=machine, workspace=workspace_of("single"), requirements=requirements, vary=vary
+    )
+    search = solved(problem, 1e-5)
+    found = upper_bound(problem, search.x, search.rows)
+    assert found is not None
+    reached = [hertz(problem.frequencies(x).min()) for x in feasible_designs(problem, 30)]
+    assert max([*reached, hertz(search.squared)]) <= found.frequency
+    assert (
+        found.frequency < hertz(search.squared) * 1.12
+    )  # measured, rounded up: 10 % of it is duality's
+    airless = replace(problem, machine=build([BOOM], [LIFT]))
+    without = upper_bound(airless, search.x, search.rows)
+    assert without is not None
+    assert found.frequency < without.frequency * 0.99
+
+
+def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
+    """Air's β over boxes of pins and volumes is never below that of a machine in them, by its own
+    static pressures.
+    """
+    machine = build([BOOM], [replace(LIFT, extra="hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }")],
+                    air_percent=1.0)  # fmt: skip
+    problem = Problem(
+        machine=machine,
+        workspace=workspace_of("single"),
+        requirements=Requirements.of(machine),
+        vary=("areas", "pins"),
+    )
+    search = solved(problem, 1e-4)
+    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
+    prices = dual.settled()
+    (most,) = dual.branched(prices, COARSE)
+    for x in [search.x, *feasible_designs(problem, 20)]:
+        squared = problem.frequencies(x, prices.rows)
+        weighted = prices.trace @ (
+            squared / dual.reference
+        )  # one joint: Σ ⟨Z, L⁻¹K L⁻ᵀ⟩ is the weighted mean
+        assert weighted <= prices.constant + most.upper + 1e-9

@@ -1,0 +1,366 @@
+"""Conflicts: by hand where areas alone vary, by solving again where pins do."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import Machine, Requirements
+from armdesign.design.program.constraints import holding_rows
+from armdesign.design.requirements.check import check, cylinder_mass
+from armdesign.design.requirements.settings import Clearance, Lift, Speed
+from armdesign.design.search.infeasibility import Conflict, sentence
+from armdesign.design.search.multistart import posed
+from armdesign.errors import Concession, InfeasibleError
+from armdesign.units import outward
+from tests.design.designs import MACHINES, problem_of, workspace_of
+from tests.machines import four_bar
+
+
+def refused(name: str, vary: tuple[str, ...], **settings: Any) -> InfeasibleError:
+    machine = MACHINES[name]()
+    with pytest.raises(InfeasibleError) as error:
+        ad.optimize(
+            machine,
+            workspace_of(name),
+            replace(Requirements.of(machine), **settings),
+            vary=vary,
+            starts=1,
+        )
+    return error.value
+
+
+def allowed(name: str, vary: tuple[str, ...], **settings: Any) -> None:
+    """A design meets them: does not raise."""
+    machine = MACHINES[name]()
+    ad.optimize(
+        machine,
+        workspace_of(name),
+        replace(Requirements.of(machine), **settings),
+        vary=vary,
+        starts=1,
+    )
+
+
+def test_one_against_the_box() -> None:
+    """Pins that stay: today's moment arm is what there is, 1/1.2 of what is asked."""
+    error = refused("single", ("areas",), moment_arm_share=1.2)
+    (only,) = error.conflict
+    assert (only.name, only.at_least, only.unit) == ("moment_arm.lift", True, "m/rad")
+    assert only.together == pytest.approx(only.limit * (1 - 1 / 1.2), rel=1e-6)
+    assert only.alone == only.together
+    assert "no design meets moment_arm.lift" in str(error)
+    assert "it must give" in str(error)
+    assert "(17 %)" in str(error)
+    assert "besides" not in str(error)
+
+
+def test_one_against_the_pin_box() -> None:
+    """Pins within 20 mm: what it must give is what the best of a grid over the box still lacks."""
+    settings = {
+        "moment_arm_share": 1.2,
+        "pin_box": 0.02,
+        "oil_total_share": 9.0,
+        "oil_each_share": 9.0,
+    }
+    (only,) = refused("single", ("pins",), **settings).conflict
+    problem = problem_of("single", ("pins",), **settings)
+    most = 0.0
+    for corner in np.ndindex(*[3] * 4):
+        x = problem.start.copy()
+        x[2:] = np.array(corner) - 1.0
+        (linkage,), (poses,) = problem.linkages(x), problem.ranges
+        assert poses is not None
+        most = max(most, float(np.abs(linkage.actuation(poses).moment_arm[:, 0]).min()))
+    assert only.name == "moment_arm.lift"
+    assert only.together == pytest.approx(
+        only.limit - most, rel=0.02
+    )  # the dead length may hold it back
+    assert only.together >= (only.limit - most) * (1 - 1e-6)
+
+
+TWO = {"thrust_share": 0.9, "digging": ("lift",), "digging_share": 0.99}
+
+
+def test_two_by_hand() -> None:
+    """A ≤ 0.9 and A ≥ 0.99 of today's: both give t with 0.9 (1 + t) = 0.99 (1 − t), one alone 0.09
+    of today's.
+
+    t is 0.0476, that is a bore of 97.1008 mm: of the grid 97.1 is nearest. The digging torque
+    alone asks for at most 94.8683 mm, so 94.8; the thrust alone for at least 99.4987, so 99.5.
+    """
+    error = refused("single", ("areas",), **TWO)
+    thrust, digging = error.conflict
+    assert (thrust.name, digging.name) == ("thrust.lift", "digging.lift")
+    assert thrust.together / thrust.limit == pytest.approx(
+        0.971**2 / 0.9 - 1, rel=1e-4
+    )  # six digits of a setting
+    assert digging.together / digging.limit == pytest.approx(1 - 0.971**2 / 0.99, rel=1e-4)
+    assert thrust.alone == pytest.approx(thrust.limit * (0.995**2 / 0.9 - 1), rel=1e-4)
+    assert digging.alone == pytest.approx(digging.limit * (1 - 0.948**2 / 0.99), rel=1e-4)
+    assert (thrust.setting, digging.setting) == ("thrust_share", "digging.share")
+    assert thrust.value == pytest.approx(0.971**2, rel=1e-6)
+    assert digging.value == pytest.approx(0.971**2, rel=1e-6)
+    text = str(error)
+    assert "thrust.lift (thrust of the lift cylinder at most" in text
+    assert "together with digging.lift (digging torque of the lift cylinder at least" in text
+    assert "they must give" in text
+    assert "or one alone" in text
+
+
+def test_two_without_either() -> None:
+    """Irreducible, and the amounts suffice: without one, or with what it gives, there is a design;
+    a bit less, none.
+    """
+    allowed("single", ("areas",), **TWO | {"digging": ()})
+    allowed("single", ("areas",), **TWO | {"thrust_share": 1.1})
+    allowed("single", ("areas",), **TWO | {"thrust_share": 0.9 * 1.1005})
+    refused("single", ("areas",), **TWO | {"thrust_share": 0.9 * 1.0995})
+
+
+def test_three_by_hand() -> None:
+    """Both bores at least 0.99 of today's, their oil together at most 0.9: no two of the three
+    conflict.
+
+    All give t with 0.99 (1 − t) = 0.9 (1 + t); the oil alone 0.09 of today's.
+    """
+    settings = {"oil_total_share": 0.9, "digging": ("lift", "fold"), "digging_share": 0.99}
+    conflict = refused("double", ("areas",), **settings).conflict
+    found = {c.name: c for c in conflict}
+    assert list(found) == ["oil.cap.total", "digging.lift", "digging.fold"]
+    for c in conflict:  # what rounding takes: a grid step of a bore is 0.2 % of its area
+        assert c.together / c.limit == pytest.approx(0.09 / 1.89, rel=0.02)
+    assert found["oil.cap.total"].alone == pytest.approx(
+        found["oil.cap.total"].limit * 0.1, rel=0.02
+    )
+    swept = np.array([c.bore_area * c.stroke for c in MACHINES["double"]().cylinders])
+    for name, own in zip(("digging.lift", "digging.fold"), swept, strict=True):
+        share = (
+            0.09 * swept.sum() / own / 0.99
+        )  # of its limit: all of the oil that lacks, from one bore
+        assert found[name].alone == pytest.approx(share * found[name].limit, rel=0.02)
+
+
+def test_pins_in_a_conflict() -> None:
+    """Areas and pins: with 2 % more than the oil alone must give there is a design, with 2 % less
+    none.
+    """
+    settings = {
+        "oil_total_share": 0.4,
+        "digging": ("lift",),
+        "digging_share": 1.3,
+        "pin_box": 0.05,
+        "thrust_share": 2.0,
+    }
+    vary = ("areas", "pins")
+    error = refused("single", vary, **settings)
+    names = [c.name for c in error.conflict]
+    assert 2 <= len(names) <= 3
+    assert "oil.cap.total" in names
+    (oil,) = (c for c in error.conflict if c.name == "oil.cap.total")
+    assert oil.alone is not None
+    needed = 0.4 * oil.alone / oil.limit
+    allowed("single", vary, **settings | {"oil_total_share": 0.4 + 1.02 * needed})
+    refused("single", vary, **settings | {"oil_total_share": 0.4 + 0.98 * needed})
+
+
+def test_two_conflicts_at_once() -> None:
+    """Two requirements that cannot be by themselves, beside three that conflict: each part gives
+    its own.
+
+    Pins that stay: each cylinder's moment arm is today's, 1/1.1 of what is asked.
+    """
+    settings = {
+        "oil_total_share": 0.9,
+        "digging": ("lift", "fold"),
+        "digging_share": 0.99,
+        "moment_arm_share": 1.1,
+    }
+    error = refused("double", ("areas",), **settings)
+    parts = [{c.name for c in error.conflict if c.part == part} for part in range(3)]
+    assert parts == [
+        {"moment_arm.lift"},
+        {"moment_arm.fold"},
+        {"oil.cap.total", "digging.lift", "digging.fold"},
+    ]
+    for c in error.conflict:
+        share = 1 - 1 / 1.1 if c.name.startswith("moment_arm") else 0.09 / 1.89
+        assert c.together / c.limit == pytest.approx(
+            share, rel=0.02
+        )  # what rounding takes: 0.1 % of an area
+    assert "no design meets moment_arm.lift" in str(error)
+    assert "; nor moment_arm.fold" in str(error)
+    assert "besides" not in str(error)
+
+
+def test_nothing_conflicts() -> None:
+    problem = problem_of("double")
+    conflict = Conflict(problem, problem.start, holding_rows(problem, problem.start))
+    assert conflict.smallest() == ()
+
+
+def test_the_error_travels_between_processes() -> None:
+    error = refused("single", ("areas",), **TWO)
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.conflict) == (str(error), error.conflict)
+
+
+# --------------------------------------------------------------------------- granting what is said
+
+ASKED: dict[str, Callable[[Machine, np.random.Generator], dict[str, Any]]] = {
+    "oil": lambda m, random: {"oil_total_share": random.uniform(0.6, 0.9)},
+    "each oil": lambda m, random: {"oil_each_share": random.uniform(0.6, 0.9)},
+    "thrust": lambda m, random: {"thrust_share": random.uniform(0.6, 0.95)},
+    "holding": lambda m, random: {"holding_share": random.uniform(0.2, 0.6)},
+    "arms": lambda m, random: {"moment_arm_share": random.uniform(1.0, 1.2)},
+    "digging": lambda m, random: {
+        "digging": tuple(c.name for c in m.cylinders), "digging_share": random.uniform(1.0, 1.2)
+    },
+    "rods": lambda m, random: {"buckling_share": random.uniform(1.0, 1.6)},
+    "mass": lambda m, random: {"cylinder_mass": cylinder_mass(m) * random.uniform(0.6, 0.9)},
+    "speed": lambda m, random: {
+        "speeds": (Speed(name="go", cylinders={m.cylinders[0].name: random.uniform(0.5, 0.6)}),)
+    },
+    "lift": lambda m, random: {
+        "lifts": (Lift(name="up", mass=random.uniform(3e3, 6e3), joints=dict.fromkeys(m.joints, 0.0)),)
+    },
+}  # fmt: skip
+RANDOM = [  # those of the first seeds that are in conflict
+    *(("single", ("areas",), seed) for seed in (0, 2, 3, 5, 6)),
+    *(("double", ("areas",), seed) for seed in (0, 1, 2, 3, 4, 5)),
+    *(("twins", ("areas",), seed) for seed in (0,)),
+    *(("single", ("areas", "pins"), seed) for seed in (0, 2, 3, 5, 8)),
+    *(("double", ("areas", "pins"), seed) for seed in (2, 3, 4)),
+]
+
+
+def asked_at_random(machine: Machine, seed: int) -> Requirements:
+    """Two to five kinds of requirements, tightened at random."""
+    random = np.random.default_rng(seed)
+    found: dict[str, Any] = {}
+    for kind in random.choice(sorted(ASKED), size=random.integers(2, 6), replace=False):
+        found |= ASKED[kind](machine, random)
+    return replace(Requirements.of(machine), **found)
+
+
+@pytest.mark.parametrize(("name", "vary", "seed"), RANDOM)
+def test_granting_what_a_conflict_says_gives_a_design(
+    name: str, vary: tuple[str, ...], seed: int
+) -> None:
+    """Random conflicts: with all that is said to be given at once a design is found, and the check
+    agrees.
+    """
+    machine, workspace = MACHINES[name](), workspace_of(name)
+    requirements = asked_at_random(machine, seed)
+    with pytest.raises(InfeasibleError) as error:
+        ad.optimize(machine, workspace, requirements, vary=vary, starts=1)
+    conflict = error.value.conflict
+    assert any(c.together > 0 for c in conflict)
+    granted = requirements.granting(conflict)
+    design = ad.optimize(machine, workspace, granted, vary=vary, starts=1)
+    box = granted.box(machine, workspace)
+    assert (
+        min(
+            c.slack
+            for c in check(design.machine, machine, workspace, replace(granted, pin_box=box))
+        )
+        >= -1e-9
+    )
+
+
+def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
+    """What pins with free sizes must give is not enough for a catalogue: its own sizes are asked
+    at once.
+    """
+    machine, workspace = MACHINES["single"](), workspace_of("single")
+    requirements = replace(
+        Requirements.of(machine), **TWO | {"oil_total_share": 0.6, "pin_box": 0.01}
+    )
+    with pytest.raises(InfeasibleError, match="sizes of the catalogue") as error:
+        ad.optimize(machine, workspace, requirements, starts=1, catalogue="iso")
+    granted = requirements.granting(error.value.conflict)
+    design = ad.optimize(machine, workspace, granted, starts=1, catalogue="iso")
+    assert min(c.slack for c in design.checks) >= -1e-9
+
+
+def test_where_pins_close_no_linkage_nothing_is_met() -> None:
+    """A four-bar that cannot be assembled is far from meeting requirements, without a word on the
+    way.
+    """
+    machine = four_bar("left")
+    problem = posed(machine, ad.Workspace.grid(machine, 3), None, ("linkages",))
+    x = problem.bounds[1].copy()
+    while problem.closes(x):
+        x[2 * len(machine.cylinders) :] *= -1.5
+    conflict = Conflict(problem, x, np.zeros(1, dtype=int))
+    assert conflict.violated(x)
+
+
+def test_granting_a_little_less_than_one_alone_must_give_does_not() -> None:
+    """By hand: the thrust alone must allow a bore of 99.5 mm, because 99.4 digs 0.0020 too
+    little.
+    """
+    thrust, _ = refused("single", ("areas",), **TWO).conflict
+    assert thrust.alone is not None
+    share = 0.9 * (1 + thrust.alone / thrust.limit)
+    allowed("single", ("areas",), **TWO | {"thrust_share": share})
+    refused("single", ("areas",), **TWO | {"thrust_share": share - 1e-4})
+
+
+@pytest.mark.parametrize(
+    "setting", ["lift.up.mass_kg", "speed.go", "digging_kN.lift", "clearance.a.distance_mm"]
+)
+def test_settings_by_their_keys(setting: str) -> None:
+    """What is set by its key is read by it, and everything else stays."""
+    triangle = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    before = Requirements(
+        lifts=(Lift(name="up", mass=100.0), Lift(name="down", mass=100.0)),
+        speeds=(Speed(name="go", joints={"boom": 0.2}),),
+        digging_force={"lift": 1e5, "fold": 1e5},
+        clearances=(
+            Clearance(name="a", cylinders=("lift",), link="boom", points=triangle, distance=0.1),
+        ),
+    )
+    after = before.with_setting(setting, 0.5 * before.setting(setting))
+    changed = [key for key, value in vars(after).items() if value != vars(before)[key]]
+    assert changed == [{"lift": "lifts", "speed": "speeds", "digging_kN": "digging_force"}.get(
+        setting.split(".")[0], "clearances")]  # fmt: skip
+    if setting == "speed.go":
+        assert after.speeds[0].joints == {"boom": 0.1}
+    else:
+        assert after.setting(setting) == pytest.approx(0.5 * before.setting(setting))
+    assert after.lifts[1] == before.lifts[1]
+    assert after.digging_force["fold"] == 1e5
+
+
+def test_numbers_are_rounded_to_the_granting_side() -> None:
+    assert outward(0.0964947, 4, True) == 0.0965
+    assert outward(0.0964947, 4, False) == 0.09649
+    assert outward(9.649, 2, True) == 9.7
+    assert outward(44.0, 2, True) == 44.0
+    assert outward(0.0, 4, True) == 0.0
+
+
+def test_sentence_where_no_one_alone_is_enough() -> None:
+    """Limits in workshop units, amounts with their share."""
+    parts: dict[str, Any] = {
+        "words": "oil of all cap sides",
+        "unit": "m³",
+        "limit": 0.05,
+        "together": 0.002,
+    }
+    conflict = [
+        Concession(name="a", at_least=False, alone=None, **parts),
+        Concession(name="b", at_least=True, alone=None, **parts),
+    ]
+    assert (
+        sentence(conflict, settles=True)
+        == "no design meets a (oil of all cap sides at most 50 l) together with b (oil of all cap"
+        " sides at least 50 l): they must give a 2 l (4 %), b 2 l (4 %), no one alone is enough"
+    )

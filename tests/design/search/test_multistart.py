@@ -1,0 +1,154 @@
+"""Starts of a search: how many, which failed and why; a search ends at an optimum, not at a box of
+its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import Requirements, Workspace
+from armdesign.design.program.constraints import limits
+from armdesign.design.program.dynamics import Problem
+from armdesign.design.search import multistart as searching
+from armdesign.design.search.multistart import multistart
+from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.slsqp import polish
+from armdesign.errors import InfeasibleError
+from armdesign.report.designs import _starts, design_sheets
+from tests.design.designs import problem_of
+from tests.machines import named
+
+
+def coarse(name: str, vary: tuple[str, ...]) -> Problem:
+    machine = named(name)
+    workspace = Workspace.grid(machine, points=(3, 3, 5))
+    return Problem(
+        machine=machine, workspace=workspace, requirements=Requirements.of(machine), vary=vary
+    )
+
+
+@pytest.fixture
+def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches stay where they start."""
+
+    def look(searches: list[Search], *_: Any, **__: Any) -> None:
+        for search in searches:
+            search.look()
+
+    monkeypatch.setattr(searching, "_run", look)
+    monkeypatch.setattr(searching, "_with_least_moves", lambda search: search)
+
+
+@pytest.mark.usefixtures("only_looked_at")
+@pytest.mark.parametrize(
+    ("vary", "count"), [(("areas", "pins"), 3), (("linkages",), 6), (("areas",), 1)]
+)
+def test_more_starts_where_four_bars_move(vary: tuple[str, ...], count: int) -> None:
+    """Unless told otherwise; every one of them reached something or failed."""
+    problem = coarse("excavator_20t", vary)
+    for told, expected in ((None, count), (2, min(count, 2))):
+        starts = multistart(problem, told, 0, 1)[1]
+        assert len(starts.reached) + len(starts.failed) == expected
+
+
+@pytest.mark.usefixtures("only_looked_at")
+def test_a_start_that_fails_is_named() -> None:
+    """Left where they are drawn, starts miss requirements: each says which, and none of them says
+    0 Hz.
+    """
+    problem = coarse("excavator_20t", ("linkages",))
+    best, starts = multistart(problem, 4, 0, 1)
+    assert starts.reached == (hertz(problem.lowest_today),)
+    assert hertz(best.squared) == starts.reached[0]
+    assert len(starts.failed) == 3
+    random, moving = (
+        np.random.default_rng(0),
+        np.array([v.pin is not None for v in problem.variables]),
+    )
+    x = np.where(moving, 0.0, problem.start)
+    x[moving] = random.uniform(-0.7, 0.7, moving.sum())
+    assert problem.closes(x)
+    at = limits(problem, x)
+    assert at.names[int(at.values.argmin())] in starts.failed[0]
+
+
+def test_failed_starts_are_printed_once_for_every_reason() -> None:
+    design = ad.optimize(
+        named("paper_1dof"), Workspace.grid(named("paper_1dof"), points=5), starts=1
+    )
+    why = "no way found to meet moment_arm.lift"
+    some = replace(design, starts=(7.5, 7.4), failed_starts=(why, why, "the arm gives way"))
+    words = f"starts reached 7.500, 7.400 Hz; 3 of 5 starts failed: {why}; the arm gives way"
+    assert design_sheets(some)[0].note.endswith(words)
+    assert _starts(design) == ""
+    assert (
+        _starts(replace(design, starts=(), failed_starts=(why, why)))
+        == f"; 2 of 2 starts failed: {why}"
+    )
+
+
+# ------------------------------------------------------------------------------------ not a number
+
+
+def test_what_is_not_a_number_is_missed_and_has_no_merit() -> None:
+    """A requirement that is not a number is not met; other searches are compared as if this one
+    were not.
+    """
+    search = Search(problem=problem_of("single"), x=problem_of("single").start)
+    search.look()
+    values = search.limits.values.copy()
+    values[2] = np.nan
+    search.limits = replace(search.limits, values=values)
+    assert search.violation == math.inf
+    assert search.merit == -math.inf
+    assert search.missed[0] == search.limits.names[2]
+
+
+def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stiffness that is not a number gives no step: the search stays where it is."""
+    problem = problem_of("single")
+    true = Problem.matrices
+
+    def dead(self: Problem, *args: Any) -> tuple[np.ndarray, np.ndarray]:
+        base, slopes = true(self, *args)
+        return base * np.nan, slopes
+
+    monkeypatch.setattr(Problem, "matrices", dead)
+    search = Search(problem=problem, x=problem.start).run(trust=0.2)
+    assert search.x == pytest.approx(problem.start)
+    monkeypatch.undo()
+    base, slopes = problem.matrices(problem.start, np.arange(2))
+    step = search._programme((2, 1, 1, len(problem.start)))
+    ends = np.zeros(len(problem.start))
+    with pytest.raises(InfeasibleError, match="not finite"):
+        step.solve(base, slopes * np.inf, np.ones(1), np.zeros((1, len(ends))), ends, ends)
+
+
+# ----------------------------------------------------------------------------------------- the end
+
+
+@pytest.mark.parametrize(
+    ("name", "vary"),
+    [("excavator_20t", ("linkages",)), ("mini_excavator_2t", ("cylinder.bucket",))],
+)
+def test_polishing_ends_where_it_cannot_be_bettered(name: str, vary: tuple[str, ...]) -> None:
+    """An optimum stays where it is: polished once more, a four-bar gains nothing."""
+    problem = coarse(name, vary)
+    search = Search(problem=problem, x=problem.start).run(trust=0.2, tolerance=2e-3, looks=3)
+    searching._follow(search, curved=True, trust=0.05, tolerance=1e-5)
+    before = search.merit
+    polish(search)
+    assert search.merit < before + 1e-4
+
+
+def test_seeds_agree_where_four_bars_move() -> None:
+    """20 t machine on a coarse grid: whatever is drawn, to 0.05 %."""
+    problem = coarse("excavator_20t", ("cylinder.bucket",))
+    found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 5)]
+    assert found[1] == pytest.approx(found[0], rel=5e-4)

@@ -1,0 +1,528 @@
+"""`armdesign check`: what a file amounts to, what looks odd, and everything that is wrong at
+once.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_bad_input import URDF, damaged
+
+import armdesign as ad
+from armdesign.inspection.file_faults import problems
+from armdesign.inspection.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect
+from armdesign.machine.machine import Machine
+from armdesign.mechanism import urdf_faults
+from armdesign.report.inspections import check_sheets
+from armdesign.units import SI, WORKSHOP
+from tests import machines
+from tests.commands import main
+
+EXCAVATOR = machines.named("excavator_20t")
+
+
+def inspected(changes: dict[str, object], name: str = "excavator_20t") -> Inspection:
+    machine = machines.named(name).replace(changes)
+    return inspect(machine, ad.Workspace.grid(machine, points=7))
+
+
+def odd(changes: dict[str, object], name: str = "excavator_20t") -> dict[str, str]:
+    return {finding.part: finding.words for finding in inspected(changes, name).findings()}
+
+
+def written(folder: Path, *pairs: tuple[str, str]) -> str:
+    """The excavator with some texts changed, as a file."""
+    text = EXCAVATOR.text
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "x.toml").write_text(text, encoding="utf-8")
+    (folder / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    return str(folder / "x.toml")
+
+
+# ---------------------------------------------------------------------------------------- oddities
+
+
+def test_the_stick_cylinder_of_the_20_t_machine_is_too_short_for_its_parts() -> None:
+    """1800 − 1504 = 296 mm between the pins must hold what takes 2.2 × 140 = 308 mm: the only
+    oddity of the file.
+    """
+    assert DEAD_LENGTH_PER_BORE * 140 > 1800 - 1504
+    found = odd({})
+    assert set(found) == {"cylinder.stick.closed_length_mm"}
+    assert "296.0 mm" in found["cylinder.stick.closed_length_mm"]
+
+
+@pytest.mark.parametrize("name", ["mini_excavator_2t", "excavator_12t", "patu_boom"])
+def test_real_machines_are_not_odd(name: str) -> None:
+    assert odd({}, name) == {}
+
+
+CASES = [
+    (
+        {"supply.pressure_bar": 150},
+        "cylinder.boom",
+        r"under full the cap side needs 19\d bar to stand still, more than",
+    ),
+    (
+        {"supply.pressure_bar": 210},
+        "cylinder.boom",
+        r"9\d % of what supply pressure holds \(requirement: 87 %\)",
+    ),
+    (
+        {"payload.full.link": "boom", "payload.full.pitch_deg": [100, 120]},
+        "payload.full.pitch_deg",
+        "at no pose of the workspace",
+    ),
+    (
+        {"payload.full.link": "boom", "payload.full.pitch_deg": [50, 90]},
+        "payload.full.pitch_deg",
+        r"of \[50\.0, 90\.0\]° the workspace reaches only \[5\d\.\d, 6\d\.\d\]°",
+    ),
+    ({"fluid.bulk_modulus_MPa": 100}, "fluid.bulk_modulus_MPa", "outside"),
+    ({"payload.full.mass_kg": 0}, "payload", "every load case is empty"),
+    (
+        {"cylinder.stick.stroke_mm": 1000},
+        "joint stick",
+        r"the URDF allows \[-155\.5, -33\.2\]°, the strokes cover only",
+    ),
+    ({"cylinder.boom.rod_mm": 40}, "cylinder.boom.rod_mm", "the rod buckles at"),
+    (
+        {"cylinder.boom.dead_volume_l.cap": 0},
+        "cylinder.boom.dead_volume_l.cap",
+        "infinitely stiff",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "part", "words"), CASES, ids=[part for _, part, _ in CASES])
+def test_what_looks_odd(changes: dict[str, object], part: str, words: str) -> None:
+    assert re.search(words, odd(changes)[part])
+
+
+def test_unstable_poses() -> None:
+    """Oil as soft as foam under eight tonnes: gravity wins.
+
+    Poses added on pitch limits do not count in the share.
+    """
+    found = inspected({"fluid.bulk_modulus_MPa": 5, "payload.full.mass_kg": 8000})
+    words = {finding.part: finding.words for finding in found.findings()}["payload.full"]
+    case, q, on_grid = found.machine.with_payload("full"), found.workspace.q, []
+    for axis, values in zip(found.workspace.axes, q.T, strict=True):
+        off = np.abs(values[:, None] - axis).min(axis=1) > 1e-9
+        on_grid.append(
+            np.where(off, 0, np.where((values == axis[0]) | (values == axis[-1]), 0.5, 1))
+        )
+    boxes, held = np.prod(on_grid, axis=0), case.holds(q)
+    unstable = ad.natural_modes(case.at(q[held])).frequencies[:, 0] == 0
+    share = 100 * boxes[held][unstable].sum() / boxes[held].sum()
+    assert abs(share - 100 * unstable.mean()) > 0.1
+    assert f"{share:.1f} % of the poses are unstable (0 Hz)" in words
+
+
+def test_a_moment_arm_that_nearly_vanishes() -> None:
+    """Base to joint 500 mm, joint to rod end 150 mm: at 350 mm all three are in line; 351 mm is
+    just before that.
+
+    By hand: r = |b × p|/ℓ at ℓ = 351 mm, cos θ = (500² + 150² − 351²)/(2·500·150), r = 500·150 sin
+    θ/351 = 20.6 mm.
+    """
+    paper = machines.named("paper_1dof")
+    urdf = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1.57" upper="1.57"', paper.urdf_text)
+    text = paper.text.replace("closed_length_mm = 422.015325", "closed_length_mm = 351")
+    machine = Machine.from_text(text, urdf, Path("x.toml"))
+    inspection = inspect(machine, ad.Workspace.grid(machine, 20))
+    cosine = (500**2 + 150**2 - 351**2) / (2 * 500 * 150)
+    assert inspection.levers[0].least == pytest.approx(
+        0.5 * 0.15 * np.sqrt(1 - cosine**2) / 0.351, rel=1e-9
+    )
+    words = {finding.part: finding.words for finding in inspection.findings()}["cylinder.lift"]
+    assert re.search(
+        r"moment arm falls to 1\d % of its largest at boom -?8\d\.\d° \(below 15 %\)", words
+    )
+
+
+def test_a_link_without_mass() -> None:
+    urdf = re.sub(
+        r'(<link name="stick">.*?)<inertial>.*?</inertial>',
+        r"\1",
+        EXCAVATOR.urdf_text,
+        count=1,
+        flags=re.DOTALL,
+    )
+    machine = Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml"))
+    found = {f.part for f in inspect(machine, ad.Workspace.grid(machine, 4)).findings()}
+    assert "link stick" in found
+
+
+# ------------------------------------------------------------------------------------------- facts
+
+
+def test_facts_of_the_20_t_machine() -> None:
+    """Masses as in the URDF; ranges end on the strokes; reach and depth of the sheet (9.86 m and
+    6.72 m) within 9 %.
+    """
+    inspection = inspect(EXCAVATOR, ad.Workspace.grid(EXCAVATOR, points=15))
+    assert inspection.masses == {"platform": 16520, "boom": 2310, "stick": 1010, "bucket": 660}
+    ends = [[inspection.ended_by(j, end) for end in (0, 1)] for j in range(3)]
+    assert ends == [
+        ["boom in", "boom out"],
+        ["stick out", "stick in"],
+        ["bucket out", "bucket in"],
+    ]
+    assert inspection.tool.max(axis=0)[0] == pytest.approx(9.86, rel=0.02)
+    assert -inspection.tool.min(axis=0)[1] == pytest.approx(6.72, rel=0.09)
+    assert inspection.stroke_used(0) == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize("units", [WORKSHOP, SI], ids=["workshop", "si"])
+@pytest.mark.parametrize(
+    "name", ["excavator_20t", "loader_crane", "paper_1dof", "redundant", "branched"]
+)
+def test_sheets_of_every_kind_of_machine(name: str, units: object) -> None:
+    machine = machines.named(name)
+    sheets = check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)), units)  # type: ignore[arg-type]
+    for sheet in sheets:
+        assert all(len(row) == (len(sheet.columns) or 2) for row in sheet.rows)
+        assert "nan" not in str(sheet.rows)
+
+
+def test_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "excavator_20t"], monkeypatch) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        "Cylinders [mm]",
+        "296.0",
+        "link boom",
+        "boom out",
+        "350 bar",
+        "What looks odd",
+        "50 % of the poses",
+    ):
+        assert words in printed
+    assert max(map(len, printed.splitlines())) <= 100
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("stroke", "first"), [("1.26", "What looks odd"), ("1260", "20 t crawler excavator")]
+)
+def test_what_all_else_may_follow_from_comes_first(
+    stroke: str, first: str, tmp_path: Path
+) -> None:
+    """A number in another unit makes nonsense of what is worked out with it, so it is told
+    before.
+    """
+    file = written(tmp_path, ("stroke_mm = 1260", f"stroke_mm = {stroke}"))
+    sheets = check_sheets(inspect(ad.load(file), ad.Workspace.grid(ad.load(file), 3)))
+    assert sheets[0].title.startswith(first)
+    assert [sheet.title for sheet in sheets].count("What looks odd") == 1
+    if stroke == "1.26":
+        assert "1.26 mm looks like metres: write stroke_mm = 1260" in sheets[0].rows[0][1]
+
+
+# -------------------------------------------------------------------------------- everything wrong
+
+
+def test_all_problems_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Schema, cross-checks, unknown links and joints, each on its own line, in one run."""
+    name = written(
+        tmp_path,
+        ("bore_mm = 120", "bore = 120"),
+        ("rod_mm = 100", "rod_mm = 300"),
+        ("return_pressure_bar = 5", "return_pressure_bar = 500"),
+        ('link = "chassis"', 'link = "chasis"'),
+        ('joints = ["boom"', 'joints = ["bom"'),
+        ('knee = "left"', 'knee = "up"'),
+        ("swing = 0.0", 'swing = "a"'),
+    )
+    assert main(["check", name], monkeypatch) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    lines = err.splitlines()
+    assert all(line.startswith("armdesign: ") for line in lines)
+    expected = [
+        'cylinder.boom.bore: unknown key; did you mean "bore_mm"?',
+        "cylinder.boom.bore_mm: missing",
+        "cylinder.stick.rod_mm: 300 mm does not fit the bore",
+        "supply.return_pressure_bar: 500 bar is not below",
+        'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean "chassis"?',
+        'joint bom: is not in the URDF (named in joints); did you mean "boom"?',
+        'cylinder.bucket.four_bar.knee: "up" is not allowed; give one of "left", "right"',
+        'frozen.swing: "a" is not allowed',
+    ]
+    for words in expected:
+        assert sum(words in line for line in lines) == 1, (words, err)
+    assert len(lines) == len(expected), err
+
+
+def test_problems_of_the_assembled_machine(tmp_path: Path) -> None:
+    """Two joints that no pose suits are both said."""
+    name = written(
+        tmp_path,
+        ("closed_length_mm = 1825", "closed_length_mm = 9000"),
+        ("closed_length_mm = 1800", "closed_length_mm = 9"),
+    )
+    parts = [problem.part for problem in problems(name)]
+    assert parts == ["x.toml: cylinder.boom.stroke_mm", "x.toml: cylinder.stick.stroke_mm"]
+
+
+def test_problems_of_the_urdf(tmp_path: Path) -> None:
+    """Two joints and a link that cannot be: all three are said, beside a misspelt link of the
+    machine file.
+    """
+    name = written(tmp_path, ('link = "chassis"', 'link = "chasis"'))
+    urdf = EXCAVATOR.urdf_text.replace('mass value="1010"', 'mass value="-1010"')
+    urdf = re.sub(r'(<joint name="stick" type=)"revolute"', r'\1"floating"', urdf)
+    urdf = re.sub(r'(<joint name="boom" type="revolute">)', r'\1<mimic joint="bucket"/>', urdf)
+    (tmp_path / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
+    words = [str(problem) for problem in problems(name)]
+    assert len(words) == 4, words
+    for part in (
+        'no link "chasis"',
+        'joint stick: type "floating"',
+        "joint boom: mimics",
+        "link stick: mass -1010 kg",
+    ):
+        assert any(part in word for word in words), (part, words)
+
+
+def told(folder: Path, urdf: str, *pairs: tuple[str, str]) -> list[str]:
+    name = written(folder, *pairs)
+    (folder / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
+    return [str(problem) for problem in problems(name)]
+
+
+def test_faults_of_everything_at_once(tmp_path: Path) -> None:
+    """Schema, links, joints, and in the URDF names, types, numbers, limits, inertia, tree: a line
+    for each, no more.
+    """
+    pairs = [
+        ('("boom" type=)"revolute"', r'\1"planar"'),
+        ('(<joint name="stick" type="revolute">)', r'\1<mimic joint="boom"/>'),
+        ('(name="stick".*?)lower="[^"]*"', r'\1lower="x"'),
+        ('(name="stick".*?)effort="[^"]*"', r'\1effort="-3"'),
+        ('(joint name="bucket".*?)axis xyz="[^"]*"', r'\1axis xyz="0 0 0"'),
+        ('(link name="boom".*?)mass value="2310"', r'\1mass value="-1"'),
+        ('(link name="boom".*?)ixx="[^"]*"', r'\1ixx="1e30"'),
+        ('(link name="bucket".*?)iyy="[^"]*"', r'\1iyy="1e6"'),
+        ('(joint name="bucket".*?)parent link="stick"', r'\1parent link="stik"'),
+        (
+            "</robot>",
+            '<link name="bucket"/><joint type="fixed"><parent link="bucket"/></joint></robot>',
+        ),
+    ]
+    urdf = EXCAVATOR.urdf_text
+    for old, new in pairs:
+        urdf, count = re.subn(old, new, urdf, count=1, flags=re.DOTALL)
+        assert count == 1, old
+    lines = told(
+        tmp_path,
+        urdf,
+        ("bore_mm = 120", "bore_mm = -1"),
+        ("swing = 0.0", "swingg = 0.0"),
+        ('link = "chassis"', 'link = "chasis"'),
+    )
+    expected = [
+        "x.toml: cylinder.boom.bore_mm: -1 is not allowed",
+        'x.toml: cylinder.boom.base.link: no link "chasis" in the URDF; did you mean "chassis"?',
+        'urdf: joint swingg: is not in the URDF (named in frozen); did you mean "swing"?',
+        'urdf: two links are named "bucket"',
+        "urdf: a joint has no name (number 6 of the file)",
+        'urdf: joint boom: type "planar" cannot be used',
+        "urdf: joint stick: mimics another joint",
+        'urdf: joint stick: lower="x" is not 1 finite number',
+        "urdf: joint stick: effort -3 is negative",
+        "urdf: joint bucket: the axis has no length",
+        "urdf: link boom: mass -1 kg is negative",
+        'urdf: link boom: ixx="1e30" is not 1 finite number(s) up to 1e+09',
+        "urdf: link bucket: no body has principal inertias",
+        'urdf: joint bucket: parent link "stik" does not exist; did you mean "stick"?',
+        "urdf: joint number 6: has no child",
+    ]
+    for words in expected:
+        assert sum(words in line for line in lines) == 1, (words, lines)
+    assert len(lines) == len(expected), lines
+
+
+def test_two_roots_and_a_ring(tmp_path: Path) -> None:
+    """The stick carried by the bucket makes a ring; a link that hangs nowhere is a second root:
+    both are said.
+    """
+    ring = EXCAVATOR.urdf_text.replace('<parent link="boom"/>', '<parent link="bucket"/>')
+    assert ring != EXCAVATOR.urdf_text
+    lines = told(tmp_path, ring.replace("</robot>", '<link name="lost"/></robot>'))
+    assert [line.partition(": ")[2].partition(";")[0] for line in lines] == [
+        "2 root links (ground, lost)",
+        "links stick, bucket are not connected to the root",
+    ]
+
+
+def test_no_root_at_all() -> None:
+    """Two links that carry each other, by hand: no joint and no link is at fault alone."""
+    joint = '<joint name="{0}" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
+    urdf = (
+        '<robot><link name="a"/><link'
+        f' name="b"/>{joint.format("a", "b")}{joint.format("b", "a")}</robot>'
+    )
+    assert [str(fault) for fault in urdf_faults.problems(urdf, [], {}, "x.urdf")] == [
+        "x.urdf: 0 root links; one link must have no parent",
+        (
+            "x.urdf: links a, b are not connected to the root; a URDF is one tree: no link may"
+            " carry itself"
+        ),
+    ]
+
+
+def test_ranges_are_looked_at_beside_faults_elsewhere(tmp_path: Path) -> None:
+    """A wrong key of the boom cylinder, no pins on the bucket's: the stick's stroke is wrong all
+    the same.
+    """
+    lines = told(
+        tmp_path,
+        EXCAVATOR.urdf_text,
+        ("bore_mm = 120", "bore_mm = -1"),
+        ("closed_length_mm = 1800", "closed_length_mm = 9"),
+        ('lug = { link = "bucket"', 'lug = { link = "stick"'),
+    )
+    assert [line.partition(" ")[2].partition(": ")[0] for line in lines] == [
+        "cylinder.boom.bore_mm",
+        "cylinder.bucket",
+        "cylinder.stick.stroke_mm",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("return_pressure_bar = 5", "return_pressure_bar = 500", "supply.return_pressure_bar"),
+        ("mass_kg = 1600", "mass_kg = -1", "payload.full.mass_kg"),
+        ('tool   = { link = "bucket"', 'tool   = { link = "buckt"', "tool.link"),
+        (
+            "digging = { cylinders = [",
+            'digging = { cylinders = ["spade", ',
+            "requirements.digging.cylinders",
+        ),
+        ('name   = "excavator_20t"', 'name   = "2 t"', "name"),
+    ],
+)
+def test_ranges_are_looked_at_beside_any_other_fault(
+    old: str, new: str, part: str, tmp_path: Path
+) -> None:
+    lines = told(
+        tmp_path,
+        EXCAVATOR.urdf_text,
+        (old, new),
+        ("closed_length_mm = 1800", "closed_length_mm = 9"),
+    )
+    assert [line.split(": ")[1] for line in lines] == [part, "cylinder.stick.stroke_mm"]
+
+
+def test_ranges_are_looked_at_beside_wrong_masses(tmp_path: Path) -> None:
+    """Where the pins are does not depend on what the links weigh."""
+    urdf = EXCAVATOR.urdf_text.replace('mass value="1010"', 'mass value="-1010"')
+    lines = told(tmp_path, urdf, ("closed_length_mm = 1800", "closed_length_mm = 9"))
+    assert "link stick: mass -1010 kg" in lines[0]
+    assert "cylinder.stick.stroke_mm" in lines[1]
+    assert len(lines) == 2
+
+
+def test_both_cylinders_of_a_joint(tmp_path: Path) -> None:
+    """Each of two cylinders on the boom can never be in stroke: reading says the first, `check`
+    both.
+    """
+    section = re.search(
+        r"\[cylinder\.boom\].*?(?=\n\[cylinder\.stick\])", EXCAVATOR.text, re.DOTALL
+    )
+    assert section
+    wrong = section[0].replace("closed_length_mm = 1825", "closed_length_mm = 9")
+    second = wrong.replace("cylinder.boom", "cylinder.help")
+    lines = told(tmp_path, EXCAVATOR.urdf_text, (section[0], f"{wrong}\n\n{second}"))
+    assert [line.split(": ")[1] for line in lines] == [
+        "cylinder.boom.stroke_mm",
+        "cylinder.help.stroke_mm",
+    ]
+
+
+def test_macros_must_be_expanded(tmp_path: Path) -> None:
+    """An unexpanded xacro file is no URDF; one expanded from it may still name the namespace."""
+    space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    declared = EXCAVATOR.urdf_text.replace("<robot ", f"<robot {space} ")
+    assert told(tmp_path, declared) == []
+    with_macro = declared.replace("</robot>", '<xacro:include filename="a"/></robot>')
+    (line,) = told(tmp_path, with_macro)
+    assert "holds a macro (<xacro:include>); expand it: xacro FILE" in line
+
+
+def test_a_urdf_outside_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Said beside the other faults; allowed, it is read like any other."""
+    (tmp_path / "machine").mkdir()
+    (tmp_path / "arm.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    name = written(
+        tmp_path / "machine",
+        ('"excavator_20t.urdf"', '"../arm.urdf"'),
+        ("bore_mm = 120", "bore_mm = 0"),
+    )
+    assert main(["check", name], monkeypatch) == 2
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert "cylinder.boom.bore_mm" in lines[0]
+    assert "--allow-outside" in lines[1]
+    assert main(["check", name, "--allow-outside"], monkeypatch) == 2
+    assert len(capfd.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "loader_crane"])
+def test_no_problems(name: str) -> None:
+    assert problems(name) == []
+
+
+@pytest.mark.parametrize("what", ["toml", "urdf"])
+def test_whatever_is_refused_has_a_problem_and_the_other_way_round(
+    what: str, tmp_path: Path
+) -> None:
+    """Seeded damage: what `load` refuses, `check` lists among others, each once; no other
+    exception comes.
+    """
+    files = {"toml": tmp_path / "x.toml", "urdf": tmp_path / "excavator_20t.urdf"}
+    texts = {"toml": EXCAVATOR.text, "urdf": URDF}
+    for kind, file in files.items():
+        file.write_text(texts[kind], encoding="utf-8")
+    for seed in range(100):
+        files[what].write_text(damaged(texts[what], random.Random(seed)), encoding="utf-8")
+        found = problems(files["toml"])
+        assert all(
+            "\n" not in str(problem) and "stand_in" not in str(problem) for problem in found
+        ), found
+        assert len({str(problem) for problem in found}) == len(found), found
+        refused = None
+        try:
+            machine = ad.load(files["toml"])
+        except ad.ArmDesignError as error:
+            refused = (error.part, error.problem)
+        if refused:
+            assert refused in [(problem.part, problem.problem) for problem in found], seed
+            continue
+        assert not found or "workspace" in str(found[0]), (seed, found)
+        if not found and seed % 4 == 0:
+            check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
+
+
+def test_a_supply_that_cannot_pull() -> None:
+    """Return pressure on the bore side outweighs supply pressure on the rod side: nothing holds a
+    pull.
+    """
+    found = odd({"supply.pressure_bar": 300, "supply.return_pressure_bar": 299})
+    assert "more than the supply's 300 bar can hold" in found["cylinder.stick"]

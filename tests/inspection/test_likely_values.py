@@ -1,0 +1,418 @@
+"""Files that look wrong: the unit, comma or axis that is most likely meant is named first; no
+sound machine is blamed.
+
+What was meant is known: a shipped machine's number is divided by the size of the other unit, and
+must be given back.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import armdesign as ad
+from armdesign.inspection.file_faults import problems
+from armdesign.inspection.inspection import Finding, inspect
+from armdesign.inspection.plausibility import suspicions
+from armdesign.machine import machine_file, scaffold
+from armdesign.machine.machine import Machine, shipped
+from armdesign.units import deg
+from tests import machines
+
+EXCAVATOR, CRANE = machines.named("excavator_20t"), machines.named("loader_crane")
+IN = {
+    "metres": 1000,
+    "centimetres": 10,
+    "inches": 25.4,
+    "MPa": 10,
+    "Pa": 1e-5,
+    "kPa": 0.01,
+    "psi": 0.06894757,
+}
+IN |= {
+    "m³": 1000,
+    "cm³": 1e-3,
+    "t": 1000,
+    "g": 1e-3,
+    "kg/l": 1000,
+    "m³/s": 60000,
+    "l/s": 60,
+    "per cent": 0.01,
+}
+IN |= {"radians": 1 / deg, "s": 1000, "l": 1000}  # l: of cm³
+OF_MPA = {"GPa": 1000, "Pa": 1e-6, "bar": 0.1, "psi": 0.006894757}
+
+
+def findings(machine: Machine, points: int = 3) -> list[Finding]:
+    return inspect(machine, ad.Workspace.grid(machine, points)).findings()
+
+
+def with_value(
+    machine: Machine, path: str, value: Any, urdf: str = ""
+) -> tuple[Machine | None, str]:
+    """The machine with another value at a key path, or the message with which it is refused."""
+    data = copy.deepcopy(tomllib.loads(machine.text))
+    *tables, leaf = path.split(".")
+    node = data
+    for key in tables:
+        node = node.setdefault(key, {})
+    node[leaf] = value
+    try:
+        return (
+            Machine.from_text(
+                machine_file.dump(data, "x"), urdf or machine.urdf_text, Path("x.toml")
+            ),
+            "",
+        )
+    except ad.ArmDesignError as error:
+        return None, str(error)
+
+
+def rounded(values: Any, factor: float) -> Any:
+    if isinstance(values, list):
+        return [rounded(value, factor) for value in values]
+    return float(f"{values / factor:.6g}")
+
+
+CASES = [
+    *[
+        (f"cylinder.boom.{key}_mm", unit)
+        for key in ("bore", "stroke", "closed_length")
+        for unit in ("metres", "inches")
+    ],
+    *[
+        (f"cylinder.bucket.{key}_mm", "centimetres")
+        for key in ("bore", "rod", "stroke", "closed_length")
+    ],
+    ("cylinder.stick.rod_mm", "metres"),
+    *[
+        (f"cylinder.{name}.{pin}.at_mm", "metres")
+        for name in ("boom", "stick")
+        for pin in ("base", "rod_end")
+    ],
+    *[(f"cylinder.bucket.four_bar.{key}", "metres") for key in ("rocker_mm", "coupler_mm")],
+    ("payload.full.at_mm", "metres"),
+    ("tool.at_mm", "metres"),
+    ("requirements.pin_box_mm", "metres"),
+    *[("supply.pressure_bar", unit) for unit in ("MPa", "Pa", "kPa", "psi")],
+    *[("fluid.bulk_modulus_MPa", unit) for unit in ("GPa", "Pa", "bar", "psi")],
+    ("fluid.density_kg_per_m3", "kg/l"),
+    *[("cylinder.boom.dead_volume_l.cap", unit) for unit in ("m³", "cm³")],
+    *[("supply.flow_l_per_min", unit) for unit in ("m³/s", "l/s")],
+    ("cylinder.boom.valve.rated_flow_l_per_min", "m³/s"),
+    ("cylinder.boom.valve.rated_drop_bar", "Pa"),
+    ("cylinder.boom.valve.damping_ratio", "per cent"),
+    ("requirements.digging.share", "per cent"),
+    *[("payload.full.mass_kg", unit) for unit in ("t", "g")],
+    ("payload.full.pitch_deg", "radians"),
+    ("motor.swing.displacement_cm3", "l"),
+]
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"), CASES, ids=[f"{path} in {unit}" for path, unit in CASES]
+)
+def test_another_unit_is_named_first(path: str, unit: str) -> None:
+    """Refused or found odd, the first words name the key, the unit, and the number as it was."""
+    node: Any = tomllib.loads(EXCAVATOR.text)
+    for key in path.split("."):
+        node = node[key]
+    size = (OF_MPA if path.endswith("MPa") else IN)[unit]
+    made, message = with_value(EXCAVATOR, path, rounded(node, size))
+    if made is not None:
+        first = findings(made)[0]
+        message = f"{first.part}: {first.words}"
+    assert message.removeprefix("x.toml: ").startswith(path), message
+    assert re.search(rf"looks? like (\w+ or )?{unit}", message), message
+    assert re.search(r"\(line \d+\)$", message), message
+    written = message.partition("write ")[2]
+    numbers = [
+        float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", written.partition(" (line")[0])
+    ]
+    meant = node if isinstance(node, list) else [node]
+    assert any(
+        numbers[i : i + len(meant)] == pytest.approx(meant, rel=1e-4) for i in range(len(numbers))
+    ), message
+
+
+def test_all_of_a_cylinder_in_metres() -> None:
+    data = tomllib.loads(EXCAVATOR.text)["cylinder"]["stick"]
+    for key in ("bore_mm", "rod_mm", "stroke_mm", "closed_length_mm"):
+        data[key] /= 1000
+    _, message = with_value(EXCAVATOR, "cylinder.stick", data)
+    assert re.search(
+        r"stick\.stroke_mm: 1\.504 and 1\.8 mm look like metres: .* write stroke_mm = 1504 and",
+        message,
+    )
+    for pin in ("base", "rod_end"):
+        data[pin]["at_mm"] = [x / 1000 for x in data[pin]["at_mm"]]
+    _, message = with_value(EXCAVATOR, "cylinder.stick", data)
+    assert re.search(
+        r"cylinder\.stick: its lengths and pins look like metres: .*write all of its lengths"
+        r" in mm",
+        message,
+    )
+
+
+def scaled_urdf(urdf: str, factor: float) -> str:
+    def times(match: re.Match[str]) -> str:
+        return f'{match[1]}{" ".join(repr(factor * float(x)) for x in match[2].split())}"'
+
+    return re.sub(r'(<origin xyz=")([^"]*)"', times, urdf)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "mini_excavator_2t", "patu_boom", "paper_1dof"])
+def test_a_urdf_in_millimetres(name: str) -> None:
+    """Refused where a cylinder's pins are then too far apart; else the first that looks odd."""
+    machine = machines.named(name)
+    urdf = scaled_urdf(machine.urdf_text, 1000)
+    try:
+        made = Machine.from_text(machine.text, urdf, Path("x.toml"))
+    except ad.ArmDesignError as error:
+        message = str(error)
+    else:
+        if name == "paper_1dof":  # its URDF has no lengths: there is nothing wrong with it
+            return
+        message = f"{findings(made)[0].part}: {findings(made)[0].words}"
+    assert message.startswith(
+        f"{machine.section.urdf}: its lengths look like millimetres beside those of the cylinders"
+    )
+
+
+def changed_joint(urdf: str, joint: str, pattern: str, new: Any) -> str:
+    made, count = re.subn(
+        rf'(<joint name="{joint}".*?){pattern}', new, urdf, count=1, flags=re.DOTALL
+    )
+    assert count == 1
+    return made
+
+
+DRIVEN = [
+    (n, j)
+    for n in ("excavator_20t", "loader_crane", "mini_excavator_2t", "patu_boom")
+    for j in machines.named(n).joints
+]
+
+
+@pytest.mark.parametrize(("name", "joint"), DRIVEN)
+def test_limits_in_degrees(name: str, joint: str) -> None:
+    machine = machines.named(name)
+    at = machine.arm.joints[machine.joints.index(joint)]
+    if not at.revolute:
+        return
+    low, high = at.lower / deg, at.upper / deg
+    new = rf'\g<1>lower="{low:.6f}" upper="{high:.6f}"'
+    urdf = changed_joint(machine.urdf_text, joint, 'lower="[^"]*" upper="[^"]*"', new)
+    try:
+        first = findings(Machine.from_text(machine.text, urdf, Path("x.toml")))[0]
+        message = f"{first.part}: {first.words}"
+    except ad.ArmDesignError as error:
+        message = str(error)
+    assert f"joint {joint}: limits [{low:g}, {high:g}] rad look like degrees" in message
+    words = re.search(r'write lower="(\S+)" upper="(\S+)"', message)
+    assert words
+    assert [float(words[1]), float(words[2])] == pytest.approx([at.lower, at.upper], abs=1e-5)
+
+
+@pytest.mark.parametrize(("name", "joint"), DRIVEN)
+def test_a_reversed_axis(name: str, joint: str) -> None:
+    """Named first, with the axis that is right and its line, whether the machine can be used or
+    not.
+    """
+    machine = machines.named(name)
+    axis = re.search(rf'<joint name="{joint}".*?<axis xyz="([^"]*)"', machine.urdf_text, re.DOTALL)
+    assert axis
+    other = " ".join(f"{-float(x) + 0.0:g}" for x in axis[1].split())
+    urdf = changed_joint(
+        machine.urdf_text, joint, f'<axis xyz="{axis[1]}"', rf'\g<1><axis xyz="{other}"'
+    )
+    line = (
+        urdf[: re.search(rf'<joint name="{joint}".*?<axis', urdf, re.DOTALL).end()].count("\n") + 1
+    )  # type: ignore[union-attr]
+    try:
+        first = findings(Machine.from_text(machine.text, urdf, Path("x.toml")))[0]
+        message = f"{first.part}: {first.words}"
+    except ad.ArmDesignError as error:
+        message = str(error)
+    assert (
+        f"joint {joint}: its axis ({other}) looks reversed: with ({axis[1]}) the strokes fit its"
+        " limits" in message
+    )
+    assert f'write <axis xyz="{axis[1]}"/>' in message
+    assert message.endswith(f"(line {line})")
+
+
+def test_limits_of_a_slide_in_millimetres() -> None:
+    """In the line of the URDF where they stand, and nothing else is blamed for what follows from
+    them.
+    """
+    urdf = changed_joint(CRANE.urdf_text, "extension", 'upper="[^"]*"', r'\g<1>upper="1550"')
+    line = urdf[: urdf.index('upper="1550"')].count("\n") + 1
+    (found,) = suspected(Machine.from_text(CRANE.text, urdf, Path("x.toml")))
+    assert found.part == "joint extension"
+    assert "limits [0, 1550] m look like millimetres" in found.words
+    assert f'upper="1.55" (line {line})' in found.words
+
+
+def test_other_angles_of_the_urdf() -> None:
+    urdf = EXCAVATOR.urdf_text.replace(
+        '<origin xyz="0.769 0 0.222" rpy="0 0 0"/>', '<origin xyz="0.769 0 0.222" rpy="0 90 0"/>'
+    )
+    first = findings(Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml")))[0]
+    assert first.part == "link stick"
+    assert first.words.startswith('rpy="0 90 0" looks like degrees: write rpy="0 1.5708 0" (line ')
+    first = findings(EXCAVATOR.replace({"frozen.swing": 90}))[0]
+    assert (first.part, first.words) == (
+        "frozen.swing",
+        "90 rad looks like degrees: write 1.5708 (line 8)",
+    )
+
+
+def test_inertia_and_mass_that_do_not_go_together() -> None:
+    """Masses in t, inertias in kg m² (the radius of gyration grows √1000-fold); or inertias in kg
+    mm².
+    """
+    tonnes = re.sub(
+        r'mass value="(\d+)"', lambda m: f'mass value="{float(m[1]) / 1000}"', EXCAVATOR.urdf_text
+    )
+    words = {
+        f.part: f.words
+        for f in findings(Machine.from_text(EXCAVATOR.text, tonnes, Path("x.toml")))
+    }
+    assert re.search(
+        r"an inertia of 1364 kg m² of 1\.01 kg is .*; the mass like t \(line \d+\)",
+        words["link stick"],
+    )
+    mini = machines.named("mini_excavator_2t")
+    drawn = re.sub(
+        r'(i[xyz]{2})="([^"]+)"', lambda m: f'{m[1]}="{1e6 * float(m[2])!r}"', mini.urdf_text
+    )
+    words = {
+        f.part: f.words for f in findings(Machine.from_text(mini.text, drawn, Path("x.toml")))
+    }
+    assert "the inertia like kg mm²" in words["link stick"]
+
+
+# -------------------------------------------------------------------------------- as it is written
+
+WRITTEN = [
+    (
+        "stroke_mm = 1260",
+        "stroke_mm = 673,6",
+        r"decimal comma in 673,6 \(at line 36, column 16\); write 673\.6$",
+    ),
+    (
+        "stroke_mm = 1260",
+        "stroke_mm = 1,260",
+        r"write 1\.260, or 1260 where the comma parts thousands",
+    ),
+    (
+        "swing = 0.0 }",
+        "swing = 0,5 }",
+        r"decimal comma in 0,5 \(at line 8, column 21\); write 0\.5",
+    ),
+    ("cap = 5.6,", "cap = 5,6,", r"decimal comma in 5,6 \(at line 38, column 26\); write 5\.6"),
+    ("annulus = 5.6 }", "annulus = 5,6 }", r"decimal comma in 5,6 .*; write 5\.6"),
+    (
+        "[461.5, 0, -602.5]",
+        "[461,5, 0, -602,5]",
+        r"boom\.base\.at_mm: decimal commas.*write \[461\.5, 0, -602\.5\].*line 39",
+    ),
+    ("[461.5, 0, -602.5]", "[461,5,0,-602,5]", r"write \[461\.5, 0, -602\.5\]"),
+    ("[120, 240]", "[120,5, 240]", r"pitch_deg: decimal commas.*write \[120\.5, 240\]"),
+    (
+        "bore_mm = 120",
+        'bore_mm = "120,5"',
+        r'boom\.bore_mm: decimal comma, and a text: "120,5" .*write 120\.5; give a number',
+    ),
+    (
+        "bore_mm = 120",
+        'bore_mm = "120"',
+        r'"120" is not allowed; give a number .*; write it without quotes: 120',
+    ),
+    (
+        "bore_mm = 120",
+        'bore_mm = "120 mm"',
+        r'"120 mm" is not allowed; .*; write the number alone, in mm: 120',
+    ),
+    (
+        "bore_mm = 120",
+        "bore_mm = .5",
+        r"no digit on one side of a point \(at line 34, column \d+\); write 0\.5",
+    ),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), WRITTEN, ids=[new for _, new, _ in WRITTEN])
+def test_numbers_as_other_people_write_them(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    text = EXCAVATOR.text.replace(old, new, 1)
+    assert text != EXCAVATOR.text
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    (fault,) = problems(tmp_path / "x.toml")
+    assert re.search(message, str(fault)), str(fault)
+
+
+def test_three_whole_numbers_are_no_decimal_commas() -> None:
+    _, message = with_value(EXCAVATOR, "tool.at_mm", [1, 2])
+    assert "comma" not in message
+    assert "give a list of 3 values" in message
+
+
+@pytest.mark.parametrize("text", ["0,5 0 0", "0.5, 0, 0", "0,5, 0, 0", "0.5,0,0"])
+def test_commas_in_the_urdf(text: str) -> None:
+    urdf = EXCAVATOR.urdf_text.replace('xyz="5.6479 0 0" rpy="0 0 0"', f'xyz="{text}"', 1)
+    with pytest.raises(
+        ad.ArmDesignError, match=r'decimal comma\? write xyz="0\.5 0(\.0)? 0" \(line 287\)'
+    ):
+        Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml"))
+
+
+# ---------------------------------------------------------------------------------- sound machines
+
+
+def suspected(machine: Machine) -> list[Finding]:
+    inspection = inspect(machine, ad.Workspace.grid(machine, 3))
+    shares: dict[str, float] = {}
+    for load in inspection.loads:
+        name = machine.functions[load.cylinder].name
+        shares[name] = max(shares.get(name, 0.0), load.share)
+    return suspicions(machine, shares)
+
+
+def test_no_sound_machine_is_suspected(machine: Machine) -> None:
+    """All of the test suite: shipped, odd, random."""
+    assert suspected(machine) == []
+
+
+@pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
+def test_no_new_machine_is_suspected(links: int) -> None:
+    assert suspected(Machine.from_text(*scaffold.new("x", links), Path("x.toml"))) == []
+
+
+@pytest.mark.parametrize("length", [0.1, 0.3, 4.0])
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_no_copy_of_another_size_is_suspected(name: str, length: float) -> None:
+    """Laboratory models and mining shovels, of the same mass or of the same density."""
+    for mass in (1.0, length**3):
+        assert suspected(machines.scaled(machines.named(name), length=length, mass=mass)) == []
+
+
+@pytest.mark.parametrize("length", [0.03, 0.1])
+@pytest.mark.parametrize("name", ["mini_excavator_2t", "loader_crane"])
+def test_no_small_pump_is_suspected(name: str, length: float) -> None:
+    """Flows of a copy that moves as its original does shrink with the squares of its lengths."""
+    machine = machines.scaled(machines.named(name), length=length, mass=length**3)
+    flows = {
+        path: value * length**2
+        for path, value in machine_file.flat(machine.section).items()
+        if path.endswith("flow_l_per_min")
+    }
+    assert suspected(machine.replace(flows)) == []

@@ -1,0 +1,62 @@
+"""A mass of one's own counts like a load case of the file: in maps, in variants, in designs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from tests import machines
+
+
+@pytest.fixture(scope="module")
+def loaded() -> ad.Machine:
+    return machines.named("excavator_20t").with_payload("full").with_payload(2500)
+
+
+def test_it_sits_where_the_case_at_work_sits(loaded: ad.Machine) -> None:
+    """By definition: the file's full bucket with another mass in its text."""
+    other = (
+        machines.named("excavator_20t")
+        .replace({"payload.full.mass_kg": 2500})
+        .with_payload("full")
+    )
+    q = machines.inner_poses(other, 3)
+    assert_allclose(loaded.at(q).mass_matrix, other.at(q).mass_matrix, rtol=1e-14)
+    assert_allclose(loaded.at(q).gravity_torque, other.at(q).gravity_torque, rtol=1e-14)
+
+
+def test_maps_count_it_beside_the_cases_of_the_file(loaded: ad.Machine) -> None:
+    frequencies = ad.frequency_map(loaded, ad.Workspace.grid(loaded, points=5))
+    assert list(frequencies.frame["payload"].unique()) == ["empty", "full", "2500 kg"]
+    assert frequencies.worst.payload == "2500 kg"  # the heaviest
+
+
+def test_variants_keep_it_and_another_mass_takes_its_place(loaded: ad.Machine) -> None:
+    wider = loaded.replace({"cylinder.boom.bore_mm": 130})
+    assert wider.payload.mass == 2500
+    assert [case.name for case in wider.with_payload(900.0).payloads] == [
+        "empty",
+        "full",
+        "900 kg",
+    ]
+    assert loaded.with_payload("full").payload.mass == 1600  # the file's
+
+
+def test_a_design_is_made_for_it(loaded: ad.Machine) -> None:
+    design = ad.size_cylinders(loaded, ad.Workspace.grid(loaded, points=7))
+    assert design.after.worst.payload == "2500 kg"
+    assert design.after.worst.frequency >= design.before.worst.frequency
+
+
+def test_a_design_takes_the_cylinders_own_masses_along() -> None:
+    """What the search foresaw with bars moved along is what the saved machine has, but for
+    rounding (below 0.5 %).
+    """
+    heavy = machines.named("heavy_bars")
+    workspace = ad.Workspace.grid(heavy, points=7)
+    design = ad.optimize(heavy, workspace, starts=1)
+    lowest = float(np.min(design.after.frame["f1_hz"]))
+    assert lowest == pytest.approx(design.unrounded, rel=5e-3)
+    assert lowest > 1.3 * float(np.min(design.before.frame["f1_hz"]))

@@ -1,0 +1,135 @@
+"""`armdesign compare`: two machines, or two versions of one, side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign.report.comparison import compare
+from armdesign.units import SI, WORKSHOP
+from tests import machines
+from tests.commands import Refused, main
+
+EXCAVATOR = machines.named("excavator_20t")
+CHANGES = {"cylinder.boom.bore_mm": 126, "cylinder.boom.closed_length_mm": 1825}
+
+
+def test_two_versions_in_one_workspace() -> None:
+    """Areas alone change: the poses stay, so the second map is that of the new machine on today's
+    poses.
+    """
+    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
+    assert found.same_workspace
+    assert list(found.differences.items()) == [("cylinder.boom.bore_mm", (120, 126))]
+    one, other = found.maps.values()
+    assert one.workspace is other.workspace
+    frame = found.frame.set_index("quantity")
+    columns = list(found.maps)
+    assert list(frame.columns) == ["unit", *columns, "change"]
+    values = frame.loc["full.worst", columns]
+    assert list(values) == pytest.approx([m.worst_of["full"].frequency for m in (one, other)])
+    assert frame.loc["boom.thrust", "change"] == pytest.approx((126 / 120) ** 2 - 1)
+    assert frame.loc["boom.oil_cap", columns[0]] == pytest.approx(
+        2 * 3.14159265 / 4 * 0.12**2 * 1.26
+    )
+
+
+def test_values_of_the_files_stay_in_the_files_units() -> None:
+    """A key names its unit (bore_mm), so either habit prints the number that stands in the file,
+    and says so.
+    """
+    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 3)
+    for units in (WORKSHOP, SI):
+        sheet = next(
+            sheet for sheet in found.sheets(units) if sheet.title == "What differs in the files"
+        )
+        assert sheet.rows == (("cylinder.boom.bore_mm", "120", "126"),)
+        assert "in the unit that its key names" in sheet.note
+    thrusts = [
+        sheet
+        for units in (WORKSHOP, SI)
+        for sheet in found.sheets(units)
+        if "thrust" in str(sheet.columns)
+    ]
+    assert ["[kN]" in str(sheet.columns) for sheet in thrusts] == [True, False]
+    frame = found.frame.set_index("quantity")
+    assert frame.loc["cylinder.boom.bore_mm", "unit"] == "file"
+
+
+def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:
+    found = compare(EXCAVATOR, EXCAVATOR.replace({"cylinder.stick.stroke_mm": 1300}), 4)
+    assert not found.same_workspace
+    assert found.sheets()[0].note == "each in its own workspace"
+
+
+def test_two_machines_with_other_joints_cylinders_and_load_cases() -> None:
+    found = compare(machines.named("paper_1dof"), EXCAVATOR, 5)
+    assert not found.same_workspace
+    sheets = found.sheets(SI)
+    words = str([sheet.rows for sheet in sheets])
+    for name in ("lift", "boom", "load", "full"):
+        assert name in words
+    assert all(len(row) == len(sheet.columns) for sheet in sheets for row in sheet.rows)
+    frame = found.frame.set_index("quantity")
+    assert frame.loc["load.worst", "excavator_20t"] is None or pd.isna(
+        frame.loc["load.worst", "excavator_20t"]
+    )
+    found.plot("reach")
+
+
+def test_a_machine_and_itself() -> None:
+    found = compare(EXCAVATOR, EXCAVATOR, 3)
+    assert found.differences == {}
+    assert list(found.maps) == ["excavator_20t A", "excavator_20t B"]
+    assert (found.frame["change"].dropna() == 0).all()
+    assert "The files say the same" in [sheet.title for sheet in found.sheets()]
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach"])
+def test_one_colour_scale(plane: str) -> None:
+    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
+    axes = [ax for ax in found.plot(plane).axes if ax.get_xlabel()]
+    scales = [c.get_clim() for ax in axes for c in ax.collections if c.get_array() is not None]
+    assert len(scales) == 2
+    assert scales[0] == scales[1]
+    assert scales[0][0] <= min(m.frame["f1_hz"].min() for m in found.maps.values()) + 0.2
+
+
+def test_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    second = EXCAVATOR.replace({"cylinder.boom.bore_mm": 126}).save(tmp_path / "wider.toml")
+    assert (
+        main(
+            ["compare", "excavator_20t", str(second), "--out", "out", "--points", "4"], monkeypatch
+        )
+        == 0
+    )
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "compare.csv",
+        "compare_joints.png",
+        "compare_reach.png",
+    }
+    printed = capfd.readouterr().out
+    assert "cylinder.boom.bore_mm" in printed
+    assert "wider" in printed
+    assert max(map(len, printed.splitlines())) <= 100
+    assert set(ad.load(second).section.cylinder) == {"boom", "stick", "bucket"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["excavator_20t", "none.toml"], "none.toml: no such file"),
+        (["none.toml", "excavator_20t"], "none.toml: no such file"),
+        (["excavator_20t", "excavator_12t", "--points", "x"], "--points"),
+        (["excavator_20t", "paper_1dof", "--points", "3,3,3"], "points: [3, 3, 3] is not allowed"),
+        (["excavator_20t", "excavator_12t", "--out", "/proc/none"], "--out /proc/none"),
+    ],
+)
+def test_bad_input(words: list[str], message: str, refused: Refused) -> None:
+    refused(["compare", *words], message)

@@ -1,0 +1,205 @@
+"""Names and titles are shown as they are: no command to the terminal, no markup, no formula."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.text import Text
+
+import armdesign as ad
+from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_together
+from armdesign.machine import scaffold
+from armdesign.output import show, tell
+from armdesign.plots import drawing as plots
+from armdesign.report.sheet import Sheet, html
+from tests import machines
+from tests.commands import assert_one_line, main
+
+EVIL = "\x1b]0;x\x07\x1b[2J\r\n\x9b\x7f\u202e\u2066\u2028 [red]r[/red] :smile: $a_{ $ b_c^d"
+SHOWN = r"\x1b]0;x\x07\x1b[2J\r\n\x9b\x7f\u202e\u2066\u2028 [red]r[/red] :smile: $a_{ $ b_c^d"
+
+
+def controls(text: str) -> list[str]:
+    """Characters that a terminal or a reader may take for commands, but for ends of lines."""
+    turns = {*map(chr, range(0x202A, 0x202F)), *map(chr, range(0x2066, 0x206A))}
+    return [
+        c
+        for c in text
+        if (unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp") and c != "\n") or c in turns
+    ]
+
+
+def titled(folder: Path) -> str:
+    """The paper's machine with a title that would do things."""
+    machine = machines.named("paper_1dof")
+    quoted = "".join(f"\\u{ord(c):04x}" if controls(c) or c == "\n" else c for c in EVIL)
+    text, count = re.subn(r"^title .*$", lambda _: f'title = "{quoted}"', machine.text, flags=re.M)
+    assert count == 1
+    (folder / "own.toml").write_text(text, encoding="utf-8")
+    (folder / machine.section.urdf).write_text(machine.urdf_text, encoding="utf-8")
+    return str(folder / "own.toml")
+
+
+def test_every_control_character_is_escaped_and_nothing_else() -> None:
+    for code in range(0x3000):
+        shown = printable(chr(code))
+        assert (shown == chr(code)) == (not controls(chr(code)) and chr(code) != "\n"), hex(code)
+        assert not controls(shown)
+    assert printable("é µ € 漢 🚜 \\x1b") == "é µ € 漢 🚜 \\x1b"
+    assert printable(printable(EVIL)) == printable(EVIL) == SHOWN
+
+
+def test_errors() -> None:
+    """The message is for people, the attributes are the facts."""
+    error = MachineFileError(EVIL, EVIL, EVIL)
+    assert str(error) == f"{SHOWN}: {SHOWN}; {SHOWN}"
+    assert error.part == EVIL
+    with pytest.raises(MachineFileError) as caught:
+        raise_together([error, ArmDesignError("b", "c")])
+    assert str(caught.value) == f"{SHOWN}: {SHOWN}; {SHOWN}; also: b: c"
+
+
+def test_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    show([EVIL, Sheet(title=EVIL, columns=(EVIL, "b [mm]"), rows=((EVIL, EVIL),), note=EVIL)])
+    tell(EVIL)
+    out = capsys.readouterr().out
+    assert not controls(out)
+    assert "".join(out.split()).count("".join(SHOWN.split())) == 4  # but for the table's
+    assert out.count("[red]r[/red]") >= 5
+
+
+def test_the_page() -> None:
+    page = html(EVIL, EVIL, [Sheet(title=EVIL, columns=(EVIL,), rows=((EVIL,),), note=EVIL)], [])
+    assert not controls(page)
+    assert page.count(SHOWN) == 7  # head, heading, lead and those of the sheet
+
+
+@pytest.mark.parametrize("command", ["check", "map", "compare"])
+def test_commands(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = {
+        "check": [],
+        "map": ["--out", str(tmp_path / "a")],
+        "compare": ["paper_1dof", "--out", str(tmp_path)],
+    }
+    drawn: list[Any] = []
+    real = plots.save
+    monkeypatch.setattr(plots, "save", lambda fig, path: drawn.append(fig) or real(fig, path))
+    assert main([command, titled(tmp_path), *words[command], "--points", "5"], monkeypatch) == 0
+    out, err = capsys.readouterr()
+    assert not controls(out)
+    assert err == ""
+    assert r"\x1b]0;x" in out
+    for text in (text for fig in drawn for text in fig.findobj(Text)):
+        assert not controls(text.get_text())
+    assert command != "map" or SHOWN in {text.get_text() for fig in drawn for text in fig.texts}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [EVIL],
+        ["map", EVIL],
+        ["map", f"{EVIL}.toml"],
+        ["map", "paper_1dof", f"--{EVIL}"],
+        ["map", "paper_1dof", EVIL],
+        ["map", "paper_1dof", "--points", EVIL],
+        ["map", "paper_1dof", "--units", EVIL],
+        ["map", "paper_1dof", "--out", f"/proc/{EVIL}"],
+        ["optimize", "paper_1dof", "--points", "3", "--least", EVIL, "--frequency", "1"],
+        ["optimize", "paper_1dof", "--points", "3", "--vary", EVIL],
+        ["optimize", "paper_1dof", "--points", "3", "--catalogue", EVIL],
+        ["optimize", "paper_1dof", "--points", "3", "--catalogue", f"{EVIL}.csv"],
+        ["pareto", "paper_1dof", "--points", "3", "--against", EVIL],
+        ["pareto", "paper_1dof", "--points", "3", "--values", EVIL],
+        ["new", EVIL],
+        ["map", "\udc9b\udcff.toml"],
+    ],
+    ids=lambda words: " ".join(word for word in words if word.isascii() and word.isprintable()),
+)
+def test_arguments(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words, monkeypatch) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert_one_line(err, "")
+    assert not controls(err)
+
+
+def test_keys_of_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = Path(titled(tmp_path))
+    path.write_text(
+        '"\\u001b[2J\\u009b" = 1\n' + path.read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    for command in ("map", "check"):
+        assert main([command, str(path)], monkeypatch) == 2
+        err = capsys.readouterr().err
+        assert not controls(err)
+        assert r"own.toml: \x1b[2J\x9b: unknown key" in err
+
+
+@pytest.mark.parametrize("name", ["bo_om^2", "$x", "$a_{$", "a$b$c", "[red]x[/red]", "x\x9by"])
+def test_names_of_joints_are_no_formulas(name: str, tmp_path: Path) -> None:
+    """XML holds C1 characters; `$a_{$` is a formula that cannot be drawn."""
+    machine = machines.named("paper_1dof")
+    urdf = machine.urdf_text.replace('joint name="boom"', f'joint name="{name}"')
+    text = machine.text.replace(
+        'joints = ["boom"]', f'joints = ["{name}"]'.replace("\x9b", "\\u009b")
+    )
+    named = ad.Machine.from_text(text, urdf, tmp_path / "own.toml")
+    found = ad.frequency_map(named, ad.Workspace.grid(named, 5))
+    for drawn in (found.plot(), plots.holding_pressure(found)):
+        drawn.figure.savefig(tmp_path / "a.png")
+        assert printable(name) in drawn.xaxis.label.get_text()
+    plots.save(
+        plots.moment_arm_curves({name: found.machine, "b": found.machine}), tmp_path / "b.png"
+    )
+
+
+def test_powers_of_ten_on_an_axis_stay_formulas(tmp_path: Path) -> None:
+    fig, (ax,) = plots.figure()
+    ax.semilogy([1, 2], [1, 1000])
+    ax.set(title="a $b$")
+    plots.save(fig, tmp_path / "a.png")
+    assert any(
+        label.get_parse_math() and "10^" in label.get_text() for label in ax.get_yticklabels()
+    )
+    assert not ax.title.get_parse_math()
+
+
+# --------------------------------------------------------------------------------- how many joints
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("paper_1dof", "over the joint"), ("excavator_20t", "over two joints")]
+)
+def test_a_caption_says_what_is_drawn(name: str, words: str, tmp_path: Path) -> None:
+    from armdesign.output import write_design
+
+    machine = machines.named(name)
+    workspace = ad.Workspace.grid(machine, 3)
+    captions = [
+        caption for caption, _ in write_design(ad.size_cylinders(machine, workspace), tmp_path)
+    ]
+    assert next(caption for caption in captions if "joint" in caption).endswith(words)
+
+
+@pytest.mark.parametrize(("links", "words"), [(2, "all loads"), (3, "all other joints and loads")])
+def test_a_title_counts_the_joints_that_are_not_drawn(links: int, words: str) -> None:
+    """Two are drawn."""
+    machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
+    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
+    assert found.plot().get_title() == f"worst over {words}"
+    assert plots.holding_pressure(found).get_title() == f"largest over {words}"

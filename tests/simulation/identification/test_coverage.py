@@ -1,0 +1,191 @@
+"""The stated deviation holds: Monte Carlo over noisy records of linear systems whose modes are
+known.
+
+Three deviations are to hold the truth in 90 % of runs or more, under 1, 5 and 10 % of noise, and
+must not be had by being too large: the root mean square of the error is of the size of one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import StateSpace, lfilter, lsim
+
+from armdesign.simulation.excitation import Sweep
+from armdesign.simulation.identification.modal_fit import fit_modes, fit_response
+from armdesign.simulation.identification.ringdown import identify_decay
+
+BAND = (0.5, 1.6)
+RUNS = 30
+
+
+def swept(
+    modes: list[tuple[float, float, float]],
+    drift: float = 0.0,
+    band: tuple[float, float] = BAND,
+    duration: float = 16.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, input and speed Σ g ω s/(s² + 2ζωs + ω²) + drift/s after a sweep, exact for a linear
+    input.
+    """
+    time = np.arange(0, duration, 1 / 40)
+    sweep = Sweep(amplitude=1.0, start=band[0], stop=band[1], duration=duration)
+    u = np.array([sweep(t) for t in time])
+    y = drift * lsim(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), u, time)[1]
+    for frequency, zeta, gain in modes:
+        omega = 2 * math.pi * frequency
+        a, b = [[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega]]
+        y = y + gain * lsim(StateSpace(a, b, [[0, 1]], [[0]]), u, time)[1]
+    return time, u, y
+
+
+def rang(time: np.ndarray, modes: list[tuple[float, float, float]]) -> np.ndarray:
+    """Σ g exp(−ζωt) cos(ω√(1 − ζ²) t + 0.3)."""
+    total = np.zeros_like(time)
+    for frequency, zeta, gain in modes:
+        omega = 2 * math.pi * frequency
+        total += (
+            gain
+            * np.exp(-zeta * omega * time)
+            * np.cos(omega * math.sqrt(1 - zeta**2) * time + 0.3)
+        )
+    return total
+
+
+def check(errors: list[np.ndarray], deviations: list[np.ndarray]) -> None:
+    """Shares within three deviations, and the error relative to one."""
+    off, sigma = np.array(errors), np.array(deviations)
+    assert np.mean(np.abs(off) <= 3 * sigma, axis=0) == pytest.approx(0.95, abs=0.05001)
+    relative = np.sqrt(np.mean(off**2, axis=0)) / np.median(sigma, axis=0)
+    assert np.all((relative > 0.4) & (relative < 1.9))
+
+
+@pytest.mark.parametrize(
+    ("zeta", "neighbours", "drift", "noise"),
+    [
+        (0.3, [(2.0, 0.3, 0.8)], 0.0, 0.01),
+        (0.3, [(2.0, 0.01, 0.8)], 0.0, 0.05),
+        (0.3, [(0.3, 0.3, 0.8)], 0.0, 0.1),
+        (0.1, [(1.7, 0.3, 0.8)], 0.0, 0.05),
+        (0.1, [(2.4, 0.1, 0.5)], 3.0, 0.1),
+        (0.01, [(1.7, 0.3, 0.8)], 0.0, 0.1),
+    ],
+)
+def test_sweeps_with_a_mode_outside_the_band(
+    zeta: float, neighbours: list[tuple[float, float, float]], drift: float, noise: float
+) -> None:
+    """Above the band, below it, sharp, damped, and a load that drifts; before, ζ was held in 0 to
+    52 % of runs.
+    """
+    random = np.random.default_rng(1)
+    time, u, clean = swept([(1.0, zeta, 1.0), *neighbours], drift)
+    errors, deviations = [], []
+    for _ in range(RUNS):
+        y = clean + noise * np.sqrt(np.mean(clean**2)) * random.normal(size=len(clean))
+        fit = fit_modes(time, u, y, BAND)
+        errors.append(np.array([fit.natural_frequencies[0] - 1, fit.damping_ratios[0] - zeta]))
+        deviations.append(np.array([fit.frequency_deviations[0], fit.damping_deviations[0]]))
+        assert 0 <= fit.frequency_remainders[0] < fit.frequency_deviations[0]
+        assert 0 <= fit.damping_remainders[0] < fit.damping_deviations[0]
+    check(errors, deviations)
+
+
+def test_a_narrow_band_beside_a_mode_as_damped() -> None:
+    """0.75 to 1.2 Hz, ζ = 0.3, a neighbour at 1.3 Hz, noise of 10 %: one mode looks as likely as
+    two.
+    """
+    random, band = np.random.default_rng(5), (0.75, 1.2)
+    time, u, clean = swept([(1.0, 0.3, 1.0), (1.3, 0.3, 0.8)], band=band, duration=40.0)
+    errors, deviations = [], []
+    for _ in range(RUNS):
+        fit = fit_modes(
+            time,
+            u,
+            clean + 0.1 * np.sqrt(np.mean(clean**2)) * random.normal(size=len(clean)),
+            band,
+        )
+        errors.append(np.array([fit.natural_frequencies[0] - 1, fit.damping_ratios[0] - 0.3]))
+        deviations.append(np.array([fit.frequency_deviations[0], fit.damping_deviations[0]]))
+    assert np.all(np.mean(np.abs(errors) <= 3 * np.array(deviations), axis=0) >= 0.9)
+
+
+@pytest.mark.parametrize(("zeta", "tolerance"), [(0.01, 1e-4), (0.3, 3e-3)])
+def test_without_noise_a_neighbour_costs_little(zeta: float, tolerance: float) -> None:
+    """Without noise what is left of the neighbour is all that is uncertain; before, 7 % of the
+    frequency.
+    """
+    time, u, y = swept([(1.0, zeta, 1.0), (2.0, 0.3, 0.8)])
+    fit = fit_modes(time, u, y, BAND)
+    assert fit.natural_frequencies == pytest.approx([1.0], abs=tolerance)
+    assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
+
+
+def test_responses_with_a_mode_outside_the_lines() -> None:
+    """Lines from 0.5 to 1.6 Hz of two modes, one at 2 Hz, in closed form; noise of 5 % of the
+    response.
+    """
+    random, lines = np.random.default_rng(2), np.linspace(0.5, 1.6, 40)
+    s = 2j * math.pi * lines
+    clean = np.zeros(len(s), dtype=complex)
+    for frequency, zeta, gain in ((1.0, 0.3, 1.0), (2.0, 0.3, 0.8)):
+        omega = 2 * math.pi * frequency
+        clean += gain * omega * s / (s**2 + 2 * zeta * omega * s + omega**2)
+    errors, deviations = [], []
+    for _ in range(RUNS):
+        size = 0.05 * np.sqrt(np.mean(np.abs(clean) ** 2) / 2)
+        fit = fit_response(
+            lines, clean + size * (random.normal(size=40) + 1j * random.normal(size=40))
+        )
+        errors.append(np.array([fit.natural_frequencies[0] - 1, fit.damping_ratios[0] - 0.3]))
+        deviations.append(np.array([fit.frequency_deviations[0], fit.damping_deviations[0]]))
+    check(errors, deviations)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+@pytest.mark.parametrize(("zeta", "noise"), [(0.01, 0.1), (0.1, 0.05), (0.3, 0.01)])
+def test_decays_under_white_and_coloured_noise(zeta: float, noise: float, colour: float) -> None:
+    """Two modes; noise e_k = colour e_{k−1} + white: slow noise once took the deviations to half
+    their due.
+    """
+    random, time = np.random.default_rng(3), np.arange(0, 12, 1 / 40)
+    clean = rang(time, [(1.0, zeta, 1.0), (2.3, zeta, 0.6)])
+    errors, deviations = [], []
+    for _ in range(RUNS):
+        white = random.normal(size=len(time) + 100)
+        e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], white)[100:]
+        found = identify_decay(time, clean + noise * np.sqrt(np.mean(clean**2)) * e, modes=2)
+        errors.append(
+            np.array([*(found.natural_frequencies - [1.0, 2.3]), *(found.damping_ratios - zeta)])
+        )
+        deviations.append(np.array([*found.frequency_deviations, *found.damping_deviations]))
+    check(errors, deviations)
+
+
+@pytest.mark.parametrize(
+    ("others", "noise", "colour"),
+    [
+        ([(2.3, 0.1, 0.2)], 0.01, 0.0),
+        ([(2.3, 0.1, 0.5)], 0.1, 0.9),
+        ([(1.9, 0.1, 0.4), (3.0, 0.05, 0.2)], 0.01, 0.0),
+        ([(1.9, 0.1, 0.4), (3.0, 0.05, 0.2)], 0.05, 0.6),
+    ],
+)
+def test_a_decay_that_holds_modes_more_than_asked_for(
+    others: list[tuple[float, float, float]], noise: float, colour: float
+) -> None:
+    """The strongest is the answer, and the others are modelled, not taken for noise: before, ζ was
+    hardly ever held.
+    """
+    random, time = np.random.default_rng(4), np.arange(0, 12, 1 / 40)
+    clean = rang(time, [(1.0, 0.1, 1.0), *others])
+    errors, deviations = [], []
+    for _ in range(RUNS):
+        e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], random.normal(size=len(time) + 100))[
+            100:
+        ]
+        found = identify_decay(time, clean + noise * np.sqrt(np.mean(clean**2)) * e)
+        errors.append(np.array([found.natural_frequencies[0] - 1, found.damping_ratios[0] - 0.1]))
+        deviations.append(np.array([found.frequency_deviations[0], found.damping_deviations[0]]))
+    check(errors, deviations)

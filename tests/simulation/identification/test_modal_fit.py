@@ -1,0 +1,92 @@
+"""The fit recovers what is known: synthetic records of sums of modes, by an exact simulation of
+their state space.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import StateSpace, lsim
+
+from armdesign.errors import SimulationError
+from armdesign.simulation.excitation import Sweep
+from armdesign.simulation.identification.modal_fit import fit_modes, record_length
+
+BAND = (0.5, 1.6)
+
+
+def record(
+    modes: list[tuple[float, float, float]], cycles: float, noise: float = 0.0
+) -> tuple[np.ndarray, ...]:
+    """Time, input and answer of Σ g ω²/(s² + 2ζωs + ω²) over (frequency, ζ, g) to a sweep over the
+    band.
+    """
+    time = np.arange(0, cycles, 1 / 200)
+    sweep = Sweep(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=cycles)
+    excitation = np.array([sweep(t) for t in time])
+    answer = np.zeros_like(time)
+    for frequency, zeta, gain in modes:
+        omega = 2 * math.pi * frequency
+        system = StateSpace(
+            [[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega**2]], [[gain, 0]], [[0]]
+        )
+        answer += lsim(system, excitation, time)[1]
+    answer += noise * answer.std() * np.random.default_rng(0).normal(size=len(time))
+    return time, excitation, answer
+
+
+@pytest.mark.parametrize(
+    ("zeta", "tolerance"), [(0.0, 5e-4), (0.002, 5e-4), (0.03, 5e-4), (0.2, 1e-2)]
+)
+@pytest.mark.parametrize("frequency", [0.97, 1.0, 1.13])
+def test_one_mode_among_others(frequency: float, zeta: float, tolerance: float) -> None:
+    """A record of 16 cycles of an arm that still rings, two more modes above the band.
+
+    With 20 % of damping in all of them their peaks run into each other, and the fit is worth less.
+    """
+    time, u, y = record([(frequency, zeta, 0.8), (2.4, zeta, 0.15), (8.0, zeta, 0.05)], 16)
+    fit = fit_modes(time, u, y, BAND)
+    assert fit.natural_frequencies == pytest.approx([frequency], rel=tolerance)
+    assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
+
+
+def test_two_modes_in_the_band() -> None:
+    time, u, y = record([(0.9, 0.01, 0.6), (1.2, 0.02, 0.4), (3.0, 0.0, 0.1)], 24)
+    fit = fit_modes(time, u, y, BAND, modes=2)
+    assert fit.natural_frequencies == pytest.approx([0.9, 1.2], rel=1e-3)
+    assert fit.damping_ratios == pytest.approx([0.01, 0.02], abs=1e-3)
+
+
+def test_the_raw_peak_would_be_wrong_where_the_fit_is_right() -> None:
+    """The highest line of the plain spectrum is a whole line (1/T) or so off; the measured
+    response fits its model.
+    """
+    time, u, y = record([(1.03, 0.001, 1.0)], 16)
+    fit = fit_modes(time, u, y, BAND)
+    spectrum = np.abs(np.fft.rfft(y))
+    peak = np.fft.rfftfreq(len(time), time[1])[np.argmax(spectrum)]
+    assert abs(peak / 1.03 - 1) > 0.01
+    np.testing.assert_allclose(fit.response, fit.fitted, atol=1e-3 * np.abs(fit.fitted).max())
+    exact = 1.03**2 / (1.03**2 - fit.frequency**2 + 2j * 0.001 * 1.03 * fit.frequency)
+    np.testing.assert_allclose(fit.fitted, exact, rtol=0.02)
+
+
+def test_uncertainty_covers_noise() -> None:
+    """With 1 % of noise the error is within four standard deviations, and these are small."""
+    time, u, y = record([(1.0, 0.01, 1.0), (2.4, 0.0, 0.1)], 16, noise=0.01)
+    fit = fit_modes(time, u, y, BAND)
+    assert abs(fit.natural_frequencies[0] - 1.0) < 4 * fit.frequency_deviations[0] < 0.02
+    assert abs(fit.damping_ratios[0] - 0.01) < 4 * fit.damping_deviations[0] < 0.02
+
+
+def test_faults() -> None:
+    time, u, y = record([(1.0, 0.01, 1.0)], 16)
+    with pytest.raises(SimulationError, match="nothing moves"):
+        fit_modes(time, u, 0 * y, BAND)
+    with pytest.raises(SimulationError, match=r"too short; record"):
+        fit_modes(time[:800], u[:800], y[:800], BAND)
+    assert record_length(BAND, 1) < 16
+    with pytest.raises(SimulationError, match="no oscillation"):
+        fit_modes(*record([(1.0, 8.0, 1.0)], 16), BAND, modes=2)
