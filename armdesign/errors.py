@@ -107,9 +107,7 @@ class InfeasibleError(ArmDesignError):
         super().__init__(part, problem, remedy)
         self.conflict = conflict
 
-    def __reduce__(
-        self,
-    ) -> tuple[type[InfeasibleError], tuple[str, str, str, tuple[Concession, ...]]]:  # type: ignore[override]
+    def __reduce__(self):  # type: ignore[no-untyped-def]
         """Travel whole between processes."""
         return type(self), (self.part, self.problem, self.remedy, self.conflict)
 

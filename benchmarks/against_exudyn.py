@@ -1,7 +1,7 @@
 """Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and
 printed.
 
-Run on an otherwise idle machine: ``python benchmarks/against_exudyn.py``. Both run in this process
+Run on an otherwise idle machine: ``python -m benchmarks.against_exudyn``. Both run in this process
 on one core, the best of five each. The plant is the 20 t machine without its four-bar (Exudyn's
 explicit solvers, its fast ones, take no loop), three valves open at once; in the batch by another
 share in each case. Each side's error is its greatest difference in a joint from its own finest run
@@ -25,13 +25,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from test_free_vibration import named
-from test_valve_driven import step_response
 
 from armdesign import Machine
 from armdesign.arrays import Array
 from armdesign.simulation import simulate as motion
 from tests.exudyn.exudyn_twin import Twin, Valves
+from tests.exudyn.test_free_vibration import named
+from tests.exudyn.test_valve_driven import step_response
 
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0

@@ -1,6 +1,6 @@
 """Co-design of every shipped machine against differential evolution, SLSQP multi-start and CMA-ES.
 
-Run on an otherwise idle machine: ``python benchmarks/against_optimisers.py [linkages] [machine
+Run on an otherwise idle machine: ``python -m benchmarks.against_optimisers [linkages] [machine
 …]``, half an hour for all. Each rival is given 20 × our time. ``linkages`` frees all of the
 four-bars too. Variables, boxes, requirements and objective are the same: the lowest coupled
 frequency over the default workspace and all load cases. Times are processor times of one process

@@ -1,7 +1,7 @@
 """Figures the main job must reach on excavator_20t, measured here and printed beside their
 targets.
 
-Run on an otherwise idle machine: ``python benchmarks/main_job.py``. Times are the best of three in
+Run on an otherwise idle machine: ``python -m benchmarks.main_job``. Times are the best of three in
 this process.
 """
 

@@ -1,7 +1,7 @@
 """Figures that poses and maps must reach on excavator_20t, measured here and printed beside their
 targets.
 
-Run on an otherwise idle machine: ``python benchmarks/maps.py``. Both sides of the ratio run in
+Run on an otherwise idle machine: ``python -m benchmarks.maps``. Both sides of the ratio run in
 this process on one core, the best of five each; memory is the peak of processes of their own.
 """
 

@@ -1,7 +1,7 @@
 """Figures that the simulation must reach on excavator_20t, measured here and printed beside their
 targets.
 
-``python benchmarks/simulation.py``: one core, one process, simulated time over processor time
+``python -m benchmarks.simulation``: one core, one process, simulated time over processor time
 (which is wall time on an idle machine), best of three. A sweep of the boom's valve to 1.5 × the
 lowest mode, three cylinders, with the slow loop and the energy book.
 """

@@ -1,7 +1,7 @@
 """Figures of sizing on excavator_20t: many given poses, catalogues against enumeration, the
 reverse question.
 
-Run on an otherwise idle machine: ``python benchmarks/sizes.py``. Times are the best of three in
+Run on an otherwise idle machine: ``python -m benchmarks.sizes``. Times are the best of three in
 this process; beside the wall time stands the processor time, which a busy machine spoils less.
 """
 
@@ -11,6 +11,7 @@ import itertools
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import armdesign as ad
@@ -89,9 +90,7 @@ def main() -> None:
 
     for catalogue in ("iso", "5mm"):
         for label, action in (("sizes", ad.size_cylinders), ("sizes and pins", ad.optimize)):
-            took, design = best_of(
-                lambda f=action, c=catalogue: f(machine, workspace, catalogue=c), 1
-            )  # type: ignore[misc]
+            took, design = best_of(partial(action, machine, workspace, catalogue=catalogue), 1)
             gain = design.after.frame["f1_hz"].min() / design.before.frame["f1_hz"].min() - 1
             print(f"{catalogue}, {label}: {gain:+.1%}, {took}")
 
@@ -102,8 +101,8 @@ def main() -> None:
         ("mass", "cylinder_mass"),
     ):
         took, design = best_of(
-            lambda a=amount: ad.least(machine, workspace, frequency=today, of=a), 1
-        )  # type: ignore[misc]
+            partial(ad.least, machine, workspace, frequency=today, of=amount), 1
+        )
         print(
             f"today's frequency with least {amount}: {name}"
             f" {getattr(design.requirements, name):.4g}, {took}"

@@ -1,7 +1,7 @@
 """What the variables of a design buy on the excavators, measured here and printed beside the
 targets.
 
-Run on an otherwise idle machine: ``python benchmarks/variables.py``. Gains are of the lowest
+Run on an otherwise idle machine: ``python -m benchmarks.variables``. Gains are of the lowest
 frequency over the default grid, before rounding and of the saved machine.
 """
 

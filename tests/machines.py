@@ -81,28 +81,28 @@ def _pin(at: tuple[str, tuple[float, ...]]) -> str:
     return f'{{ link = "{at[0]}", at_mm = {[1000 * float(x) for x in at[1]]} }}'
 
 
-def _zero_length(arm: Arm, function: Function) -> float:
+def _zero_length(arm: Arm, actuator: Function) -> float:
     """Pin-to-pin length at q = 0, only to lay the stroke around it."""
 
     def pin(at: tuple[str, tuple[float, ...]] | None) -> Pin | None:
         return Pin(link=at[0], at=at[1]) if at else None  # type: ignore[arg-type]
 
     bars = None
-    if function.pivot:
-        side = 1 if function.knee == "left" else -1
-        pivot, lug = pin(function.pivot), pin(function.lug)
+    if actuator.pivot:
+        side = 1 if actuator.knee == "left" else -1
+        pivot, lug = pin(actuator.pivot), pin(actuator.lug)
         bars = FourBar(
-            pivot=pivot, lug=lug, rocker=function.rocker, coupler=function.coupler, side=side
+            pivot=pivot, lug=lug, rocker=actuator.rocker, coupler=actuator.coupler, side=side
         )
     linkage = Linkage(
-        base=pin(function.base), rod_end=pin(function.rod_end), four_bar=bars, arm=arm
+        base=pin(actuator.base), rod_end=pin(actuator.rod_end), four_bar=bars, arm=arm
     )
     return float(linkage.length(arm.kinematics(np.zeros((1, len(arm.joints)))))[0])
 
 
 def build(
     joints: list[Joint],
-    functions: list[Function],
+    actuators: list[Function],
     *,
     order: list[str] | None = None,
     payload: tuple[str, tuple[float, ...]] | None = None,
@@ -128,7 +128,7 @@ def build(
         f"[fluid]\nbulk_modulus_MPa = 1200\nentrained_air_percent = {air_percent}",
         "[supply]\npressure_bar = 300\nreturn_pressure_bar = 5\nflow_l_per_min = 200",
     ]
-    for f in functions:
+    for f in actuators:
         length = 1000 * _zero_length(arm, f)
         text.append(
             f"[cylinder.{f.name}]\nbore_mm = {f.bore_mm}\nrod_mm = {f.rod_mm}\n"

@@ -234,7 +234,7 @@ class Design:
     def tightest(self) -> list[Check]:
         """Requirements that depend on the areas, that of least slack first: what counts where sizes come in steps."""
         loads = static_loads(self.machine, self.workspace)
-        areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
+        areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
         both = np.stack([areas, SMALLER * areas])
         names, (here, there) = slacks(
             self.machine, both, self.today, self.workspace, self.requirements, loads
@@ -356,8 +356,8 @@ def size_cylinders(
 
 
 def _names(machine: Machine) -> tuple[str, ...]:
-    """Joints and functions."""
-    return (*machine.joints, *(function.name for function in machine.functions))
+    """Joints and actuators."""
+    return (*machine.joints, *(actuator.name for actuator in machine.actuators))
 
 
 def _of_catalogue(

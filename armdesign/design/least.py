@@ -78,7 +78,7 @@ def least(
             fall below.
         of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever
             is the larger share of today's (``oil_total_share``). "flow": pump flow at which every
-            function, moving alone, crosses its range in today's time: the largest share of today's
+            actuator, moving alone, crosses its range in today's time: the largest share of today's
             swept volume of any cylinder and side (``oil_each_share``) × today's flow. "mass":
             estimated mass of all cylinders (``cylinder_mass`` [kg]).
         vary: as in ``optimize``.

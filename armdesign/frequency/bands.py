@@ -210,6 +210,6 @@ def _pair(band: list[float] | None) -> tuple[float, float]:
     return (band[0], band[1]) if band else EXACT
 
 
-def _with_oil(function: F, volume: float) -> F:
+def _with_oil(actuator: F, volume: float) -> F:
     names = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
-    return replace(function, **{name: volume * getattr(function, name) for name in names})
+    return replace(actuator, **{name: volume * getattr(actuator, name) for name in names})

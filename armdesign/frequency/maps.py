@@ -125,13 +125,13 @@ class FrequencyMap:
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
-        """Share of joint space that each function limits, all load cases together.
+        """Share of joint space that each actuator limits, all load cases together.
 
         They sum to one.
         """
         import pandas as pd
 
-        names = [function.name for function in self.machine.functions]
+        names = [actuator.name for actuator in self.machine.actuators]
         shares = {name: weighted_share(self.limiting == name, self.weights) for name in names}
         return pd.Series(shares, name="share")
 
@@ -149,7 +149,7 @@ class FrequencyMap:
         lowest = self.frame["f1_hz"].to_numpy()
         stable = lowest > 0
         rows = {}
-        for cylinder in self.machine.functions:
+        for cylinder in self.machine.actuators:
             for formula in ("locked", "rigid"):
                 ratio = (
                     self.frame[f"{formula}_{cylinder.name}_hz"].to_numpy()[stable] / lowest[stable]
@@ -203,12 +203,12 @@ class FrequencyMap:
 
     @property
     def static_pressures(self) -> Array:
-        """Static pressure of each function's loaded chamber (n, nc) [Pa], row by row."""
-        supply, functions = self.machine.supply, self.machine.functions
-        forces = [self.frame[_force_column(function)].to_numpy() for function in functions]
-        pairs = zip(functions, forces, strict=True)
+        """Static pressure of each actuator's loaded chamber (n, nc) [Pa], row by row."""
+        supply, actuators = self.machine.supply, self.machine.actuators
+        forces = [self.frame[_force_column(actuator)].to_numpy() for actuator in actuators]
+        pairs = zip(actuators, forces, strict=True)
         return np.stack(
-            [np.maximum(*function.static_pressures(force, supply)) for function, force in pairs],
+            [np.maximum(*actuator.static_pressures(force, supply)) for actuator, force in pairs],
             axis=1,
         )
 
@@ -216,14 +216,14 @@ class FrequencyMap:
     def beyond_reliefs(self) -> dict[str, tuple[float, float]]:
         """Functions whose port relief some load presses open: share of joint space, and largest static pressure [Pa].
 
-        It cannot be held there, whatever the supply: the function gives way.
+        It cannot be held there, whatever the supply: the actuator gives way.
         """
-        functions, supply = self.machine.functions, self.machine.supply
+        actuators, supply = self.machine.actuators, self.machine.supply
         found = {}
-        for function, pressure in zip(functions, self.static_pressures.T, strict=True):
-            open_ = pressure > function.relief(supply)
+        for actuator, pressure in zip(actuators, self.static_pressures.T, strict=True):
+            open_ = pressure > actuator.relief(supply)
             if open_.any():
-                found[function.name] = weighted_share(open_, self.weights), float(pressure.max())
+                found[actuator.name] = weighted_share(open_, self.weights), float(pressure.max())
         return found
 
     def reach_map(self, cells: int | None = None) -> ReachMap:
@@ -321,13 +321,13 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
         _worst(case, workspace, values[:nq, start:end].T, values[names.index("f1_hz"), start:end])
         for case, start, end in zip(cases, ends[:-1], ends[1:], strict=True)
     ]
-    functions = np.array([function.name for function in machine.functions])
+    actuators = np.array([actuator.name for actuator in machine.actuators])
     payloads = np.repeat([case.payload.name for case in cases], np.diff(ends))
     return FrequencyMap(
         frame=_frame(names, values, payloads, nq),
         worst=min(worst, key=lambda pose: pose.frequency),
         worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
-        limiting=functions[limiting],
+        limiting=actuators[limiting],
         stiffness_parts=parts.T,
         weights=np.concatenate([workspace.weights[flags] for flags in held]),
         machine=machine,
@@ -459,24 +459,24 @@ def _modes(case: Machine, poses: Poses) -> Modes:
 
 def _columns(machine: Machine) -> list[str]:
     """Names of the numbers in a map's frame."""
-    names = [function.name for function in machine.functions]
+    names = [actuator.name for actuator in machine.actuators]
     return [
         *machine.joints,
         *(f"tool_{axis}_m" for axis in "xyz"),
         *(f"f{i + 1}_hz" for i in range(len(machine.joints))),
         *(f"locked_{name}_hz" for name in names),
         *(f"rigid_{name}_hz" for name in names),
-        *(_force_column(function) for function in machine.functions),
+        *(_force_column(actuator) for actuator in machine.actuators),
         *(f"{cylinder.name}_extension" for cylinder in machine.cylinders),
     ]
 
 
-def _force_column(function: Actuator) -> str:
+def _force_column(actuator: Actuator) -> str:
     """Of the static force [N] of a cylinder, torque [N m] of a motor."""
     return (
-        f"{function.name}_torque_n_m"
-        if isinstance(function, Motor)
-        else f"{function.name}_force_n"
+        f"{actuator.name}_torque_n_m"
+        if isinstance(actuator, Motor)
+        else f"{actuator.name}_force_n"
     )
 
 
@@ -526,7 +526,7 @@ def _worst(machine: Machine, workspace: Workspace, q: Array, frequency: Array) -
         q=best_q,
         payload=machine.payload.name,
         frequency=best,
-        cylinder=machine.functions[int(share.argmax())].name,
+        cylinder=machine.actuators[int(share.argmax())].name,
         tool=poses.tool[0],
         joints=machine.joints,
     )

@@ -1,7 +1,7 @@
 """The hydraulic cylinder, and the motor: areas, oil spring, static pressures, buckling, mass.
 
 All formulas are elementwise on arrays; areas and volumes are those of all parallel cylinders of a
-function together. They accept complex numbers, so that a complex step gives their exact
+actuator together. They accept complex numbers, so that a complex step gives their exact
 derivative.
 """
 
@@ -39,7 +39,7 @@ class Fluid:
 class Supply:
     """Pump pressure and return pressure [Pa], flow [m³/s].
 
-    The pump holds its pressure whatever the functions take, or, ``flow_limited``, gives no more
+    The pump holds its pressure whatever the actuators take, or, ``flow_limited``, gives no more
     than its flow: it cuts off linearly within the last share ``cut_off`` of its pressure and fills
     a line of ``line_volume`` [m³].
     """
@@ -54,7 +54,7 @@ class Supply:
 
 @dataclass(frozen=True, kw_only=True)
 class Actuator(ABC):
-    """A hydraulic function with two chambers of oil, hoses, valve and friction: a cylinder or a motor.
+    """A hydraulic actuator with two chambers of oil, hoses, valve and friction: a cylinder or a motor.
 
     The chamber that drives in the positive direction is called cap, the other annulus. Volumes
     [m³] are those of all ``count`` together. A motor turns where a cylinder is pushed: its lengths

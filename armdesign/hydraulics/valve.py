@@ -31,7 +31,7 @@ EQUAL_EDGES = Edges()
 
 @dataclass(frozen=True, kw_only=True)
 class Valve:
-    """A 4/3 valve for all parallel cylinders of a function together.
+    """A 4/3 valve for all parallel cylinders of an actuator together.
 
     ``rated_flow`` [m³/s] passes one fully open metering edge at ``rated_drop`` [Pa], times the
     gain of that edge in ``edges``; the spool answers its command as a second-order lag

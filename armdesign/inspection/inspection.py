@@ -53,7 +53,7 @@ class Lever:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """Static pressure [Pa] of a function's loaded chamber at its largest load under a load case.
+    """Static pressure [Pa] of an actuator's loaded chamber at its largest load under a load case.
 
     The other chamber is at return pressure, or at the preload of its valve: a simulation starts
     so. ``share`` is the static force over the force of supply against return pressure (inf where
@@ -155,12 +155,12 @@ class Inspection:
             ).cylinder_forces
             if len(forces):
                 found += [
-                    self._load(i, payload.name, forces[:, i]) for i in range(len(case.functions))
+                    self._load(i, payload.name, forces[:, i]) for i in range(len(case.actuators))
                 ]
         return found
 
     def _load(self, i: int, payload: str, forces: Array) -> Load:
-        cylinder, supply = self.machine.functions[i], self.machine.supply
+        cylinder, supply = self.machine.actuators[i], self.machine.supply
         held = holding_force(cylinder.bore_area, cylinder.annulus_area, supply, forces >= 0)
         share = np.divide(
             np.abs(forces), held, out=np.where(forces == 0, 0.0, np.inf), where=held > 0
@@ -181,7 +181,7 @@ class Inspection:
         """What is most likely in another unit, or about a reversed axis: all other numbers may follow from it."""
         shares: dict[str, float] = {}
         for load in self.loads:
-            name = self.machine.functions[load.cylinder].name
+            name = self.machine.actuators[load.cylinder].name
             shares[name] = max(shares.get(name, 0.0), load.share)
         return suspicions(self.machine, shares)
 
@@ -283,8 +283,8 @@ class Inspection:
         if payload.pitch and payload.link:
             yield from self._odd_pitch(name, units)
         for load in (load for load in self.loads if load.payload == name):
-            function = self.machine.functions[load.cylinder]
-            yield from self._odd_valves(function, load, units)
+            actuator = self.machine.actuators[load.cylinder]
+            yield from self._odd_valves(actuator, load, units)
             limit = self.machine.section.requirements.holding_share
             side = "cap" if load.cap else "rod"
             words = (
@@ -300,25 +300,25 @@ class Inspection:
                 )
             else:
                 continue
-            yield Finding(part=f"{kind(function)}.{function.name}", words=words)
+            yield Finding(part=f"{kind(actuator)}.{actuator.name}", words=words)
         yield from self._odd_modes(name)
 
-    def _odd_valves(self, function: Actuator, load: Load, units: Units) -> Iterator[Finding]:
+    def _odd_valves(self, actuator: Actuator, load: Load, units: Units) -> Iterator[Finding]:
         """A relief, or a load-holding valve, that the load alone presses open."""
-        part, supply = f"{kind(function)}.{function.name}", self.machine.supply
+        part, supply = f"{kind(actuator)}.{actuator.name}", self.machine.supply
         for side, most in zip(("cap", "annulus"), load.most, strict=True):
             needs = (
                 f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"
                 f" {units.text(most, 'Pa')}"
             )
-            if most > function.relief(supply):
-                opens = units.text(function.relief(supply), "Pa")
+            if most > actuator.relief(supply):
+                opens = units.text(actuator.relief(supply), "Pa")
                 words = (
                     f"{needs} to stand still; its relief opens at {opens} and cannot hold that:"
                     " the load gives way"
                 )
                 yield Finding(part=f"{part}.valve.relief_bar", words=words)
-            holding = function.load_holding
+            holding = actuator.load_holding
             if holding is not None and holding.side == side and most > holding.setting:
                 words = (
                     f"{needs}, more than the setting of {units.text(holding.setting, 'Pa')}: the"

@@ -344,9 +344,8 @@ class _Suspicions:
                 smallest = 1e-6 if key in ("reach_mm", "height_mm") else 1e-5
                 size = self._whole * (5.0 if smallest == 1e-6 else 0.5)
                 if smallest * self._whole < abs(value) * mm < mm * size and abs(value) < 20:
-                    found = meant(
-                        ("requirements", "pin_box_mm"), value, lambda x, s=size: abs(x) * mm < s
-                    )  # type: ignore[misc]
+                    box = ("requirements", "pin_box_mm")
+                    found = meant(box, value, lambda x, s=size: abs(x) * mm < s)  # type: ignore[misc]
                     if found and self._far_too_small(path, abs(value)):
                         yield self._unit(path, "mm", found)
 

@@ -1,1 +1,1 @@
-"""machine."""
+"""The machine: its file, its parts, and the immutable value that they make."""

@@ -299,7 +299,7 @@ class Machine:
         return self.arm.names
 
     @cached_property
-    def functions(self) -> tuple[Actuator, ...]:
+    def actuators(self) -> tuple[Actuator, ...]:
         """Everything hydraulic, in the order of all arrays: the cylinders, after them the motors."""
         return (*self.cylinders, *self.motors)
 
@@ -316,7 +316,7 @@ class Machine:
 
     @cached_property
     def drives(self) -> tuple[Linkage | Gear, ...]:
-        """How each function moves the joints."""
+        """How each actuator moves the joints."""
         return (
             *self.linkages,
             *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors),
@@ -358,7 +358,7 @@ class Machine:
         return self.arm.rigid_poses(self._checked(q))
 
     def margins(self, q: ArrayLike | RigidPoses) -> Array:
-        """Share of its stroke that each function has left to its nearer end (n, nc).
+        """Share of its stroke that each actuator has left to its nearer end (n, nc).
 
         Negative when out of stroke.
 
@@ -419,14 +419,14 @@ class Machine:
         forces = static_forces(moment_arms, gravity, self._areas)
         extension = lengths - self._closed
         stiffness = [
-            function.stiffness(
+            actuator.stiffness(
                 extension[:, i],
                 forces[:, i],
                 self.fluid,
                 self.supply.return_pressure,
-                function.relief(self.supply),
+                actuator.relief(self.supply),
             )
-            for i, function in enumerate(self.functions)
+            for i, actuator in enumerate(self.actuators)
         ]
         return Poses(
             q=rigid.q,
@@ -484,15 +484,15 @@ class Machine:
 
     @cached_property
     def _closed(self) -> Array:
-        return np.array([function.closed_length for function in self.functions])
+        return np.array([actuator.closed_length for actuator in self.actuators])
 
     @cached_property
     def _strokes(self) -> Array:
-        return np.array([function.stroke for function in self.functions])
+        return np.array([actuator.stroke for actuator in self.actuators])
 
     @cached_property
     def _areas(self) -> Array:
-        return np.array([function.bore_area for function in self.functions])
+        return np.array([actuator.bore_area for actuator in self.actuators])
 
     def _checked(self, q: ArrayLike) -> Array:
         nq = len(self.joints)

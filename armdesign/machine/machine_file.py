@@ -484,7 +484,7 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
             refuse(
                 f"motor.{name}",
                 "is the name of a cylinder too",
-                "give each function a name of its own",
+                "give each actuator a name of its own",
             )
     if Path(machine.urdf).name in ("", ".."):
         refuse("urdf", f'"{machine.urdf}" is no file name', "name the URDF")
@@ -526,9 +526,9 @@ def _faults_of_sense(machine: MachineSection, source: str) -> list[MachineFileEr
             "N m",
             refuse,
         )
-    for kind, functions in (("cylinder", machine.cylinder), ("motor", machine.motor)):
-        for name, function in functions.items():
-            _check_preload(f"{kind}.{name}.valve", function.valve, machine.supply, refuse)
+    for kind, actuators in (("cylinder", machine.cylinder), ("motor", machine.motor)):
+        for name, actuator in actuators.items():
+            _check_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply, refuse)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
             refuse(

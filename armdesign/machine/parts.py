@@ -187,7 +187,7 @@ def _motor(name: str, section: MotorSection) -> Motor:
         hose_modulus=section.hose.bulk_modulus_MPa * MPa,
         compliance=section.compliance_rad_per_N_m,
         valve=_valve(section.valve) if section.valve else None,
-        friction=Friction(  # of one motor: a function multiplies it by their count
+        friction=Friction(  # of one motor: an actuator multiplies it by their count
             coulomb=friction.coulomb_N_m / count,
             static=(friction.static_N_m or friction.coulomb_N_m) / count,
             stribeck_velocity=friction.stribeck_velocity_deg_per_s * deg,

@@ -21,9 +21,9 @@ from armdesign.arrays import Array, Flags
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Poses:
-    """Everything at n poses of a machine with nq joints and nc functions; arrays are read-only.
+    """Everything at n poses of a machine with nq joints and nc actuators; arrays are read-only.
 
-    Functions are the cylinders and after them the motors, see ``Machine.functions``. For a motor
+    Actuators are the cylinders and after them the motors, see ``Machine.actuators``. For a motor
     read angle of its joint [rad] for length, torque [N m] for force, and [N m/rad] for the unit of
     its stiffness.
 
@@ -36,8 +36,8 @@ class Poses:
         moment_arms: R = ∂ℓ/∂q (n, nc, nq) [m/rad].
         moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, nq, nq).
         extensions: share of the stroke that is out (n, nc), 0…1; 0 for a motor.
-        cylinder_forces: static force of each function (n, nc) [N, + pushes].
-        oil_stiffness: k_h of each function with its valve closed (n, nc) [N/m].
+        cylinder_forces: static force of each actuator (n, nc) [N, + pushes].
+        oil_stiffness: k_h of each actuator with its valve closed (n, nc) [N/m].
         tool: position of the tool in the root link (n, 3) [m].
     """
 

@@ -64,7 +64,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "frozen": "values of frozen joints [rad or m]; 0 where none is given",
     "tool": "the point whose place is reported",
     "payload": "load cases by name; the worst one counts",
-    "cylinder": "hydraulic functions by name",
+    "cylinder": "hydraulic actuators by name",
     "link": "link of the URDF",
     "at_mm": "x, y, z in the frame of the link",
     "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
@@ -275,7 +275,7 @@ class LoadHoldingSection(Section):
 
 
 class ValveSection(Section):
-    """The 4/3 valve of a function, for all its parallel cylinders together."""
+    """The 4/3 valve of an actuator, for all its parallel cylinders together."""
 
     rated_flow_l_per_min: Flow
     rated_drop_bar: Pressure
@@ -300,7 +300,7 @@ class FrictionSection(Section):
 
 
 class CylinderSection(Section):
-    """A hydraulic function: ``count`` equal cylinders sharing their pins."""
+    """A hydraulic actuator: ``count`` equal cylinders sharing their pins."""
 
     count: Annotated[int, Field(ge=1, le=16)] = 1
     bore_mm: Length
@@ -346,7 +346,7 @@ class MotorFrictionSection(Section):
 
 
 class MotorSection(Section):
-    """A hydraulic function: ``count`` equal motors that turn a joint through a gear.
+    """A hydraulic actuator: ``count`` equal motors that turn a joint through a gear.
 
     Idle while the joint is frozen.
     """

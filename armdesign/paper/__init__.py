@@ -1,1 +1,1 @@
-"""paper."""
+"""The source paper: its equations, and its 40 configurations reproduced."""

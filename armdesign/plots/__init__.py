@@ -1,1 +1,1 @@
-"""plots."""
+"""Pictures. The only door to matplotlib."""

@@ -418,7 +418,7 @@ def curves(ax: Any, frequencies: FrequencyMap) -> None:
         rows = rows.sort_values(joint.name)
         ax.plot(rows[joint.name] * scale, rows["f1_hz"], label=f"{payload}: coupled")
         top = max(top, 2.5 * rows["f1_hz"].max())
-        for cylinder in frequencies.machine.functions:
+        for cylinder in frequencies.machine.actuators:
             name = f"{payload}: {cylinder.name}, rigid load"
             ax.plot(
                 rows[joint.name] * scale, rows[f"rigid_{cylinder.name}_hz"], "--", lw=1, label=name

@@ -1,1 +1,1 @@
-"""What a person reads: tables of words, in the terminal and on one page."""
+"""What a person reads: tables, in the terminal and on one page."""

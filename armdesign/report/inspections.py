@@ -177,7 +177,7 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
 def _static_loads(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for load in inspection.loads:
-        name = inspection.machine.functions[load.cylinder].name
+        name = inspection.machine.actuators[load.cylinder].name
         side = "cap" if load.cap else "rod"
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))

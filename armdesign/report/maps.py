@@ -23,7 +23,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
     """Worst pose, percentiles and the cylinder that limits, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
-    limiting = next(function for function in machine.functions if function.name == worst.cylinder)
+    limiting = next(actuator for actuator in machine.actuators if actuator.name == worst.cylinder)
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
@@ -51,14 +51,14 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
     """Loads that press a port relief open: there the map's frequency is that of oil which is not held."""
     machine, beyond, notes = frequencies.machine, frequencies.beyond_reliefs, []
-    for function in machine.functions:
-        if function.name in beyond:
-            share, most = beyond[function.name]
+    for actuator in machine.actuators:
+        if actuator.name in beyond:
+            share, most = beyond[actuator.name]
             where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
             notes.append(
-                f"at {where} {function.name} needs more than its relief holds: up to"
+                f"at {where} {actuator.name} needs more than its relief holds: up to"
                 f" {units.text(most, 'Pa')}, and it opens at"
-                f" {units.text(function.relief(machine.supply), 'Pa')}; no valve holds the load"
+                f" {units.text(actuator.relief(machine.supply), 'Pa')}; no valve holds the load"
                 " there"
             )
     return "; ".join(notes)
@@ -67,7 +67,7 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
 def _rest_note(frequencies: FrequencyMap) -> str:
     """What a map leaves out of oil with air behind valves that leak, if it matters at the worst pose."""
     machine, worst = frequencies.machine, frequencies.worst
-    valves = {function.name: function.valve for function in machine.functions}
+    valves = {actuator.name: actuator.valve for actuator in machine.actuators}
     leaking = [name for name, valve in valves.items() if valve and valve.leaks]
     if not leaking or machine.fluid.air == 0 or not all(valves.values()) or worst.frequency == 0:
         return ""
@@ -106,7 +106,7 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     frame, shares, rows = frequencies.frame, frequencies.limiting_shares, []
-    for cylinder in frequencies.machine.functions:
+    for cylinder in frequencies.machine.actuators:
         limits, ratios = frequencies.limiting == cylinder.name, []
         for formula in ("locked", "rigid"):
             ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"]).to_numpy()[limits]

@@ -1,1 +1,1 @@
-"""The nonlinear model of a machine, its motion in time, and what is measured in it against the linear answer."""
+"""The nonlinear model of a machine in time, its linearisation, and measurements in it against the linear answer."""

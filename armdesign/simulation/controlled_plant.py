@@ -72,7 +72,7 @@ class Loop:
         asked, breaks, places, gains = [], [], [], []
         corners = 2 * math.pi * np.array([[hold or 0.0] for hold in holds])
         for plant, rest, command, corner in zip(plants, rests, commands, corners, strict=True):
-            names = [function.name for function in plant.machine.functions]
+            names = [actuator.name for actuator in plant.machine.actuators]
             asked.append(_by_order(command, names, plant.machine.name))
             breaks.append(_breaks(command, asked[-1], plant.machine.name))
             places.append(plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0])
@@ -112,7 +112,7 @@ class Loop:
         if not self._corrects:
             return wanted
         corrected = np.empty_like(wanted)
-        _correct(wanted, state, self.gains, self.plant.functions, corrected)
+        _correct(wanted, state, self.gains, self.plant.actuators, corrected)
         return corrected
 
     def rates(self, time: Array, state: Array) -> Array:
@@ -208,22 +208,22 @@ def _function(given: Any, part: str) -> Any:
 
 
 @compiled
-def _correct(wanted: Any, state: Any, gains: Any, functions: Any, corrected: Any) -> None:
+def _correct(wanted: Any, state: Any, gains: Any, actuators: Any, corrected: Any) -> None:
     """Spool positions that open a valve by what the loop adds; those without a loop as they are.
 
     One machine and one row of gains serve any number of states.
     """
     n, nc = wanted.shape
     for case in range(n):
-        m, row = case if len(functions) > 1 else 0, case if len(gains) > 1 else 0
+        m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0
         for i in range(nc):
             corrected[case, i] = wanted[case, i]
             if gains[row, i] > 0:
                 share = (
-                    opening(functions[m, i], wanted[case, i])
+                    opening(actuators[m, i], wanted[case, i])
                     + state[case, state.shape[1] - nc - 3 + i]
                 )
-                corrected[case, i] = spool_position(functions[m, i], share)
+                corrected[case, i] = spool_position(actuators[m, i], share)
 
 
 @compiled

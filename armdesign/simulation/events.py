@@ -35,7 +35,7 @@ def events(
         spool: (n, nc).
         supplied: flows from the supply into cap and annulus (n, nc, 2) [m³/s].
     """
-    for i, cylinder in enumerate(machine.functions):
+    for i, cylinder in enumerate(machine.actuators):
         name, place = cylinder.name, extension[:, i]
         yield from _told(time, place > cylinder.stroke, f"{name} reached its outer stop")
         ends = np.isfinite(cylinder.stroke)
@@ -70,7 +70,7 @@ def pump_events(
         yield from _told(time, low, words)
         return
     words = (
-        f"the functions took {taken.max() / l_per_min:.0f} l/min, the pump gives"
+        f"the actuators took {taken.max() / l_per_min:.0f} l/min, the pump gives"
         f" {pump.flow / l_per_min:.0f}"
     )
     yield from _told(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")

@@ -259,7 +259,7 @@ class EvenOpening:
     @classmethod
     def all(cls, plant: Plant, rest: Array) -> list[EvenOpening]:
         """For every cylinder of a plant of one machine at rest (size,)."""
-        areas, still, speeds = plant.functions["areas"][0], np.zeros((1, plant.nc)), []
+        areas, still, speeds = plant.actuators["areas"][0], np.zeros((1, plant.nc)), []
         for spool in (1.0, -1.0):
             wide = plant.evaluate(plant.with_spools(rest[None], spool), still)
             share = (
@@ -268,7 +268,7 @@ class EvenOpening:
             free = (share * wide.valve_flows[0]).sum(axis=1) / (share * areas).sum(axis=1)
             speeds.append(np.maximum(np.abs(free), 1e-12))
         mean = (speeds[0] + speeds[1]) / 2
-        valves = [function.valve for function in plant.machine.functions]
+        valves = [actuator.valve for actuator in plant.machine.actuators]
         numbers = zip(
             valves,
             mean.tolist(),

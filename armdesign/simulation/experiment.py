@@ -131,7 +131,7 @@ class Experiment:
     @property
     def cylinder(self) -> str:
         """Name of the cylinder that sweeps."""
-        return self.machine.functions[self.index].name
+        return self.machine.actuators[self.index].name
 
     @property
     def target(self) -> float:
@@ -175,7 +175,7 @@ class Experiment:
         centre = float(self.even.share(trims[self.index]))
         commands: dict[str, Callable[[float], float]] = {
             cylinder.name: Step(size=trim)
-            for cylinder, trim in zip(self.machine.functions, trims, strict=True)
+            for cylinder, trim in zip(self.machine.actuators, trims, strict=True)
             if trim != 0
         }
         return commands | {self.cylinder: Moved(self.even, centre, excitation)}
@@ -274,7 +274,7 @@ class Experiment:
         Where the other chamber is at return pressure, its edges let in more than out, and both
         pressures climb from swing to swing.
         """
-        supply, relief = self.machine.supply, self.plant.functions["relief"][0]
+        supply, relief = self.machine.supply, self.plant.actuators["relief"][0]
         _, _, caps, annuli, _, _ = self.plant.split(self.rest)
         climbs = np.minimum(caps, annuli) < supply.return_pressure + BARELY
         room = (relief - pressures) / np.where(climbs, CYCLES, 1.0)
@@ -283,7 +283,7 @@ class Experiment:
     def _ends(self) -> Array:
         """How far the pistons may swing (nc,) [m]; motors without end."""
         places = self.plant.evaluate(self.rest[None], np.zeros((1, self.plant.nc))).extensions[0]
-        strokes = np.array([function.stroke for function in self.machine.functions])
+        strokes = np.array([actuator.stroke for actuator in self.machine.actuators])
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:
@@ -326,7 +326,7 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
     places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
     supply = plant.machine.supply.pressure
     for cylinder, place, pressure in zip(
-        plant.machine.functions, places, np.maximum(caps, annuli), strict=True
+        plant.machine.actuators, places, np.maximum(caps, annuli), strict=True
     ):
         part, end = (
             f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}",

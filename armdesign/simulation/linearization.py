@@ -156,7 +156,7 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
         C=c / unit,
         D=np.zeros((plant.nc, plant.nc)),
         states=plant.state_names,
-        inputs=tuple(function.name for function in machine.functions),
+        inputs=tuple(actuator.name for actuator in machine.actuators),
         equilibrium=rest * unit,
     )
 

@@ -225,11 +225,11 @@ def _supplied(case: Case) -> Case:
             f"{machine.name}: supply_pressure", f"{pressure:g} Pa is not allowed", "give 0 or more"
         )
 
-    def set_as_today(function: F) -> F:
-        valve = function.valve
+    def set_as_today(actuator: F) -> F:
+        valve = actuator.valve
         if valve is None or valve.relief is not None:
-            return function
-        return replace(function, valve=replace(valve, relief=function.relief(machine.supply)))
+            return actuator
+        return replace(actuator, valve=replace(valve, relief=actuator.relief(machine.supply)))
 
     flow_limited = (
         machine.supply.flow_limited and pressure > 0
@@ -281,7 +281,7 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | Simul
 def _start(plant: Plant, case: Case) -> tuple[Array, tuple[Holding, ...]]:
     """State (size,) at t = 0: rest, but for the velocity.
 
-    And how each function holds its load there.
+    And how each actuator holds its load there.
     """
     state, held = plant.resting(case.q, case.preloaded)
     if case.velocity is not None:
@@ -308,7 +308,7 @@ def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array |
         [2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases]
     )
     spools = [
-        max(f.valve.natural_frequency for f in c.machine.functions if f.valve) for c in cases
+        max(f.valve.natural_frequency for f in c.machine.actuators if f.valve) for c in cases
     ]
     swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
@@ -347,7 +347,7 @@ def _likely_cause(
     for value in asked:
         if not math.isfinite(value):
             return f"the command gives {value:g} there: give −1…1"
-    for cylinder, margin in zip(machine.functions, machine.margins(q)[0], strict=True):
+    for cylinder, margin in zip(machine.actuators, machine.margins(q)[0], strict=True):
         if margin == -np.inf:
             return f"the four-bar of {cylinder.name} does not close there: command it less far"
         if margin < -FAR_BEYOND:
@@ -382,7 +382,7 @@ def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str])
         plant.supply_pressure(body),
         found.told["supplied"],
     )
-    relief = plant.functions["relief"][0]
+    relief = plant.actuators["relief"][0]
     told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
     told += pump_events(machine, time, supply, taken)
     told += [(0.0, words) for words in unheld]
@@ -408,5 +408,5 @@ def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str])
         supply=supply,
         events=tuple(words for _, words in sorted(told)),
         joints=machine.joints,
-        cylinders=tuple(function.name for function in machine.functions),
+        cylinders=tuple(actuator.name for actuator in machine.actuators),
     )

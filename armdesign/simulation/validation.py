@@ -332,7 +332,7 @@ def _choices(
     """Cylinder and mode (from 0) of each sweep."""
     shares, names = (
         energy_shares(poses, natural_modes(poses))[0],
-        [function.name for function in machine.functions],
+        [actuator.name for actuator in machine.actuators],
     )
     modes = np.argmax(shares, axis=0)
     if cylinders is None:
@@ -394,7 +394,7 @@ def _trials(
                 pose=label,
                 payload=case.payload.name,
                 q=poses.q[0].copy(),
-                cylinder=case.functions[index].name,
+                cylinder=case.actuators[index].name,
                 mode=mode + 1,
                 linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
                 frequency_at_rest=math.nan,
@@ -419,7 +419,7 @@ def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> lis
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
     versions = [experiment]
     if any(
-        function.friction.coulomb or function.friction.static for function in machine.functions
+        actuator.friction.coulomb or actuator.friction.static for actuator in machine.actuators
     ):
         versions = [experiment.of_machine(without_dry_friction(machine)), experiment]
     sizes = full, full / 2

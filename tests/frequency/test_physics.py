@@ -274,26 +274,26 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
     """
     start = machine.at(q0)
     force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
-    area = np.array([(c.bore_area, c.annulus_area) for c in machine.functions]).T[:, None]
+    area = np.array([(c.bore_area, c.annulus_area) for c in machine.actuators]).T[:, None]
     pressure = np.array(static_pressures(force, area[0], area[1], machine.supply.return_pressure))
     piston = [
         start.lengths[:, i] - c.closed_length + c.compliance * force[:, i]
-        for i, c in enumerate(machine.functions)
+        for i, c in enumerate(machine.actuators)
     ]
     volume = np.stack(
-        [c.volumes(x) for c, x in zip(machine.functions, piston, strict=True)], axis=-1
+        [c.volumes(x) for c, x in zip(machine.actuators, piston, strict=True)], axis=-1
     )
     hoses = np.array(
         [
             (c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus)
-            for c in machine.functions
+            for c in machine.actuators
         ]
     )
     capacity = (
         volume / bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air)
         + hoses.T[:, None]
     )
-    yielding = np.array([c.compliance for c in machine.functions])
+    yielding = np.array([c.compliance for c in machine.actuators])
 
     def torque(q: np.ndarray) -> np.ndarray:
         there = machine.evaluate(machine.rigid_poses(q))
@@ -584,7 +584,7 @@ def test_no_poses_have_no_modes(machine: ad.Machine) -> None:
     """A load case that exists nowhere leaves an empty workspace: shapes hold, nothing raises."""
     modes = ad.natural_modes(machine.at(np.zeros((0, len(machine.joints)))))
     assert modes.frequencies.shape == (0, len(machine.joints))
-    assert modes.locked_frequencies.shape == (0, len(machine.functions))
+    assert modes.locked_frequencies.shape == (0, len(machine.actuators))
 
 
 def test_cylinders_must_hold_every_motion() -> None:

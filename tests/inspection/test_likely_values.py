@@ -382,7 +382,7 @@ def suspected(machine: Machine) -> list[Finding]:
     inspection = inspect(machine, ad.Workspace.grid(machine, 3))
     shares: dict[str, float] = {}
     for load in inspection.loads:
-        name = machine.functions[load.cylinder].name
+        name = machine.actuators[load.cylinder].name
         shares[name] = max(shares.get(name, 0.0), load.share)
     return suspicions(machine, shares)
 

@@ -153,7 +153,7 @@ def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: i
         machine, Friction(coulomb=800, static=1000, viscous=3e3) if seed > 1 else Friction()
     )
     pose = machines.inner_poses(machine, 1, seed)[0]
-    spools = random.uniform(-1, 1, len(machine.functions)).tolist()
+    spools = random.uniform(-1, 1, len(machine.actuators)).tolist()
     velocity = random.uniform(-0.3, 0.3, len(pose))
     run = simulate(
         machine, pose, lambda _: spools, duration=0.8, rate=500, velocity=velocity, tolerance=1e-7

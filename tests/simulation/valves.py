@@ -13,8 +13,8 @@ VALVE = Valve(rated_flow=2e-3, rated_drop=35e5, natural_frequency=30.0, damping_
 
 
 def with_valves(machine: Machine, valve: Valve = VALVE, **changes: object) -> Machine:
-    """The machine with a valve on every function that has none, and other data of all
-    functions.
+    """The machine with a valve on every actuator that has none, and other data of all
+    actuators.
     """
     return _each(machine, lambda f: replace(f, valve=f.valve or valve, **changes))
 
@@ -30,10 +30,10 @@ def with_friction(machine: Machine, friction: Friction) -> Machine:
 
 def _each(machine: Machine, change):  # type: ignore[no-untyped-def]
     cylinders, motors = (
-        tuple(map(change, functions)) for functions in (machine.cylinders, machine.motors)
+        tuple(map(change, actuators)) for actuators in (machine.cylinders, machine.motors)
     )
     return replace(machine, cylinders=cylinders, motors=motors)
 
 
 def shut(machine: Machine):  # type: ignore[no-untyped-def]
-    return lambda _: np.zeros(len(machine.functions))
+    return lambda _: np.zeros(len(machine.actuators))

@@ -1,6 +1,6 @@
 """Sizes that each cylinder may have, what they leave of every requirement, and why none may be left.
 
-With pins given and as many functions as joints, static forces do not depend on the sizes. Then
+With pins given and as many actuators as joints, static forces do not depend on the sizes. Then
 every requirement is of one cylinder (thrust, holding, buckling), or a sum over the cylinders
 (oil): its slack at a combination of sizes is
 
@@ -55,7 +55,7 @@ class Judge:
     @cached_property
     def own(self) -> Array:
         """Areas of the frame (1, nc, 2) [m², of a motor m³/rad]."""
-        return np.array([[[f.bore_area, f.annulus_area] for f in self.frame.functions]])
+        return np.array([[[f.bore_area, f.annulus_area] for f in self.frame.actuators]])
 
     def slacks(self, areas: Array) -> Array:
         """Slack (b, m) of every requirement at areas (b, nc, 2).
@@ -87,10 +87,10 @@ class Choices:
     """Cylinders to choose from, and the requirements that they share.
 
     Attributes:
-        cylinders: of every function, the cylinders that meet all requirements of their own.
+        cylinders: of every actuator, the cylinders that meet all requirements of their own.
         slack: of the shared requirements (m,), without the changes, and the tolerance; a
             combination is allowed at ≥ 0.
-        changes: of every function, what each of its cylinders changes on them (sizes, m).
+        changes: of every actuator, what each of its cylinders changes on them (sizes, m).
         judge: of all requirements.
         touched: requirements that depend on the sizes, by their number: those that ``allowed``
             looks at.
@@ -157,10 +157,10 @@ def choices(
         InfeasibleError: no combination meets the requirements; names the fewest that exclude each
             other.
     """
-    if len(frame.functions) > len(frame.joints):
+    if len(frame.actuators) > len(frame.joints):
         raise ArmDesignError(
             "catalogue",
-            f"{frame.name} has {len(frame.functions)}"
+            f"{frame.name} has {len(frame.actuators)}"
             f" {'cylinders and motors' if frame.motors else 'cylinders'} on {len(frame.joints)}"
             " joints: their static forces depend on the sizes",
             "choose sizes without a catalogue",

@@ -206,12 +206,12 @@ def relaxation(problem: Problem) -> tuple[Limits, Array, Array] | None:
     something moves.
     """
     plain = problem.machine.fluid.air == 0 and all(
-        f.compliance == 0 for f in problem.machine.functions
+        f.compliance == 0 for f in problem.machine.actuators
     )
     if (
         not plain
         or problem.moving
-        or len(problem.machine.functions) != len(problem.machine.joints)
+        or len(problem.machine.actuators) != len(problem.machine.joints)
     ):
         return None
     x = problem.start

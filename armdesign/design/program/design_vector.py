@@ -128,8 +128,8 @@ class DesignSpace:
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
-        """For each function, whether its bore and whether its rod may change, in ``sizes`` too."""
-        free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.functions)]]
+        """For each actuator, whether its bore and whether its rod may change, in ``sizes`` too."""
+        free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.actuators)]]
         return tuple(zip(free[::2], free[1::2], strict=True))
 
     @cached_property
@@ -218,11 +218,11 @@ class DesignSpace:
     @cached_property
     def areas_today(self) -> Array:
         """Areas of today's machine (nc, 2) [m², of a motor m³/rad]."""
-        return np.array([[f.bore_area, f.annulus_area] for f in self.machine.functions])
+        return np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
 
     def areas(self, x: Array) -> Array:
-        """Both areas of every function, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
-        areas = x[: 2 * len(self.machine.functions)].reshape(-1, 2) * self.areas_today
+        """Both areas of every actuator, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
+        areas = x[: 2 * len(self.machine.actuators)].reshape(-1, 2) * self.areas_today
         return np.asarray(
             np.where(self._rod_stays, (areas[:, 0] - self._rod_areas)[:, None], areas)
         )
@@ -328,13 +328,13 @@ class DesignSpace:
 
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
-        """Closed length and stroke of each function (nc,) [m]: least length and span over its joint's range.
+        """Closed length and stroke of each actuator (nc,) [m]: least length and span over its joint's range.
 
         Today's for a motor and for a cylinder whose pins stay.
         """
-        functions = self.machine.functions
+        actuators = self.machine.actuators
         closed, stroke = (
-            np.array([getattr(f, key) for f in functions]) for key in ("closed_length", "stroke")
+            np.array([getattr(f, key) for f in actuators]) for key in ("closed_length", "stroke")
         )
         linkages = self.linkages(x)
         for i in self.moving:

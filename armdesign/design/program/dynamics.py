@@ -165,7 +165,7 @@ class Problem(DesignSpace):
     def _own_today(self) -> Loads:
         """M, g and ∂g/∂q of a kilogram of each own mass at every pose, for pins that stay."""
         assert self.own is not None
-        closed = np.array([function.closed_length for function in self.machine.functions])
+        closed = np.array([actuator.closed_length for actuator in self.machine.actuators])
         return self.own.units(self.machine.linkages, closed, self.workspace.rigid)
 
     def stepped_loads(self, x: Array, rows: Rows, chosen: Array) -> Loads:
@@ -273,7 +273,7 @@ class Problem(DesignSpace):
         if (
             self._fixed is None
             or self.own is not None
-            or len(self.machine.functions) != len(self.machine.joints)
+            or len(self.machine.actuators) != len(self.machine.joints)
         ):
             return None
         g, pose, lower = self._fixed, self.rows.pose, self._inverse_cholesky
@@ -392,26 +392,26 @@ class Problem(DesignSpace):
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array
     ) -> Array:
-        """Oil stiffness of every function (…, n, nc) [N/m, N m/rad] at its lengths and static forces (…, n, nc).
+        """Oil stiffness of every actuator (…, n, nc) [N/m, N m/rad] at its lengths and static forces (…, n, nc).
 
         Closed lengths and strokes (…, nc) and areas (…, nc, 2) are broadcast.
         """
         fluid, supply = self._soft.fluid, self._soft.supply
         oil = []
-        for i, function in enumerate(self._soft.functions):
+        for i, actuator in enumerate(self._soft.actuators):
             a1, a2 = areas[..., i, 0], areas[..., i, 1]
             if self.proportional:
                 old = self.areas_today[i]
-                function = dataclasses.replace(
-                    function,
-                    cap_dead_volume=function.cap_dead_volume * a1 / old[0],
-                    annulus_dead_volume=function.annulus_dead_volume * a2 / old[1],
+                actuator = dataclasses.replace(
+                    actuator,
+                    cap_dead_volume=actuator.cap_dead_volume * a1 / old[0],
+                    annulus_dead_volume=actuator.annulus_dead_volume * a2 / old[1],
                 )
             extension = length[..., i] - closed[..., i]
-            pressures = supply.return_pressure, function.relief(supply)
+            pressures = supply.return_pressure, actuator.relief(supply)
             oil.append(
                 stiffness(
-                    function, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures
+                    actuator, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures
                 )
             )
         return np.stack(oil, axis=-1)

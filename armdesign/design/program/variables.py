@@ -60,14 +60,14 @@ def variables(
     """
     asked = chosen(machine, vary)
     made = []
-    for i, function in enumerate(machine.functions):
-        bore, rod = (f"cylinder.{function.name}.{key}" in asked for key in SIZES)
+    for i, actuator in enumerate(machine.actuators):
+        bore, rod = (f"cylinder.{actuator.name}.{key}" in asked for key in SIZES)
         for axis, free in ((0, bore), (1, rod)):
             low, high = (LEAST, max(2.0, largest_area)) if free else (1.0, 1.0)
             if (
                 axis == 0 and bore and not rod
             ):  # the annulus is what the bore leaves around today's rod
-                low = 1 - (1 - LEAST) * function.annulus_area / function.bore_area
+                low = 1 - (1 - LEAST) * actuator.annulus_area / actuator.bore_area
             made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
     for i in range(len(machine.cylinders)) if box > 0 else ():
         for path, (place, axis) in _coordinates(machine, i).items():

@@ -52,7 +52,7 @@ def explicit(new: Candidate, frame: Frame) -> Iterator[Condition]:
 
 
 def flows(new: Candidate, frame: Frame, speed: Speed) -> Array:
-    """Flow that the functions of a motion draw together (b,) [m³/s]: bore sides extending, annulus sides retracting.
+    """Flow that the actuators of a motion draw together (b,) [m³/s]: bore sides extending, annulus sides retracting.
 
     Over a joint's range the mean is the swept volume over the time; at every pose it is A |r| q̇
     where |r| is largest.

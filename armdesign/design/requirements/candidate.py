@@ -109,7 +109,7 @@ class Candidate(Protocol):
 
     @property
     def areas(self) -> Array:
-        """Bore and annulus areas of every function, all parallel cylinders together (b, nc, 2) [m²]."""
+        """Bore and annulus areas of every actuator, all parallel cylinders together (b, nc, 2) [m²]."""
 
     @property
     def closed(self) -> Array:
@@ -195,17 +195,17 @@ class Built:
     @cached_property
     def areas(self) -> Array:
         """See ``Candidate``."""
-        return np.array([[[f.bore_area, f.annulus_area] for f in self.machine.functions]])
+        return np.array([[[f.bore_area, f.annulus_area] for f in self.machine.actuators]])
 
     @cached_property
     def closed(self) -> Array:
         """See ``Candidate``."""
-        return np.array([[f.closed_length for f in self.machine.functions]])
+        return np.array([[f.closed_length for f in self.machine.actuators]])
 
     @cached_property
     def stroke(self) -> Array:
         """See ``Candidate``."""
-        return np.array([[f.stroke for f in self.machine.functions]])
+        return np.array([[f.stroke for f in self.machine.actuators]])
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:

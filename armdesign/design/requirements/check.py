@@ -127,7 +127,7 @@ def slacks(
 
     Args:
         machine: pins, strokes and supply.
-        areas: of all functions (b, nc, 2) [m²], which static loads must not depend on.
+        areas: of all actuators (b, nc, 2) [m²], which static loads must not depend on.
         today: as of ``check``.
         workspace: as of ``check``.
         requirements: as of ``check``.
@@ -149,8 +149,8 @@ def _judged(
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
-    """Largest push and largest pull that each function must hold, all poses and load cases (nc,) [N, N m, ≥ 0]."""
-    push = pull = np.zeros(len(machine.functions))
+    """Largest push and largest pull that each actuator must hold, all poses and load cases (nc,) [N, N m, ≥ 0]."""
+    push = pull = np.zeros(len(machine.actuators))
     for payload in machine.payloads:
         case = machine.with_payload(payload.name)
         forces = case.evaluate(workspace.rigid[case.holds(workspace.rigid)]).cylinder_forces

@@ -109,7 +109,7 @@ def _torque(machine: Machine, lift: Lift, rigid: RigidPoses) -> Array:
 
 def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) -> Array:
     """Mass (n,) [kg] that the weakest cylinder of a machine lifts."""
-    areas = np.array([[f.bore_area, f.annulus_area] for f in machine.functions])
+    areas = np.array([[f.bore_area, f.annulus_area] for f in machine.actuators])
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     bare, per_mass = (
         static_forces(arms, load, areas[:, 0]) for load in (unloaded(machine, rigid), torque)

@@ -209,16 +209,16 @@ def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[C
     return pressure on the bore outdoes the supply's on the annulus.
     """
     share, supply = frame.requirements.holding_share, new.machine.supply
-    for i, function in enumerate(frame.today.functions):
+    for i, actuator in enumerate(frame.today.actuators):
         pushes = forces[0, :, i].real > 0
         held = holding_force(new.areas[:, i, None, 0], new.areas[:, i, None, 1], supply, pushes)
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
         holds, loaded = held.real > 0, used.real > 0
         ratio = np.where(holds, used / np.where(holds, held, 1.0), np.where(loaded, np.inf, 0.0))
         scale = supply.pressure * float(frame.old.areas[0, i, 0])
-        words = f"static load of the {function.name} {kind(function)} over what the supply gives"
+        words = f"static load of the {actuator.name} {kind(actuator)} over what the supply gives"
         yield bounded(
-            f"holding.{function.name}", words, "", ratio, share,
+            f"holding.{actuator.name}", words, "", ratio, share,
             room=(share * held - used) / scale, easing=share * held / scale, setting="holding_share",
         )  # fmt: skip
 

@@ -1,1 +1,1 @@
-"""search."""
+"""The search: sequential semidefinite programming from several starts, rounding, and why nothing was found."""

@@ -249,7 +249,7 @@ def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array,
     """
     changes = _pin_changes(search.problem, search.x)
     frame = search.problem.machine.replace(changes) if changes else search.problem.machine
-    still = search.problem.own is None and len(frame.functions) == len(frame.joints)
+    still = search.problem.own is None and len(frame.actuators) == len(frame.joints)
     return frame, static_loads(frame, workspace) if still else None
 
 

@@ -1,1 +1,1 @@
-"""identification."""
+"""Natural frequency and damping from recordings: frequency responses and ring-downs."""

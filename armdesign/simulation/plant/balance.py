@@ -118,6 +118,6 @@ def _still(law: Any, side: int, own: float, other: float) -> Any:
 @compiled
 def _gain(law: Any, side: int, own: float, other: float, spool: float) -> float:
     """Oil that a chamber gains [m³/s] while its piston stands."""
-    function, system, supply = law
-    from_supply, to_return, leakage = port(function, system, side, own, other, spool, supply)
+    actuator, system, supply = law
+    from_supply, to_return, leakage = port(actuator, system, side, own, other, spool, supply)
     return from_supply - to_return + leakage

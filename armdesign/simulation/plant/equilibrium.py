@@ -19,7 +19,7 @@ from armdesign.units import bar, kN
 
 
 class Holding(NamedTuple):
-    """How a function holds its load at rest.
+    """How an actuator holds its load at rest.
 
     Attributes:
         cap: pressure [Pa].
@@ -37,7 +37,7 @@ class Holding(NamedTuple):
 
 
 def holding_pressures(
-    function: Actuator,
+    actuator: Actuator,
     supply: Supply,
     force: float,
     preloaded: bool | None,
@@ -56,38 +56,38 @@ def holding_pressures(
     see ``balance``. If there are none, it is taken as shut, as it is where False asks for it.
 
     Args:
-        function: cylinder or motor.
+        actuator: cylinder or motor.
         supply: its pump.
         force: that it holds.
         preloaded: None, True or False as above.
-        law: records of function and system, as ``hydraulics`` makes them, and the supply pressure
+        law: records of actuator and system, as ``hydraulics`` makes them, and the supply pressure
             at the valve [Pa].
     """
-    cap, annulus = _shut(function, supply, force, preloaded)
-    if words := _overcome(function, supply, force):
+    cap, annulus = _shut(actuator, supply, force, preloaded)
+    if words := _overcome(actuator, supply, force):
         return Holding(cap, annulus, overcome=words)
-    if function.valve is None or not function.valve.leaks or preloaded is False:
+    if actuator.valve is None or not actuator.valve.leaks or preloaded is False:
         return Holding(cap, annulus)
-    low, high = _line(function, supply, force, law[2])
-    even = np.full(2, _even(function, force))  # where nothing leaks across the piston
+    low, high = _line(actuator, supply, force, law[2])
+    even = np.full(2, _even(actuator, force))  # where nothing leaks across the piston
     for ends in ((low, high), (even, even)):
         *stands, found = balance(law, *ends)
         if found and ends[0].min() >= low.min():
             return Holding(*stands)
     words = (
-        f"{function.name}'s valve leaks, and at no spool position does it make up for that: the"
+        f"{actuator.name}'s valve leaks, and at no spool position does it make up for that: the"
         " load creeps"
     )
     return Holding(cap, annulus, creeps=words)
 
 
 def _shut(
-    function: Actuator, supply: Supply, force: float, preloaded: bool | None
+    actuator: Actuator, supply: Supply, force: float, preloaded: bool | None
 ) -> tuple[float, float]:
     """Pressures of cap and annulus [Pa] behind a tight valve."""
-    back, areas = supply.return_pressure, (function.bore_area, function.annulus_area)
-    relief = function.relief(supply)
-    common = function.preload(back) if preloaded is None else back
+    back, areas = supply.return_pressure, (actuator.bore_area, actuator.annulus_area)
+    relief = actuator.relief(supply)
+    common = actuator.preload(back) if preloaded is None else back
     if preloaded:
         total = supply.pressure + back
         middle = (force + areas[1] * total) / sum(areas)
@@ -96,33 +96,33 @@ def _shut(
     return float(cap), float(annulus)
 
 
-def _overcome(function: Actuator, supply: Supply, force: float) -> str:
+def _overcome(actuator: Actuator, supply: Supply, force: float) -> str:
     """That the relief of a chamber opens under the load alone, in words; empty if it does not."""
-    relief = function.relief(supply)
-    pressures = _shut(function, supply, force, preloaded=False)
+    relief = actuator.relief(supply)
+    pressures = _shut(actuator, supply, force, preloaded=False)
     if max(pressures) <= relief:
         return ""
     side = ("cap", "annulus")[int(np.argmax(pressures))]
-    load = f"{abs(force) / kN:.3g} {'kN m' if isinstance(function, Motor) else 'kN'}"
+    load = f"{abs(force) / kN:.3g} {'kN m' if isinstance(actuator, Motor) else 'kN'}"
     return (
-        f"the relief of {function.name}'s {side} cannot hold {load}: that needs"
+        f"the relief of {actuator.name}'s {side} cannot hold {load}: that needs"
         f" {max(pressures) / bar:.0f} bar, it opens at {relief / bar:.0f} bar"
     )
 
 
-def _even(function: Actuator, force: float) -> float:
+def _even(actuator: Actuator, force: float) -> float:
     """Pressure [Pa] that holds a force in both chambers alike; 0 where none does."""
-    rod = function.bore_area - function.annulus_area
+    rod = actuator.bore_area - actuator.annulus_area
     return max(force / rod, 0.0) if rod > 0 else 0.0
 
 
-def _line(function: Actuator, supply: Supply, force: float, most: float) -> tuple[Array, Array]:
+def _line(actuator: Actuator, supply: Supply, force: float, most: float) -> tuple[Array, Array]:
     """Pressures of cap and annulus (2,) that hold a force: one chamber at return pressure.
 
     One at the ``most``.
     """
-    bore, ring = function.bore_area, function.annulus_area
+    bore, ring = actuator.bore_area, actuator.annulus_area
     high = np.array([most, (bore * most - force) / ring])
     if high[1] > most:
         high = np.array([(force + ring * most) / bore, most])
-    return np.array(_shut(function, supply, force, preloaded=False)), high
+    return np.array(_shut(actuator, supply, force, preloaded=False)), high

@@ -1,4 +1,4 @@
-"""Cylinders, motors, valves and pump at work, compiled: flows, chambers and forces of one function at one instant.
+"""Cylinders, motors, valves and pump at work, compiled: flows, chambers and forces of one actuator at one instant.
 
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ       chambers; Q1, Q2 flow into them, leakage counted
 
@@ -6,7 +6,7 @@ The capacity C = V/β(p) + V_hose/β_hose grows without bound near a vacuum: the
 chamber. Port reliefs open above their pressure. A stop is a stiff spring that damps by Hunt and
 Crossley's law (1975), k δ (1 + a δ̇), so that its force begins at 0.
 
-Of a motor read angle for length and torque for force. What a function has twice has the side as
+Of a motor read angle for length and torque for force. What an actuator has twice has the side as
 index, 0 cap and 1 annulus; the areas are signed, A1 and −A2, so that F = Σ A p and V̇ = A ṡ.
 """
 
@@ -91,55 +91,55 @@ SYSTEM = np.dtype(  # oil and pump of a machine
 )
 
 
-def functions_of(machine: Machine) -> Array:
+def actuators_of(machine: Machine) -> Array:
     """Cylinders, and motors after them, (nc,) as records ``FUNCTION``.
 
     Raises:
         SimulationError: one has no valve.
     """
-    made = np.zeros(len(machine.functions), FUNCTION)
-    for row, function in zip(made, machine.functions, strict=True):
-        valve = _valve_of(machine, function)
+    made = np.zeros(len(machine.actuators), FUNCTION)
+    for row, actuator in zip(made, machine.actuators, strict=True):
+        valve = _valve_of(machine, actuator)
         for name in ("count", "closed_length", "stroke", "compliance"):
-            row[name] = getattr(function, name)
+            row[name] = getattr(actuator, name)
         for name in _VALVE:
             row[name] = getattr(valve, name)
         for field in fields(Friction):
-            row[field.name] = getattr(function.friction, field.name)
+            row[field.name] = getattr(actuator.friction, field.name)
         row["rubs"] = any(
-            (function.friction.coulomb, function.friction.static, function.friction.viscous)
+            (actuator.friction.coulomb, actuator.friction.static, actuator.friction.viscous)
         )
-        row["relief"] = function.relief(machine.supply)
+        row["relief"] = actuator.relief(machine.supply)
         edges = valve.edges
         row["into"] = np.array([edges.supply_to_cap, edges.supply_to_annulus]) * valve.gain
         row["out"] = np.array([edges.cap_to_return, edges.annulus_to_return]) * valve.gain
-        _set_chambers(row, function, machine)
+        _set_chambers(row, actuator, machine)
         row["held"] = -1
-        if function.load_holding is not None:
-            _set_holding(row, function)
+        if actuator.load_holding is not None:
+            _set_holding(row, actuator)
     return made
 
 
-def _set_chambers(row: Any, function: Actuator, machine: Machine) -> None:
-    areas = np.array([function.bore_area, -function.annulus_area])
-    ends = math.isfinite(function.stroke)  # a motor has none, and its chambers keep their volumes
-    swept = function.stroke if ends else 0.0
+def _set_chambers(row: Any, actuator: Actuator, machine: Machine) -> None:
+    areas = np.array([actuator.bore_area, -actuator.annulus_area])
+    ends = math.isfinite(actuator.stroke)  # a motor has none, and its chambers keep their volumes
+    swept = actuator.stroke if ends else 0.0
     row["areas"], row["sweep"], row["least"] = (
         areas,
         areas * ends,
         LEAST_VOLUME_SHARE * swept * np.abs(areas),
     )
-    row["volumes"] = np.array([function.cap_dead_volume, function.annulus_dead_volume])  # at s = 0
-    row["volumes"][1] += function.annulus_area * swept
+    row["volumes"] = np.array([actuator.cap_dead_volume, actuator.annulus_dead_volume])  # at s = 0
+    row["volumes"][1] += actuator.annulus_area * swept
     row["hoses"] = (
-        np.array([function.cap_hose_volume, function.annulus_hose_volume]) / function.hose_modulus
+        np.array([actuator.cap_hose_volume, actuator.annulus_hose_volume]) / actuator.hose_modulus
     )
-    thrust = max(machine.supply.pressure, float(row["relief"]) / RELIEF_SHARE) * function.bore_area
-    row["stop"] = thrust / (STOP_SHARE * function.stroke)
+    thrust = max(machine.supply.pressure, float(row["relief"]) / RELIEF_SHARE) * actuator.bore_area
+    row["stop"] = thrust / (STOP_SHARE * actuator.stroke)
 
 
-def _set_holding(row: Any, function: Actuator) -> None:
-    valve = function.load_holding
+def _set_holding(row: Any, actuator: Actuator) -> None:
+    valve = actuator.load_holding
     assert valve is not None
     row["held"] = ("cap", "annulus").index(valve.side)
     for name in ("setting", "pilot_ratio", "opening_range"):
@@ -147,13 +147,13 @@ def _set_holding(row: Any, function: Actuator) -> None:
     row["holding_gain"] = valve.rated_flow / math.sqrt(valve.rated_drop)
 
 
-def _valve_of(machine: Machine, function: Actuator) -> Valve:
-    if function.valve is None:
-        part = f"{machine.name}: {kind(function)}.{function.name}.valve"
+def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
+    if actuator.valve is None:
+        part = f"{machine.name}: {kind(actuator)}.{actuator.name}.valve"
         raise SimulationError(
             part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
         )
-    return function.valve
+    return actuator.valve
 
 
 def system_of(machine: Machine) -> Array:
@@ -167,18 +167,18 @@ def system_of(machine: Machine) -> Array:
 
 
 @compiled
-def capacity(function: Any, system: Any, side: int, extension: float, pressure: float) -> float:
+def capacity(actuator: Any, system: Any, side: int, extension: float, pressure: float) -> float:
     """C [m³/Pa] of a chamber at a piston position [m] and pressure [Pa]: oil, its air and vapour, hoses."""
-    volume = max(function.volumes[side] + function.sweep[side] * extension, function.least[side])
+    volume = max(actuator.volumes[side] + actuator.sweep[side] * extension, actuator.least[side])
     modulus = bulk_modulus(pressure, system.bulk_modulus, system.air)
     if pressure < VAPOUR_PRESSURE + 40 * VAPOUR_WIDTH:
         modulus = modulus / (1 + math.exp(min((VAPOUR_PRESSURE - pressure) / VAPOUR_WIDTH, 200.0)))
-    return volume / modulus + function.hoses[side]
+    return volume / modulus + actuator.hoses[side]
 
 
 @compiled
 def port(
-    function: Any, system: Any, side: int, own: float, other: float, spool: float, supply: float
+    actuator: Any, system: Any, side: int, own: float, other: float, spool: float, supply: float
 ) -> Any:
     """Flows [m³/s] of one chamber at its and the other's pressure [Pa]: from supply, to return, by leakage into it.
 
@@ -187,71 +187,71 @@ def port(
     """
     back = system.return_pressure
     towards = spool if side == 0 else -spool
-    into = function.into[side] * edge_opening(towards, function.overlap)
-    out = function.out[side] * edge_opening(-towards, function.overlap)
-    if function.held == side:
-        out = in_series(out, function.holding_gain * _held_open(function, own, other, back))
+    into = actuator.into[side] * edge_opening(towards, actuator.overlap)
+    out = actuator.out[side] * edge_opening(-towards, actuator.overlap)
+    if actuator.held == side:
+        out = in_series(out, actuator.holding_gain * _held_open(actuator, own, other, back))
     from_supply, to_return = orifice_flow(into, supply - own), orifice_flow(out, own - back)
-    if function.held == side:
+    if actuator.held == side:
         from_supply = max(from_supply, 0.0)
-    if own > function.relief:
-        to_return += orifice_flow(function.gain, own - function.relief)
-    leakage = function.leakage * (other - own) - function.tank_leakage * (own - back)
+    if own > actuator.relief:
+        to_return += orifice_flow(actuator.gain, own - actuator.relief)
+    leakage = actuator.leakage * (other - own) - actuator.tank_leakage * (own - back)
     return from_supply, to_return, leakage
 
 
 @compiled
-def _held_open(function: Any, pressure: float, pilot: float, back: float) -> float:
+def _held_open(actuator: Any, pressure: float, pilot: float, back: float) -> float:
     """Share 0…1 by which a load-holding valve is open; its check lets oil in."""
     if pressure < back:
         return 1.0
-    beyond = (pressure + function.pilot_ratio * pilot - function.setting) / function.opening_range
+    beyond = (pressure + actuator.pilot_ratio * pilot - actuator.setting) / actuator.opening_range
     return min(max(beyond, 0.0), 1.0)
 
 
 @compiled
 def piston_speed(
-    function: Any, beyond: float, pins: float, freed: float, stiffness: float
+    actuator: Any, beyond: float, pins: float, freed: float, stiffness: float
 ) -> float:
     """ṡ [m/s] while the pins part at ℓ̇: the chambers and the compliance make three linear equations in ṗ1, ṗ2 and ṡ.
 
     ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2, and an end stop's where
     one is pressed in.
     """
-    against = stiffness + function.stop if beyond != 0.0 else stiffness
-    return (pins + function.compliance * freed) / (1 + function.compliance * against)
+    against = stiffness + actuator.stop if beyond != 0.0 else stiffness
+    return (pins + actuator.compliance * freed) / (1 + actuator.compliance * against)
 
 
 @compiled
-def friction(function: Any, speed: float) -> float:
+def friction(actuator: Any, speed: float) -> float:
     """Friction of all parallel cylinders [N] against the rate of their pin-to-pin length [m/s]."""
-    return function.count * friction_force(function, speed) if function.rubs else 0.0
+    return actuator.count * friction_force(actuator, speed) if actuator.rubs else 0.0
 
 
 @compiled
-def beyond_stop(function: Any, extension: float) -> float:
+def beyond_stop(actuator: Any, extension: float) -> float:
     """How far a piston is beyond a stop [m]: negative beyond the inner one, 0 between them and for a motor."""
     return (
-        extension - min(max(extension, 0.0), function.stroke)
-        if math.isfinite(function.stroke)
+        extension - min(max(extension, 0.0), actuator.stroke)
+        if math.isfinite(actuator.stroke)
         else 0.0
     )
 
 
 @compiled
-def pressed(function: Any, beyond: float) -> float:
+def pressed(actuator: Any, beyond: float) -> float:
     """How far a piston presses a stop in [m] that would be ``beyond`` without it: the series compliance gives way."""
-    return beyond / (1 + function.compliance * function.stop)
+    return beyond / (1 + actuator.compliance * actuator.stop)
 
 
 @compiled
-def stop_force(function: Any, beyond: float, speed: float) -> float:
+def stop_force(actuator: Any, beyond: float, speed: float) -> float:
     """Force of the end stops [N, + pushes out] at a rate of the pin-to-pin length [m/s].
 
     They never pull.
     """
     outwards = speed if beyond > 0 else -speed
-    return -function.stop * beyond * max(1 + STOP_DAMPING * outwards, 0.0)
+    return -actuator.stop * beyond * max(1 + STOP_DAMPING * outwards, 0.0)
 
 
 @compiled

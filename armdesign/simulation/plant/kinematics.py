@@ -81,14 +81,14 @@ def _turn(joint: Joint) -> tuple[Array, Array, Array]:
 
 def drives_of(machine: Machine) -> Array:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
-    made = np.zeros(len(machine.functions), DRIVE)
-    for row, function, drive in zip(made, machine.functions, machine.drives, strict=True):
+    made = np.zeros(len(machine.actuators), DRIVE)
+    for row, actuator, drive in zip(made, machine.actuators, machine.drives, strict=True):
         row["gear"] = drive.joint if isinstance(drive, Gear) else -1
         if isinstance(drive, Linkage):
             _set_linkage(row, drive)
-        if isinstance(function, Cylinder):
-            row["closed_length"] = function.closed_length
-            for name, mass in function.moving_masses.items():
+        if isinstance(actuator, Cylinder):
+            row["closed_length"] = actuator.closed_length
+            for name, mass in actuator.moving_masses.items():
                 row[f"{name}_mass"] = mass
     return made
 

@@ -43,10 +43,10 @@ from armdesign.simulation.plant.bodies import Bodies
 from armdesign.simulation.plant.compiled import compiled, resolved
 from armdesign.simulation.plant.equilibrium import Holding, holding_pressures
 from armdesign.simulation.plant.hydraulics import (
+    actuators_of,
     beyond_stop,
     capacity,
     friction,
-    functions_of,
     piston_speed,
     port,
     pressed,
@@ -64,7 +64,7 @@ from armdesign.simulation.plant.kinematics import (
 )
 from armdesign.units import bar
 
-TOLD = np.dtype(  # what a function does at an instant; of cap and annulus
+TOLD = np.dtype(  # what an actuator does at an instant; of cap and annulus
     [
         ("extension", "f8"),  # of the piston, s [m]
         ("speed", "f8"),  # rate of the pin-to-pin length [m/s]
@@ -82,7 +82,7 @@ class Evaluation(NamedTuple):
 
     Attributes:
         rates: ẏ (n, size).
-        told: of every function (n, nc), records ``TOLD``.
+        told: of every actuator (n, nc), records ``TOLD``.
         powers: supplied, into oil compression, dissipated (n, 3) [W].
         springs: energy in end stops and series compliances, ½ k δ² + ½ c (A1 p1 − A2 p2 − k δ)²
             (n,) [J].
@@ -110,7 +110,7 @@ class Plant:
     Axis 0 is the case.
 
     State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed;
-    joints in the order of q, the rest in that of ``Machine.functions``.
+    joints in the order of q, the rest in that of ``Machine.actuators``.
 
     Args:
         machines: one per case; one alone serves any number of cases.
@@ -122,12 +122,12 @@ class Plant:
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
         self.bodies = Bodies([machine.loaded_arm for machine in machines])
-        self.functions = np.stack([functions_of(machine) for machine in machines])
+        self.actuators = np.stack([actuators_of(machine) for machine in machines])
         self._systems = np.stack([system_of(machine) for machine in machines])
         joints = np.stack([joints_of(machine.arm) for machine in machines])
         drives = np.stack([drives_of(machine) for machine in machines])
-        self._numbers = (self.functions, self._systems, joints, drives)
-        self.nq, self.nc = len(self.machine.joints), len(self.machine.functions)
+        self._numbers = (self.actuators, self._systems, joints, drives)
+        self.nq, self.nc = len(self.machine.joints), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = np.zeros((0, self.nq, self.nq)), np.zeros((0, self.nq))
         self._kernel: Any = None
@@ -143,7 +143,7 @@ class Plant:
     @property
     def state_names(self) -> tuple[str, ...]:
         """What each number of the state is."""
-        joints, cylinders = self.machine.joints, [f.name for f in self.machine.functions]
+        joints, cylinders = self.machine.joints, [f.name for f in self.machine.actuators]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
         kinds += [
             ("annulus pressure", cylinders),
@@ -201,14 +201,14 @@ class Plant:
         return self.resting(q, preloaded)[0]
 
     def holdings(self, q: ArrayLike, preloaded: bool | None = None) -> tuple[Holding, ...]:
-        """How every function of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
+        """How every actuator of one machine holds its load at rest at a pose (nq,), or why not: see ``rest``."""
         return self.resting(q, preloaded)[1]
 
     def refuse_overcome(self, q: ArrayLike) -> None:
         """Refuse a pose (nq,) of one machine at which a load presses a relief open.
 
         Raises:
-            SimulationError: names all such functions.
+            SimulationError: names all such actuators.
         """
         if words := "; ".join(one.overcome for one in self.holdings(q, False) if one.overcome):
             remedy = (
@@ -248,18 +248,18 @@ class Plant:
     def _standing(
         self, poses: Poses, preloaded: bool | None, line: float
     ) -> tuple[Array, tuple[Holding, ...]]:
-        """State (size,) of rest at one pose under a supply pressure [Pa], and how each function holds its load."""
+        """State (size,) of rest at one pose under a supply pressure [Pa], and how each actuator holds its load."""
         rows = zip(
-            self.machine.functions,
-            self.functions[0],
+            self.machine.actuators,
+            self.actuators[0],
             poses.cylinder_forces[0].tolist(),
             strict=True,
         )
         held = tuple(
             holding_pressures(
-                function, self.machine.supply, force, preloaded, (row, self._systems[0], line)
+                actuator, self.machine.supply, force, preloaded, (row, self._systems[0], line)
             )
-            for function, row, force in rows
+            for actuator, row, force in rows
         )
         state = np.zeros(self.size)
         state[self._parts[0]] = poses.q[0]
@@ -312,14 +312,14 @@ class Plant:
 def stack_shape(machine: Machine) -> Hashable:
     """What machines must have in common to be cases of one plant."""
     order = tuple(machine.arm.model_order.tolist())
-    return order, len(machine.functions), machine.has_bars, machine.supply.flow_limited
+    return order, len(machine.actuators), machine.has_bars, machine.supply.flow_limited
 
 
 @compiled
 def _evaluate(
     state: Any,
     command: Any,
-    functions: Any,
+    actuators: Any,
     systems: Any,
     joints: Any,
     drives: Any,
@@ -342,14 +342,14 @@ def _evaluate(
     chambers, line = 2 * nq, 2 * nq + 2 * nc
     spools = line + int(has_line)
     for case in range(n):
-        m = case if len(functions) > 1 else 0
+        m = case if len(actuators) > 1 else 0
         system, q, velocity = systems[m], state[case, :nq], state[case, nq : 2 * nq]
         supply = state[case, line] * bar if has_line else system.pressure
         rates[case, :nq], torque[case], spring[case] = velocity, 0.0, 0.0
         place_joints(joints[m], q, rotation, origin, axis)
         taken, returned, passed, oil, rubbed = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(nc):
-            function, drive = functions[m, i], drives[m, i]
+            actuator, drive = actuators[m, i], drives[m, i]
             if drive.gear >= 0:
                 arm[:] = 0.0
                 arm[drive.gear] = 1.0
@@ -367,24 +367,24 @@ def _evaluate(
                 pins += arm[j] * velocity[j]
             p1, p2 = state[case, chambers + i] * bar, state[case, chambers + nc + i] * bar
             spool, spool_speed = state[case, spools + i], state[case, spools + nc + i]
-            a1, a2 = function.areas[0], function.areas[1]
+            a1, a2 = actuator.areas[0], actuator.areas[1]
             oil_force = a1 * p1 + a2 * p2
-            free = length - function.closed_length + function.compliance * oil_force
-            beyond = pressed(function, beyond_stop(function, free))
-            place = free - function.compliance * function.stop * beyond
-            s1, r1, l1 = port(function, system, 0, p1, p2, spool, supply)
-            s2, r2, l2 = port(function, system, 1, p2, p1, spool, supply)
+            free = length - actuator.closed_length + actuator.compliance * oil_force
+            beyond = pressed(actuator, beyond_stop(actuator, free))
+            place = free - actuator.compliance * actuator.stop * beyond
+            s1, r1, l1 = port(actuator, system, 0, p1, p2, spool, supply)
+            s2, r2, l2 = port(actuator, system, 1, p2, p1, spool, supply)
             c1, c2 = (
-                capacity(function, system, 0, place, p1),
-                capacity(function, system, 1, place, p2),
+                capacity(actuator, system, 0, place, p1),
+                capacity(actuator, system, 1, place, p2),
             )
             q1, q2 = s1 - r1 + l1, s2 - r2 + l2
             piston = piston_speed(
-                function, beyond, pins, a1 * q1 / c1 + a2 * q2 / c2, a1 * a1 / c1 + a2 * a2 / c2
+                actuator, beyond, pins, a1 * q1 / c1 + a2 * q2 / c2, a1 * a1 / c1 + a2 * a2 / c2
             )
             fill1, fill2 = q1 - a1 * piston, q2 - a2 * piston
-            spring_force, rub = -function.stop * beyond, friction(function, pins)
-            stop = stop_force(function, beyond, pins) if beyond != 0.0 else 0.0
+            spring_force, rub = -actuator.stop * beyond, friction(actuator, pins)
+            stop = stop_force(actuator, beyond, pins) if beyond != 0.0 else 0.0
             force = oil_force - rub + stop
             for j in range(nq):
                 torque[case, j] += arm[j] * force
@@ -394,18 +394,18 @@ def _evaluate(
             )
             rates[case, spools + i] = spool_speed
             rates[case, spools + nc + i] = spool_acceleration(
-                function, spool, spool_speed, command[case, i]
+                actuator, spool, spool_speed, command[case, i]
             )
             row = told[case, i]
             row.extension, row.speed = place, pins
             row.supplied[0], row.returned[0], row.leaked[0], row.capacity[0] = s1, r1, l1, c1
             row.supplied[1], row.returned[1], row.leaked[1], row.capacity[1] = s2, r2, l2, c2
-            leaked = function.tank_leakage * (p1 + p2 - 2 * system.return_pressure)
+            leaked = actuator.tank_leakage * (p1 + p2 - 2 * system.return_pressure)
             taken, returned = taken + s1 + s2, returned + r1 + r2 + leaked
             passed, oil = passed + p1 * q1 + p2 * q2, oil + p1 * fill1 + p2 * fill2
             rubbed += (rub - stop + spring_force) * pins
             carried = oil_force + spring_force
-            spring[case] += (function.stop * beyond**2 + function.compliance * carried**2) / 2
+            spring[case] += (actuator.stop * beyond**2 + actuator.compliance * carried**2) / 2
         pump = taken
         if has_line:
             pump = pump_flow(system, supply)

@@ -20,7 +20,7 @@ from armdesign.inspection.inspection import inspect
 from armdesign.report.maps import map_sheets
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import linearize
-from armdesign.simulation.plant.hydraulics import functions_of, port, system_of
+from armdesign.simulation.plant.hydraulics import actuators_of, port, system_of
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import simulate
 from armdesign.simulation.validation import validate
@@ -401,16 +401,16 @@ def leaky(machine: Machine, random: np.random.Generator) -> Machine:
     return machine.replace(keys)
 
 
-def nearest_balance(machine: Machine, function: Actuator, index: int, force: float) -> float:
+def nearest_balance(machine: Machine, actuator: Actuator, index: int, force: float) -> float:
     """Smallest flow [l/min] that cap and annulus together are off by, over a fine grid of
     pressures and spools.
     """
-    row, system, supply = functions_of(machine)[index], system_of(machine), machine.supply
+    row, system, supply = actuators_of(machine)[index], system_of(machine), machine.supply
     least = np.inf
     for other in np.linspace(supply.return_pressure, supply.pressure, 30):
         for cap, annulus in (
-            (other, (function.bore_area * other - force) / function.annulus_area),
-            ((force + function.annulus_area * other) / function.bore_area, other),
+            (other, (actuator.bore_area * other - force) / actuator.annulus_area),
+            ((force + actuator.annulus_area * other) / actuator.bore_area, other),
         ):
             if (
                 not supply.return_pressure
@@ -447,17 +447,17 @@ def test_every_combination_of_leaks_rests_or_says_that_it_cannot(name: str) -> N
             rates(machine, pose),
             machine.at(pose).cylinder_forces[0],
         )
-        for i, (function, one) in enumerate(zip(machine.functions, held, strict=True)):
-            static = max(function.static_pressures(forces[i], machine.supply))
-            assert bool(one.overcome) == (static > function.relief(machine.supply))
+        for i, (actuator, one) in enumerate(zip(machine.actuators, held, strict=True)):
+            static = max(actuator.static_pressures(forces[i], machine.supply))
+            assert bool(one.overcome) == (static > actuator.relief(machine.supply))
             if one.creeps and not asked:
                 asked += 1
-                assert nearest_balance(machine, function, i, forces[i]) > 1e-3
+                assert nearest_balance(machine, actuator, i, forces[i]) > 1e-3
             elif not (one.overcome or one.creeps):
                 assert rate[i] < 1e-6
                 assert min(one.cap, one.annulus) >= machine.supply.return_pressure * (1 - 1e-12)
                 assert (
-                    one.cap * function.bore_area - one.annulus * function.annulus_area
+                    one.cap * actuator.bore_area - one.annulus * actuator.annulus_area
                     == pytest.approx(forces[i])
                 )
 
