@@ -1,1 +1,1 @@
-"""Design: cylinder sizes and pin places that raise the worst frequency within the limits of a machine."""
+"""Design: cylinder sizes and pin places that raise the worst frequency within limits."""

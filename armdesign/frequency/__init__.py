@@ -1,1 +1,1 @@
-"""Natural frequencies: modes at poses, workspaces, load cases, maps, and bands of what is not known exactly."""
+"""Natural frequencies: modes, workspaces, load cases, maps, and bands of uncertain data."""

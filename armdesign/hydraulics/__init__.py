@@ -1,1 +1,1 @@
-"""Oil, valves, cylinders and motors, buckling: formulas of single parts, without a machine around them."""
+"""Single parts: oil, valves, cylinders and motors, buckling. No machine around them."""

@@ -1,1 +1,1 @@
-"""What ``armdesign check`` says of a machine file: its faults, what is implausible, what it amounts to."""
+"""What ``armdesign check`` says of a machine file: faults, oddities, what it amounts to."""

@@ -1,1 +1,1 @@
-"""Links, joints and linkages: what a URDF describes, and how pins turn joint positions into lengths."""
+"""Links, joints, linkages: what a URDF describes, and how pins turn joints into lengths."""

@@ -1,1 +1,1 @@
-"""The nonlinear model of a machine in time, its linearisation, and measurements in it against the linear answer."""
+"""The nonlinear model in time, its linearisation, and measurements in it."""

@@ -1,1 +1,1 @@
-"""The optimisation problem in arrays: variables, dynamics and constraints with exact derivatives."""
+"""The optimisation problem in arrays: variables, dynamics, constraints and derivatives."""

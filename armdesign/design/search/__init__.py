@@ -1,1 +1,1 @@
-"""The search: sequential semidefinite programming from several starts, rounding, and why nothing was found."""
+"""The search: sequential semidefinite programming, rounding, and why nothing was found."""
