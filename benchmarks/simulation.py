@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import armdesign as ad
-from armdesign.simulation.controlled_plant import Loop
+from armdesign.simulation.controlled_plant import ControlledPlant
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate_all
@@ -49,7 +49,7 @@ def sweeps() -> list[Case]:
         machine = ad.load("excavator_20t").with_payload(400.0 + 40 * (number % 20))
         pose = POSE + np.array([0.0, 0.004, 0.003]) * number
         experiment = Experiment.of(machine, pose, 0, 0)
-        commands = experiment.commands(experiment.sweep(5e-4 * (1 + number % 3) / 2))
+        commands = experiment.commands(experiment.swept_sine(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
         found.append(
             Case(
@@ -70,7 +70,7 @@ def by_scipy(case: Case, method: str) -> float:
     side.
     """
     plant = Plant(case.machine)
-    loop = Loop.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
+    loop = ControlledPlant.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
 
     def run() -> None:
         solve_ivp(

@@ -23,7 +23,7 @@ ROOMS = (
     *("plots", "report", "paper", "output", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
+    "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
     "matplotlib": {"plots.drawing"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.machine_file", "design.provenance"},

@@ -29,7 +29,7 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine, load
 from armdesign.paper import formulas
-from armdesign.simulation.excitation import Sweep
+from armdesign.simulation.excitation import SweptSine
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification.modal_fit import spectral_peak
 from armdesign.simulation.simulate import Case, Simulation, simulate_all
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 MACHINE = "paper_1dof"
 MASSES = (50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 350.0, 400.0)  # [kg]; the paper: eight
 LENGTHS = (0.5, 0.75, 1.0, 1.25, 1.5)  # [m]; the paper: five
-SWEEP = Sweep(
+SWEEP = SweptSine(
     amplitude=0.01, start=1.0, stop=45.0, duration=2.5, fade=0.02
 )  # of the spool; the paper: a sine sweep
 RATE = 200.0  # records per second
@@ -296,7 +296,7 @@ class Reproduction:
 
     machine: Machine
     mechanism: Mechanism
-    sweep: Sweep
+    sweep: SweptSine
     measurements: tuple[Measurement, ...]
 
     @cached_property
@@ -361,7 +361,7 @@ def reproduce(
     machine: Machine | None = None,
     masses: Sequence[float] = MASSES,
     lengths: Sequence[float] = LENGTHS,
-    sweep: Sweep = SWEEP,
+    sweep: SweptSine = SWEEP,
 ) -> Reproduction:
     """Measure every configuration both ways.
 
@@ -390,7 +390,7 @@ def _configured(machine: Machine, mass: float, length: float) -> Machine:
     )
 
 
-def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measurement, ...]:
+def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measurement, ...]:
     """All runs, side by side, from the rest of ``Experiment``: about a preload, as the authors' valve leaves it."""
     pose, small = np.zeros(1), [Experiment.of(machine, np.zeros(1), 0, 0) for machine in machines]
     amplitudes = [experiment.default_amplitude() for experiment in small]
@@ -406,7 +406,7 @@ def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measuremen
         for m, one in zip(machines, small, strict=True)
     ]
     held = [
-        experiment.case(experiment.sweep(amplitude))
+        experiment.case(experiment.swept_sine(amplitude))
         for experiment, amplitude in zip(small, amplitudes, strict=True)
     ]
     pairs = zip(
@@ -420,7 +420,7 @@ def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measuremen
 
 
 def _measured(
-    sweep: Sweep, small: Experiment, amplitude: float, motion: Simulation, held: Simulation
+    sweep: SweptSine, small: Experiment, amplitude: float, motion: Simulation, held: Simulation
 ) -> Measurement:
     part = f"{small.machine.name}: sweep"
     peak = spectral_peak(motion.time, motion.speeds[:, 0], (sweep.start, sweep.stop), part)

@@ -14,7 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.excitation import EvenOpening
+from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.integrator import Breaks
 from armdesign.simulation.plant.compiled import compiled
 from armdesign.simulation.plant.plant import Plant
@@ -26,7 +26,7 @@ ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class ControlledPlant:
     """n cases of one plant under command.
 
     State: the plant's, two low-passes per cylinder of the slow loop, energy supplied, put into oil
@@ -62,7 +62,7 @@ class Loop:
         rests: Sequence[Array],
         commands: Sequence[Command | ByName],
         holds: Sequence[float | None],
-    ) -> Loop:
+    ) -> ControlledPlant:
         """The system of some plants of one machine each, from rest.
 
         Raises:
@@ -77,7 +77,7 @@ class Loop:
             breaks.append(_breaks(command, asked[-1], plant.machine.name))
             places.append(plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0])
             held = [not isinstance(command, Mapping) or name in command for name in names]
-            speeds = np.array([even.speed for even in EvenOpening.all(plant, rest)])
+            speeds = np.array([even.speed for even in SymmetricValve.all(plant, rest)])
             gains.append(np.where(held, corner / 4 / speeds, 0.0))
         start = np.concatenate([rests, np.zeros((len(rests), 2 * plants[0].nc + 3))], axis=1)
         plant = Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0]
@@ -85,7 +85,7 @@ class Loop:
             plant, start, tuple(asked), tuple(breaks), corners, np.array(gains), np.array(places)
         )
 
-    def picked(self, cases: Sequence[int]) -> Loop:
+    def picked(self, cases: Sequence[int]) -> ControlledPlant:
         """The system of some of the cases."""
         rows, machines = list(cases), self.plant.machines
         plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
@@ -93,7 +93,7 @@ class Loop:
             tuple(self.asked[row] for row in rows),
             tuple(self.breaks[row] for row in rows),
         )
-        return Loop(
+        return ControlledPlant(
             plant,
             self.start[rows],
             asked,
@@ -122,7 +122,7 @@ class Loop:
         )
         found = self.plant.evaluate(state, self.commands(wanted, state))
         _follow(
-            state, self.gains, self.places, self.corners, found.told, found.powers, found.rates
+            state, self.gains, self.places, self.corners, found.outputs, found.powers, found.rates
         )
         return found.rates
 

@@ -23,10 +23,10 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Fluid, kind
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.machine.machine import Machine
-from armdesign.simulation.excitation import EvenOpening, Moved, Step, Sweep
+from armdesign.simulation.excitation import SymmetricValve, SymmetricCommand, Step, SweptSine
 from armdesign.simulation.identification.modal_fit import (
     Fit,
-    fit_modes,
+    identify_forced_response,
     record_length,
     spectral_peak,
 )
@@ -84,7 +84,7 @@ class Experiment:
     plant: Plant
     preloaded: bool | None
     rest: Array
-    even: EvenOpening
+    even: SymmetricValve
 
     @classmethod
     def of(cls, machine: Machine, pose: Array, index: int, mode: int) -> Experiment:
@@ -108,7 +108,7 @@ class Experiment:
         duration = max(
             CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band))
         )
-        even = EvenOpening.all(plant, rest)[index]
+        even = SymmetricValve.all(plant, rest)[index]
         return cls(
             machine,
             pose,
@@ -158,9 +158,9 @@ class Experiment:
         """Records per second: 16 per period of the fastest mode and of the band's end."""
         return 16 * float(max(self.band[1], self.frequencies.max()))
 
-    def sweep(self, amplitude: float) -> Sweep:
+    def swept_sine(self, amplitude: float) -> SweptSine:
         """The sweep of the valve's mean opening."""
-        return Sweep(
+        return SweptSine(
             amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration
         )
 
@@ -178,7 +178,7 @@ class Experiment:
             for cylinder, trim in zip(self.machine.actuators, trims, strict=True)
             if trim != 0
         }
-        return commands | {self.cylinder: Moved(self.even, centre, excitation)}
+        return commands | {self.cylinder: SymmetricCommand(self.even, centre, excitation)}
 
     def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
         """A run of the nonlinear model under an excitation of the opening, a slow loop holding the mean.
@@ -201,14 +201,14 @@ class Experiment:
         """The modes in the response of the piston's speed to the speed that the spool asks for, in a run.
 
         Raises:
-            SimulationError: the spool opened nothing, or see ``fit_modes``.
+            SimulationError: the spool opened nothing, or see ``identify_forced_response``.
         """
         asked = np.asarray(self.even.speed * self.even.share(motion.spool[:, self.index]))
         part = f"{self.machine.name}: sweep of {self.cylinder}"
         if not np.any(asked):
             problem = f"the spool stays within its overlap of {100 * self.even.valve.overlap:g} %"
             raise SimulationError(part, problem, "raise the amplitude, or give a faster spool")
-        return fit_modes(
+        return identify_forced_response(
             motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part
         )
 
@@ -244,7 +244,7 @@ class Experiment:
         outputs = np.vstack([np.eye(size), linear.C[:, :size]])
         column = self._opening_column()[:size, None]
         system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
-        opening = [self.sweep(1.0)(t) for t in time]
+        opening = [self.swept_sine(1.0)(t) for t in time]
         swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
         edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc, int(plant.has_line)])
         joints, _, cap, annulus, _, pistons = np.split(swing, edges)

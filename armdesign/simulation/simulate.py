@@ -15,7 +15,7 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, Loop
+from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
 from armdesign.simulation.plant.equilibrium import Holding
@@ -132,7 +132,7 @@ def simulate(
     valves stays there. Valves start shut, or, with leakage, as far open as makes up for it. What
     cannot be held is told in ``events``. With ``velocity`` it starts as if struck: at the same
     pose and pressures, but moving. With all valves shut it then rings freely, for
-    ``identify_decay``.
+    ``identify_ringdown``.
 
     Args:
         machine: the machine; every cylinder needs a valve.
@@ -265,7 +265,7 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | Simul
     starts, held = zip(
         *(_start(plant, case) for plant, case in zip(plants, cases, strict=True)), strict=True
     )
-    loop = Loop.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
+    loop = ControlledPlant.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
     return [
         (
             _failure(loop.picked([row]), states, tolerance)
@@ -301,7 +301,7 @@ def _unheld(held: Sequence[Holding]) -> list[str]:
     ]
 
 
-def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array | GaveUpError]:
+def _states(loop: ControlledPlant, cases: Sequence[Case], tolerance: float) -> list[Array | GaveUpError]:
     """States of all cases at their instants, or why there are none."""
     durations = np.array([case.duration for case in cases], dtype=float)
     fastest = np.array(
@@ -317,7 +317,7 @@ def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array |
     )
 
 
-def _failure(loop: Loop, stop: GaveUpError, tolerance: float) -> SimulationError:
+def _failure(loop: ControlledPlant, stop: GaveUpError, tolerance: float) -> SimulationError:
     machine, (q, velocity, *_) = (
         loop.plant.machine,
         loop.plant.split(stop.state[: loop.plant.size]),
@@ -367,7 +367,7 @@ def _likely_cause(
     return f"a joint driven out of its range, or {fast}"
 
 
-def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str]) -> Simulation:
+def _recorded(loop: ControlledPlant, duration: float, states: Array, unheld: Sequence[str]) -> Simulation:
     """The run, and among its events what its rest does not hold, in words."""
     plant, machine = loop.plant, loop.plant.machine
     time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
@@ -378,9 +378,9 @@ def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str])
     q, velocity, _, _, spool, _ = plant.split(body)
     pressures = plant.pressures(body)
     energy, supply, taken = (
-        plant.bodies.energy(q, velocity),
+        plant.forward_dynamics.energy(q, velocity),
         plant.supply_pressure(body),
-        found.told["supplied"],
+        found.outputs["supplied"],
     )
     relief = plant.actuators["relief"][0]
     told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
@@ -399,7 +399,7 @@ def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str])
         command=commands,
         flows=found.valve_flows,
         extensions=found.extensions,
-        speeds=found.told["speed"].copy(),
+        speeds=found.outputs["speed"].copy(),
         tool=np.array(tool),
         energy=energy,
         supplied=supplied,

@@ -356,7 +356,7 @@ class _Trial:
 
     @property
     def case(self) -> Case:
-        return self.experiment.case(self.experiment.sweep(self.sweep.amplitude))
+        return self.experiment.case(self.experiment.swept_sine(self.sweep.amplitude))
 
     def result(self, motion: Simulation | SimulationError) -> Run | Failure:
         """What is found in the motion."""

@@ -31,7 +31,7 @@ def balance(law: Any, low: Array, high: Array) -> Any:
     """The balance of lowest pressures, see above: cap and annulus [Pa], spool, and whether there is one.
 
     Args:
-        law: records ``FUNCTION`` and ``SYSTEM``, and the supply pressure at the valve [Pa].
+        law: records ``ACTUATOR`` and ``SYSTEM``, and the supply pressure at the valve [Pa].
         low: pressures of cap and annulus (2,) [Pa] that hold the load behind a shut valve.
         high: the same under the largest pressure that is looked at.
     """

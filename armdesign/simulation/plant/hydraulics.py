@@ -53,7 +53,7 @@ _VALVE = (
     "fastest",
     "gain",
 )
-FUNCTION = np.dtype(  # names and units are those of Actuator, Valve, Friction and LoadHolding
+ACTUATOR = np.dtype(  # names and units are those of Actuator, Valve, Friction and LoadHolding
     [
         *(
             (name, "f8")
@@ -92,12 +92,12 @@ SYSTEM = np.dtype(  # oil and pump of a machine
 
 
 def actuators_of(machine: Machine) -> Array:
-    """Cylinders, and motors after them, (nc,) as records ``FUNCTION``.
+    """Cylinders, and motors after them, (nc,) as records ``ACTUATOR``.
 
     Raises:
         SimulationError: one has no valve.
     """
-    made = np.zeros(len(machine.actuators), FUNCTION)
+    made = np.zeros(len(machine.actuators), ACTUATOR)
     for row, actuator in zip(made, machine.actuators, strict=True):
         valve = _valve_of(machine, actuator)
         for name in ("count", "closed_length", "stroke", "compliance"):

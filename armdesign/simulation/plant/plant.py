@@ -39,7 +39,7 @@ from armdesign.errors import PoseError, SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
-from armdesign.simulation.plant.bodies import Bodies
+from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
 from armdesign.simulation.plant.compiled import compiled, resolved
 from armdesign.simulation.plant.equilibrium import Holding, holding_pressures
 from armdesign.simulation.plant.hydraulics import (
@@ -64,7 +64,7 @@ from armdesign.simulation.plant.kinematics import (
 )
 from armdesign.units import bar
 
-TOLD = np.dtype(  # what an actuator does at an instant; of cap and annulus
+OUTPUT = np.dtype(  # what an actuator does at an instant; of cap and annulus
     [
         ("extension", "f8"),  # of the piston, s [m]
         ("speed", "f8"),  # rate of the pin-to-pin length [m/s]
@@ -82,7 +82,7 @@ class Evaluation(NamedTuple):
 
     Attributes:
         rates: ẏ (n, size).
-        told: of every actuator (n, nc), records ``TOLD``.
+        told: of every actuator (n, nc), records ``OUTPUT``.
         powers: supplied, into oil compression, dissipated (n, 3) [W].
         springs: energy in end stops and series compliances, ½ k δ² + ½ c (A1 p1 − A2 p2 − k δ)²
             (n,) [J].
@@ -96,12 +96,12 @@ class Evaluation(NamedTuple):
     @property
     def extensions(self) -> Array:
         """Piston positions s (n, nc) [m]."""
-        return np.array(self.told["extension"])
+        return np.array(self.outputs["extension"])
 
     @property
     def valve_flows(self) -> Array:
         """From the supply less to the return, into cap and annulus (n, nc, 2) [m³/s]."""
-        return np.array(self.told["supplied"] - self.told["returned"])
+        return np.array(self.outputs["supplied"] - self.outputs["returned"])
 
 
 class Plant:
@@ -121,7 +121,7 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
-        self.bodies = Bodies([machine.loaded_arm for machine in machines])
+        self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.actuators = np.stack([actuators_of(machine) for machine in machines])
         self._systems = np.stack([system_of(machine) for machine in machines])
         joints = np.stack([joints_of(machine.arm) for machine in machines])
@@ -232,7 +232,7 @@ class Plant:
 
         def excess(line: float) -> float:
             state, _ = self._standing(poses, preloaded, line)
-            told = self.evaluate(state[None], self.split(state)[4][None]).told
+            told = self.evaluate(state[None], self.split(state)[4][None]).outputs
             return float(pump_flow(pump, line) - told["supplied"].sum())
 
         line = float(pump["pressure"])
@@ -295,7 +295,7 @@ class Plant:
                 f" {self.nc})"
             )
         found = Evaluation(
-            np.empty_like(state), np.empty((n, self.nc), TOLD), np.empty((n, 3)), np.empty(n)
+            np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
         torque = np.empty((n, nq))
         bars = (np.zeros((n, nq, nq)), np.zeros((n, nq))) if self._weighs else self._no_bars
@@ -305,7 +305,7 @@ class Plant:
         self._kernel(*arguments)
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
         heavy = bars if self._weighs else None
-        found.rates[:, nq : 2 * nq] = self.bodies.acceleration(q, velocity, torque, heavy)
+        found.rates[:, nq : 2 * nq] = self.forward_dynamics.acceleration(q, velocity, torque, heavy)
         return found
 
 

@@ -489,7 +489,7 @@ def test_a_flow_limited_pump_makes_up_for_leaks_below_its_pressure(excavator: Ma
     found = plant.evaluate(rest[None], plant.split(rest)[4][None])
     pump, line = machine.supply, float(plant.supply_pressure(rest[None])[0])
     given = pump.flow * (pump.pressure - line) / (pump.cut_off * pump.pressure)
-    assert found.told["supplied"].sum() == pytest.approx(given, rel=1e-9)
+    assert found.outputs["supplied"].sum() == pytest.approx(given, rel=1e-9)
     assert given > 50 * l_per_min
     assert np.abs(found.rates).max() < 1e-6
     wide = simulate(valves(machine, overlap_percent=-40.0), WORST, {}, duration=0.01)

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign import Machine
 from armdesign.arrays import Array
-from armdesign.simulation.plant.bodies import Bodies
+from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
 from armdesign.simulation.plant.kinematics import (
     POINTS,
     add_bars,
@@ -83,7 +83,7 @@ def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine
     numpy.
     """
     q = machines.inner_poses(machine, 3)
-    poses, bodies = machine.at(q), Bodies([machine.loaded_arm])
+    poses, bodies = machine.at(q), ForwardDynamics([machine.loaded_arm])
     torque = np.tile(np.linspace(-1e3, 1e3, len(machine.joints)), (3, 1))
     expected = np.linalg.solve(poses.mass_matrix, (torque - poses.gravity_torque)[:, :, None])[
         :, :, 0

@@ -15,7 +15,7 @@ from armdesign.simulation.plant.compiled import compiled
 from armdesign.units import GRAVITY
 
 
-class Bodies:
+class ForwardDynamics:
     """Loaded arms of one shape: axis 0 is the case; one arm alone serves any number of cases.
 
     Args:
