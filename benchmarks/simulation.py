@@ -25,6 +25,7 @@ from scipy.integrate import solve_ivp
 import armdesign as ad
 from armdesign.simulation.controlled_plant import ControlledPlant
 from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate_all
 
@@ -70,13 +71,14 @@ def by_scipy(case: Case, method: str) -> float:
     side.
     """
     plant = Plant(case.machine)
-    loop = ControlledPlant.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
+    start = find_equilibrium(plant, case.q, case.preloaded).state
+    system = ControlledPlant.of([plant], [start], [case.command], [case.hold])
 
     def run() -> None:
         solve_ivp(
-            lambda t, y: loop.rates(np.array([t]), y[None])[0],
+            lambda t, y: system.rates(np.array([t]), y[None])[0],
             (0.0, case.duration),
-            loop.start[0],
+            system.start[0],
             method=method,
             rtol=TOLERANCE,
             atol=TOLERANCE,

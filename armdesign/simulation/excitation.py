@@ -147,7 +147,7 @@ class SymmetricValve:
     @classmethod
     def all(cls, plant: Plant, equilibrium: Array) -> list[SymmetricValve]:
         """The valves of all actuators of one machine, at its equilibrium state (size,)."""
-        areas, zero, speeds = plant.actuators["areas"][0], np.zeros((1, plant.nc)), []
+        areas, zero, speeds = plant.parameters.actuators["areas"][0], np.zeros((1, plant.nc)), []
         for spool in (1.0, -1.0):
             wide = plant.evaluate(plant.with_spools(equilibrium[None], spool), zero)
             # A piston whose force does not change moves with v: Σ A Q/C = v Σ A²/C.

@@ -4,11 +4,13 @@ one line.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.simulation import simulate as motion

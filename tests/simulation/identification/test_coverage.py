@@ -13,11 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from armdesign import (
-    identify_forced_response,
-    identify_frequency_response,
-    identify_ringdown,
-)
+from armdesign import identify_forced_response, identify_frequency_response, identify_ringdown
 from armdesign.simulation.excitation import SweptSine
 
 BAND = (0.5, 1.6)

@@ -108,7 +108,9 @@ def test_one_sigma_holds_68_percent(way: str) -> None:
     inside = np.zeros(2)
     for _ in range(count):
         if way == "record":
-            fit = identify_forced_response(time, u, clean + 0.01 * random.normal(size=len(time)), BAND)
+            fit = identify_forced_response(
+                time, u, clean + 0.01 * random.normal(size=len(time)), BAND
+            )
         else:
             noise = 0.05 * (random.normal(size=31) + 1j * random.normal(size=31))
             fit = identify_frequency_response(lines, exact(1.0, 0.02, lines) + noise)

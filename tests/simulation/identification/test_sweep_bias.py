@@ -52,7 +52,10 @@ def test_a_plain_spectrum_adds_up_to_half_a_line() -> None:
     for cycles in (10, 300):
         time = np.arange(0, cycles, 1 / 100)
         u = np.array(
-            [SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=cycles)(t) for t in time]
+            [
+                SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=cycles)(t)
+                for t in time
+            ]
         )
         natural = 1 + 0.45 / cycles
         peak = spectral_peak(time, np.gradient(answer_of(natural, 0.0, time, u), time), BAND)
