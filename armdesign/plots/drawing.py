@@ -22,7 +22,8 @@ from armdesign.frequency.workspace import nearest
 if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
-    from armdesign.frequency.maps import FrequencyMap, WorstPose
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
     from armdesign.paper.reproduction import Reproduction
