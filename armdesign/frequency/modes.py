@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import overload
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.units import GRAVITY
+
+Numbers = TypeVar("Numbers", float, Array)
 
 PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
@@ -103,14 +105,10 @@ def inverse_cholesky(mass: Array) -> Array:
         ) from None
 
 
-@overload
-def hertz(squared: float) -> float: ...
-@overload
-def hertz(squared: Array) -> Array: ...
-def hertz(squared: float | Array) -> float | Array:
+def hertz(squared: Numbers) -> Numbers:
     """Frequency ω/2π [Hz] of ω² [rad²/s²]; 0 for an unstable mode (ω² ≤ 0)."""
-    frequency = np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)
-    return float(frequency) if np.ndim(frequency) == 0 else frequency
+    frequency: Any = np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)
+    return frequency if np.ndim(squared) else float(frequency)
 
 
 def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
