@@ -108,7 +108,8 @@ def inverse_cholesky(mass: Array) -> Array:
 def hertz(squared: Numbers) -> Numbers:
     """Frequency ω/2π [Hz] of ω² [rad²/s²]; 0 for an unstable mode (ω² ≤ 0)."""
     frequency: Any = np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)
-    return frequency if np.ndim(squared) else float(frequency)
+    number: Numbers = frequency if np.ndim(squared) else frequency.item()
+    return number
 
 
 def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
