@@ -20,7 +20,8 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import settled
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.four_bar import FourBar
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
