@@ -1,7 +1,7 @@
 """How far are the source paper's formulas from simulated frequencies over its 40 configurations?
 
-Root mean square: static mass in (11) 158.5 rad/s, (42) as printed 11.4; the exact formula is
-within 0.01 % of each.
+Root mean square: static mass in (11) 158.5 rad/s, (42) as printed 11.4; exact within 0.01 %
+of each.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
 
-At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest
-cylinder limits ≥ 86 %.
+At 0.910 Hz the 20 t excavator, boom up, full bucket curled; its lowest cylinder limits ≥ 86 %
+on every machine.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""How far do new bores and rods alone, with all pins where they are, raise every machine's lowest
-frequency?
+"""How far do new bores and rods alone, with all pins kept, raise each machine's lowest frequency?
 
 By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is
 found by 0.9 %.

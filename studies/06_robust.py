@@ -1,5 +1,4 @@
-"""What does a design cost and gain that is made for the worst of payload, air and oil on the 20 t
-excavator?
+"""What does a 20 t excavator cost and gain that is made for the worst of payload, air and oil?
 
 Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the
 optimum for the file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser

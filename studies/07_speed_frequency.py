@@ -1,5 +1,4 @@
-"""Do bigger cylinders on the 20 t excavator buy more frequency than they cost in joint speed, or
-do new pins?
+"""Do bigger cylinders on the 20 t excavator buy more frequency than they cost in joint speed?
 
 Bores do not: frequency² × speed stays within 0.1 % of today's if dead volumes grow along (20 %
 more oil: +12 % if they are fixed). At today's oil the best new sizes make it ×1.11, new pins and

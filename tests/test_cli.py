@@ -532,7 +532,9 @@ def test_a_failed_write_leaves_the_old_files(
 
 WAITING = """
 import sys, time
-from armdesign import cli, maps, plots
+from armdesign import cli
+from armdesign.frequency import maps
+from armdesign.plots import drawing as plots
 def wait(*_, **__):
     print("ready", flush=True)
     time.sleep(60)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_catalogue import enumerated
+from tests.design.catalogue.test_catalogue import enumerated
 
 import armdesign as ad
 from armdesign.design.catalogue.sizes import sizes_of

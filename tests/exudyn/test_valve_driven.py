@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from test_free_vibration import named
+from tests.exudyn.test_free_vibration import named
 
 import armdesign as ad
 from armdesign import Machine

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_bad_input import URDF, damaged
+from tests.machine.test_bad_input import URDF, damaged
 
 import armdesign as ad
 from armdesign.inspection.file_faults import problems

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_explicit_requirements import EVERYTHING
+from tests.design.requirements.test_absolute import EVERYTHING
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes, true_frequencies
+from tests.design.program.test_dynamics import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace

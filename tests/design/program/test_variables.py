@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes, true_frequencies
+from tests.design.program.test_dynamics import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes
+from tests.design.program.test_dynamics import slopes
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace

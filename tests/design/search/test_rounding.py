@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from numpy.testing import assert_allclose
-from test_codesign import excavator_design
+from tests.design.search.test_sequential_sdp import excavator_design
 
 import armdesign as ad
 from armdesign import Requirements, Workspace

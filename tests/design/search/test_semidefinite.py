@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import true_frequencies
+from tests.design.program.test_dynamics import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace

@@ -15,7 +15,7 @@ import cma
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
-from test_problem import true_frequencies
+from tests.design.program.test_dynamics import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
