@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import os
 
-os.environ |= {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}  # before numpy starts its threads
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 os.environ |= {"EXUDYN_MODULE": "fast"}
 
 import time
@@ -36,10 +34,8 @@ from tests.exudyn.test_valve_driven import step_response
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
-SOLVERS = {
-    "ExplicitMidpoint": (4, 10, 40, 100),
-    "RK44": (2, 4, 10, 30),
-}  # Exudyn's steps per record
+# Exudyn's steps per record
+SOLVERS = {"ExplicitMidpoint": (4, 10, 40, 100), "RK44": (2, 4, 10, 30)}
 FINEST = 200
 SHARES = (1.0,), tuple(np.linspace(0.3, 1.0, 8).tolist())  # of the steps: a single run, a batch
 

@@ -19,10 +19,8 @@ from __future__ import annotations
 
 import os
 
-os.environ |= {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}  # before numpy starts its threads
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import math
 import sys
@@ -58,11 +56,8 @@ MACHINES = (
     "patu_boom",
     "paper_1dof",
 )
-LEAST = {
-    "excavator_20t": 0.36,
-    "mini_excavator_2t": 0.35,
-    "excavator_12t": 0.08,
-}  # gain that is asked for
+# gain that is asked for
+LEAST = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}
 # slack by which the check of a built machine may be missed: it looks at finer joint ranges
 FEASIBLE = 1e-4
 RIVALS = 20  # times our processor time that each rival has
@@ -72,10 +67,8 @@ ALIKE = 1e-4  # of a frequency: what searches that stop at 1e-5 of ω² may diff
 CLOSE = 1e-3  # of a frequency: what counts as reached besides all of it
 PRICE = 5.0  # of ω² (relative) per unit of missed requirement
 FEW, MORE = 150, 12  # poses that a rival starts with, and that join at each look
-LOWEST, ROUNDS = (
-    20,
-    10,
-)  # rows that join a programme of SLSQP at each round, and rounds from one start
+# rows that join a programme of SLSQP at each round, and rounds from one start
+LOWEST, ROUNDS = 20, 10
 METHODS = {
     "evolution": "differential evolution",
     "adaptation": "CMA-ES",
@@ -194,12 +187,10 @@ class Task:
     seconds: float  # processor time that it has
     goal: float = math.inf  # frequency [Hz] at which it may stop
     poses: Array = field(init=False)
-    trace: list[tuple[float, float, Array]] = field(
-        default_factory=list
-    )  # seconds, frequency [Hz], x of each record
-    hopes: list[tuple[float, Array]] = field(
-        default_factory=list
-    )  # merits and designs found since the last look
+    # seconds, frequency [Hz], x of each record
+    trace: list[tuple[float, float, Array]] = field(default_factory=list)
+    # merits and designs found since the last look
+    hopes: list[tuple[float, Array]] = field(default_factory=list)
     evaluations: int = 0
     looked: float = 0.0
 

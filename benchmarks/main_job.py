@@ -49,9 +49,8 @@ def main() -> None:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    ad.size_cylinders(
-        machine, workspace
-    )  # imports and first compilations are not part of the figures
+    # imports and first compilations are not part of the figures
+    ad.size_cylinders(machine, workspace)
 
     seconds, design = best_of(lambda: ad.optimize(machine, workspace))
     lowest = min(design.before.frame["f1_hz"])

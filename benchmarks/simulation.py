@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import os
 
-os.environ |= {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}  # before numpy starts its threads
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import time
 from collections.abc import Callable

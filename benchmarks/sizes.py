@@ -66,9 +66,8 @@ def main() -> None:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    ad.size_cylinders(
-        machine, workspace
-    )  # imports and first compilations are not part of the figures
+    # imports and first compilations are not part of the figures
+    ad.size_cylinders(machine, workspace)
 
     many = ad.Workspace.grid(machine, points=POINTS)
     _ = many.rigid

@@ -15,12 +15,8 @@ import pandas as pd
 import armdesign as ad
 
 MACHINE = "excavator_20t"
-OIL = (
-    0.9,
-    1.0,
-    1.1,
-    1.2,
-)  # swept oil over today's: at the pump's flow joint speeds are its inverse
+# swept oil over today's: at the pump's flow joint speeds are its inverse
+OIL = 0.9, 1.0, 1.1, 1.2
 THRUST = 2.0  # over today's: as good as no limit, so that cylinders may grow
 CASES = {"cylinders": ("areas",), "pins too": ("areas", "pins")}
 PROPORTIONS = {"all bores, dead volumes too": True, "all bores, dead volumes fixed": False}
@@ -28,27 +24,24 @@ OUT = Path("out") / "07_speed_frequency"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
-    """Worst frequency against oil for both cases, all areas in proportion beside them; ``fast``: a
-    coarse grid.
-    """
+    """Worst frequency against oil: areas, pins too, all areas in proportion; ``fast``: coarse."""
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=7 if fast else None)
     free = replace(ad.Requirements.of(machine), thrust_share=THRUST)
+    settings = {"against": "oil", "values": OIL, "starts": 1 if fast else 3}
     found = {
-        case: ad.pareto(
-            machine, workspace, free, against="oil", values=OIL, vary=vary, starts=1 if fast else 3
-        )
+        case: ad.pareto(machine, workspace, free, vary=vary, **settings)
         for case, vary in CASES.items()
     }
     today = ad.frequency_map(machine, workspace).worst.frequency
     frames = [
-        pd.DataFrame([scaled(machine, workspace, share, today, volumes) for share in OIL]).assign(
-            case=case
-        )
-        for case, volumes in PROPORTIONS.items()
+        pd.DataFrame([scaled(machine, workspace, share, today, volumes) for share in OIL])
+        for volumes in PROPORTIONS.values()
     ]
-    frames += [trade.frame.assign(case=case) for case, trade in found.items()]
-    return pd.concat(frames, join="inner", ignore_index=True).set_index(["case", "limit"]), found
+    frames += [trade.frame for trade in found.values()]
+    cases = dict(zip((*PROPORTIONS, *found), frames, strict=True))
+    table = pd.concat(cases, names=["case", None], join="inner").reset_index("case")
+    return table.set_index(["case", "limit"]), found
 
 
 def scaled(
@@ -60,9 +53,8 @@ def scaled(
         for key in ("bore_mm", "rod_mm"):
             changes[f"cylinder.{name}.{key}"] = getattr(cylinder, key) * share**0.5
         for side in ("cap", "annulus") if volumes else ():
-            changes[f"cylinder.{name}.dead_volume_l.{side}"] = (
-                getattr(cylinder.dead_volume_l, side) * share
-            )
+            volume = getattr(cylinder.dead_volume_l, side) * share
+            changes[f"cylinder.{name}.dead_volume_l.{side}"] = volume
     frequency = ad.frequency_map(machine.replace(changes), workspace).worst.frequency
     return {
         "limit": share,
@@ -73,9 +65,7 @@ def scaled(
 
 
 def main() -> None:
-    """Print the table; save it with a figure of frequency and of frequency² × speed against
-    oil.
-    """
+    """Print the table; save it with frequency and frequency² × speed drawn against oil."""
     from armdesign.plots import drawing as plots
 
     table, found = run()
@@ -88,11 +78,8 @@ def main() -> None:
         oil = rows.index.get_level_values("limit")
         right.plot(oil, rows["squared_times_speed"], "o-", label=str(case))
     right.axhline(1.0, ls="--", color=plots.INK)
-    right.set(
-        xlabel="swept oil, over today's",
-        ylabel="frequency² × joint speed, over today's",
-        ylim=(0, None),
-    )
+    right.set(xlabel="swept oil, over today's", ylim=(0, None))
+    right.set_ylabel("frequency² × joint speed, over today's")
     right.legend(frameon=False)
     plots.save(fig, OUT / "trade_off.png")
 

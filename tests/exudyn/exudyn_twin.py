@@ -251,10 +251,8 @@ def _settings(step: float, duration: float) -> exudyn.SimulationSettings:
     time.endTime = step * time.numberOfSteps
     time.explicit.computeEndOfStepAccelerations = False
     time.automaticStepSize, time.newton.useModifiedNewton = False, False
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = (
-        1e-10,
-        1e-12,
-    )  # small vibrations need small residuals
+    # small vibrations need small residuals
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-10, 1e-12
     settings.solution.file.write = False
     return settings
 

@@ -257,9 +257,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
-    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (
-        shape.high - shape.low
-    )  # off the telescope's axis
+    # off the telescope's axis
+    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
         return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]

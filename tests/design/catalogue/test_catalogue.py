@@ -346,15 +346,12 @@ def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
             catalogue=[(120 * mm, 80 * mm)],
             starts=1,
         )
-    assert {one.name for one in error.value.conflict} == {
-        "thrust.lift",
-        "thrust.fold",
-    }  # each by itself
+    # each by itself
+    assert {one.name for one in error.value.conflict} == {"thrust.lift", "thrust.fold"}
     for one in error.value.conflict:
         least = one.limit * (1.44 / 1.1 - 1)
-        assert (
-            least <= one.together <= 1.001 * least
-        )  # with a little for rounding, see ``refusal.MORE``
+        # with a little for rounding, see ``refusal.MORE``
+        assert least <= one.together <= 1.001 * least
 
 
 def test_pins_follow_the_chosen_sizes() -> None:
@@ -376,9 +373,8 @@ def test_pins_follow_the_chosen_sizes() -> None:
     assert not free.catalogue
     assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
     assert both.bound >= free.unrounded
-    assert not any(
-        gain for name, gain in both.worth.items() if name.startswith("thrust")
-    )  # of sizes that do not move
+    # of sizes that do not move
+    assert not any(gain for name, gain in both.worth.items() if name.startswith("thrust"))
 
 
 # -------------------------------------------------------------------------------------- what fails

@@ -177,9 +177,8 @@ def test_only_what_follows_x_is_moved() -> None:
     assert own("cylinder.tilt.four_bar.rocker_mm") == {2: [*both, "rocker", "coupler"]}
     assert own("cylinder.fold.rod_mm") == {1: both}
     assert posed(named("excavator_20t"), ("areas", "pins")).own is None
-    assert (
-        posed(named("loader_crane"), ("areas", "pins")).own is None
-    )  # its rocker weighs, but stays
+    # its rocker weighs, but stays
+    assert posed(named("loader_crane"), ("areas", "pins")).own is None
 
 
 # ------------------------------------------------------------------------------------- closed form
@@ -237,9 +236,8 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     bound = search.upper_bound()
     assert bound is not None
     assert bound >= hertz(search.squared)
-    assert bound < hertz(search.squared) * (
-        1.001 if rises else 1.2
-    )  # Euler's rod is replaced by its chord
+    # Euler's rod is replaced by its chord
+    assert bound < hertz(search.squared) * (1.001 if rises else 1.2)
 
 
 # ------------------------------------------------------------------------------------- brute force

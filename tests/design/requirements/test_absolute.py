@@ -112,9 +112,8 @@ def test_speed_is_swept_volume_over_stroke_time() -> None:
             )
             mean, every = (own(speeds=(speed,))["speed.s"] for speed in (at_mean, at_every))
             assert mean.value == pytest.approx(area * abs(length[-1] - length[0]) / time, rel=1e-6)
-            assert every.value == pytest.approx(
-                area * abs(rate) * np.abs(arm).max(), rel=1e-4
-            )  # 181 poses
+            # 181 poses
+            assert every.value == pytest.approx(area * abs(rate) * np.abs(arm).max(), rel=1e-4)
             assert (mean.limit, mean.unit) == (pytest.approx(FLOW), "m³/s")
             assert mean.slack == pytest.approx(1 - mean.value / FLOW, rel=1e-9)
 

@@ -215,9 +215,8 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
         angles = [m.transmission_angles(q, c).min() for m, c in ((new, part), (old, before))]
         found = checks["transmission.bucket"]
         assert found.value == pytest.approx(angles[0], rel=1e-3)
-        assert found.limit == pytest.approx(
-            min(math.radians(40), angles[1]), rel=1e-3
-        )  # or today's, if lower
+        # or today's, if lower
+        assert found.limit == pytest.approx(min(math.radians(40), angles[1]), rel=1e-3)
 
 
 def test_holding_by_the_static_forces_of_the_workspace() -> None:
@@ -304,9 +303,8 @@ def test_default_pin_box() -> None:
     """
     machine = named("excavator_20t")
     box = Requirements().box(machine, workspace_of("excavator"))
-    assert_allclose(
-        1000 * box, shipped_reference(machine).default_pin_box_mm(), rtol=0.01
-    )  # it scans other poses
+    # it scans other poses
+    assert_allclose(1000 * box, shipped_reference(machine).default_pin_box_mm(), rtol=0.01)
 
 
 @pytest.mark.parametrize(

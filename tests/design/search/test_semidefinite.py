@@ -143,9 +143,8 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
     )
     search = solved(problem)
     modes = np.linalg.eigvalsh(problem.scaled(search.x, np.arange(len(problem)))) / search.squared
-    assert_allclose(
-        modes.min(axis=0), [1, 1], rtol=1e-6
-    )  # at some pose both are at the lowest of all
+    # at some pose both are at the lowest of all
+    assert_allclose(modes.min(axis=0), [1, 1], rtol=1e-6)
     gain = search.squared / problem.lowest_today
     if vary == ("areas",):
         assert gain == pytest.approx(4 / 3, rel=1e-6)
