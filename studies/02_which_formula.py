@@ -53,7 +53,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 def main() -> None:
     """Print the table; save it with each formula's error over the share of joint space."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, maps = run()
     print(table.to_string(float_format="{:.2f}".format))

@@ -50,7 +50,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 def main() -> None:
     """Print the table; save it with the bands and the robust design's moment arms drawn."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, designs = run()
     print(table.to_string(float_format="{:.3f}".format))

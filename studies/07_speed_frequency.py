@@ -8,6 +8,7 @@ sizes ×1.92.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -15,8 +16,7 @@ import pandas as pd
 import armdesign as ad
 
 MACHINE = "excavator_20t"
-# swept oil over today's: at the pump's flow joint speeds are its inverse
-OIL = 0.9, 1.0, 1.1, 1.2
+OIL = (0.9, 1.0, 1.1, 1.2)  # swept, over today's: at the pump's flow speeds are its inverse
 THRUST = 2.0  # over today's: as good as no limit, so that cylinders may grow
 CASES = {"cylinders": ("areas",), "pins too": ("areas", "pins")}
 PROPORTIONS = {"all bores, dead volumes too": True, "all bores, dead volumes fixed": False}
@@ -28,25 +28,26 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=7 if fast else None)
     free = replace(ad.Requirements.of(machine), thrust_share=THRUST)
-    settings = {"against": "oil", "values": OIL, "starts": 1 if fast else 3}
+    against_oil = partial(ad.pareto, against="oil", values=OIL, starts=1 if fast else 3)
     found = {
-        case: ad.pareto(machine, workspace, free, vary=vary, **settings)
-        for case, vary in CASES.items()
+        case: against_oil(machine, workspace, free, vary=vary) for case, vary in CASES.items()
     }
     today = ad.frequency_map(machine, workspace).worst.frequency
-    frames = [
-        pd.DataFrame([scaled(machine, workspace, share, today, volumes) for share in OIL])
-        for volumes in PROPORTIONS.values()
-    ]
+    frames = []
+    for volumes in PROPORTIONS.values():
+        machines = [scaled(machine, share, volumes) for share in OIL]
+        lowest = [ad.frequency_map(one, workspace).worst.frequency for one in machines]
+        frame = pd.DataFrame({"limit": OIL, "frequency_hz": lowest})
+        frame["gain"] = frame["frequency_hz"] / today - 1
+        frame["squared_times_speed"] = (frame["gain"] + 1) ** 2 / frame["limit"]
+        frames.append(frame)
     frames += [trade.frame for trade in found.values()]
     cases = dict(zip((*PROPORTIONS, *found), frames, strict=True))
     table = pd.concat(cases, names=["case", None], join="inner").reset_index("case")
     return table.set_index(["case", "limit"]), found
 
 
-def scaled(
-    machine: ad.Machine, workspace: ad.Workspace, share: float, today: float, volumes: bool
-) -> dict[str, float]:
+def scaled(machine: ad.Machine, share: float, volumes: bool) -> ad.Machine:
     """The machine with all areas (and dead volumes) ``share`` of today's."""
     changes = {}
     for name, cylinder in machine.section.cylinder.items():
@@ -55,18 +56,12 @@ def scaled(
         for side in ("cap", "annulus") if volumes else ():
             volume = getattr(cylinder.dead_volume_l, side) * share
             changes[f"cylinder.{name}.dead_volume_l.{side}"] = volume
-    frequency = ad.frequency_map(machine.replace(changes), workspace).worst.frequency
-    return {
-        "limit": share,
-        "frequency_hz": frequency,
-        "gain": frequency / today - 1,
-        "squared_times_speed": (frequency / today) ** 2 / share,
-    }
+    return machine.replace(changes)
 
 
 def main() -> None:
     """Print the table; save it with frequency and frequency² × speed drawn against oil."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, found = run()
     print(table.to_string(float_format="{:.3f}".format))
