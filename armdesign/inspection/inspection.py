@@ -17,7 +17,9 @@ from armdesign.arrays import Array, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import Actuator, Cylinder, euler_safety, holding_force, kind
+from armdesign.hydraulics.actuator import Actuator, Cylinder
+from armdesign.hydraulics.buckling import euler_safety
+from armdesign.hydraulics.chamber_pressures import holding_force
 from armdesign.inspection.plausibility import Finding, suspicions
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -300,12 +302,12 @@ class Inspection:
                 )
             else:
                 continue
-            yield Finding(part=f"{kind(actuator)}.{actuator.name}", words=words)
+            yield Finding(part=f"{actuator.kind}.{actuator.name}", words=words)
         yield from self._odd_modes(name)
 
     def _odd_valves(self, actuator: Actuator, load: Load, units: Units) -> Iterator[Finding]:
         """A relief, or a load-holding valve, that the load alone presses open."""
-        part, supply = f"{kind(actuator)}.{actuator.name}", self.machine.supply
+        part, supply = f"{actuator.kind}.{actuator.name}", self.machine.supply
         for side, most in zip(("cap", "annulus"), load.most, strict=True):
             needs = (
                 f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"

@@ -39,7 +39,8 @@ from exudyn.itemInterface import (
 )
 
 from armdesign import Machine
-from armdesign.hydraulics.actuator import NO_FRICTION, Cylinder
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.friction import NO_FRICTION
 from armdesign.units import GRAVITY
 from tests.exudyn.exudyn_tree import GROUND, Array, Seat, Tree
 

@@ -16,7 +16,7 @@ import tomlkit
 
 import armdesign as ad
 from armdesign import Machine
-from armdesign.hydraulics.valve import Friction
+from armdesign.hydraulics.friction import Friction
 from armdesign.simulation.linearization import linearize
 from tests import machines
 from tests.checks import difference

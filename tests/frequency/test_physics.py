@@ -20,7 +20,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
 import armdesign as ad
-from armdesign.hydraulics.actuator import static_pressures
+from armdesign.hydraulics.chamber_pressures import static_pressures
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
 from armdesign.units import GRAVITY

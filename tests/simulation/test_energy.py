@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_simpson
 import armdesign as ad
 from armdesign import Machine
 from armdesign.hydraulics.fluid import bulk_modulus
-from armdesign.hydraulics.valve import Friction
+from armdesign.hydraulics.friction import Friction
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min

@@ -12,7 +12,7 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.modes import energy_shares, natural_modes
-from armdesign.hydraulics.valve import Friction
+from armdesign.hydraulics.friction import Friction
 from armdesign.machine.machine import shipped
 from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import simulate as motion

@@ -29,7 +29,8 @@ from armdesign.design.search.sequential_sdp import hertz
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands, scaled_links
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import Fluid, Supply
+from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.supply import Supply
 from armdesign.machine.machine import Machine
 
 ROWS = 16  # poses in one programme
@@ -407,15 +408,9 @@ class _Hunt:
 
 def _oil(offered: Choices, loads: Loads, fluid: Fluid, supply: Supply) -> list[Array]:
     """Oil stiffness of every size of each cylinder at every pose, (sizes, n) [N/m]."""
-    back = supply.return_pressure
     return [
         np.stack(
-            [
-                c.stiffness(
-                    loads.extension[:, i], loads.force[:, i], fluid, back, c.relief(supply)
-                )
-                for c in options
-            ]
+            [c.stiffness(loads.extension[:, i], loads.force[:, i], fluid, supply) for c in options]
         )
         for i, options in enumerate(offered.cylinders)
     ]

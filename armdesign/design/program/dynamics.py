@@ -21,7 +21,6 @@ from armdesign.design.program.fixed_pins import Still, inverse_root, lowest
 from armdesign.design.program.moving_masses import Loads, summed
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.bands import Bands, scaled_links
-from armdesign.hydraulics.actuator import stiffness
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
@@ -407,11 +406,14 @@ class Problem(DesignSpace):
                     cap_dead_volume=actuator.cap_dead_volume * a1 / old[0],
                     annulus_dead_volume=actuator.annulus_dead_volume * a2 / old[1],
                 )
-            extension = length[..., i] - closed[..., i]
-            pressures = supply.return_pressure, actuator.relief(supply)
             oil.append(
-                stiffness(
-                    actuator, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures
+                actuator.stiffness(
+                    length[..., i] - closed[..., i],
+                    forces[..., i],
+                    fluid,
+                    supply,
+                    areas=(a1, a2),
+                    stroke=stroke[..., i],
                 )
             )
         return np.stack(oil, axis=-1)

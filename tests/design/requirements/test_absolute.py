@@ -22,8 +22,9 @@ from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import Check, check, digging_forces
 from armdesign.design.requirements.settings import Clearance, Lift, Outline, Speed
 from armdesign.errors import MachineFileError
-from armdesign.hydraulics.actuator import barrel_ratio, estimated_mass
+from armdesign.hydraulics.barrel import barrel_ratio
 from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
+from armdesign.hydraulics.cylinder_mass import estimated_mass
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, some_x, workspace_of
 from tests.machines import named

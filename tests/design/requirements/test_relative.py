@@ -16,7 +16,7 @@ from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.program.constraints import buckling_factor, limits
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.requirements.check import Check, check
-from armdesign.hydraulics.actuator import holding_force
+from armdesign.hydraulics.chamber_pressures import holding_force
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.machines import named
 from tests.reference_planar import Reference
