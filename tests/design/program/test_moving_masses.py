@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.design.program.test_dynamics import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
@@ -25,6 +24,7 @@ from armdesign.design.requirements.settings import Lift
 from armdesign.design.search.sequential_sdp import Search, hertz
 from tests.checks import assert_same
 from tests.design.designs import as_machine, solved, some_x
+from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, Function, Joint, build, named
 
 

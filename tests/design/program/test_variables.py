@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.design.program.test_dynamics import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -23,6 +22,7 @@ from armdesign.design.search.canonical_pins import settled
 from armdesign.design.search.sequential_sdp import Search, hertz
 from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
+from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, Function, Joint, build, named
 
 SIZES = {

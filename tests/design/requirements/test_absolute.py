@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.design.program.test_dynamics import slopes
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -27,6 +26,7 @@ from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_loa
 from armdesign.hydraulics.cylinder_mass import estimated_mass
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, some_x, workspace_of
+from tests.design.program.test_dynamics import slopes
 from tests.machines import named
 from tests.reference_planar import Reference
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from tests.design.program.test_dynamics import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
@@ -19,6 +18,7 @@ from armdesign.design.search.semidefinite import Step, dual_bound
 from armdesign.design.search.sequential_sdp import Search, hertz
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
+from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 
 STEEL = 210e9  # [Pa]

@@ -15,7 +15,6 @@ import cma
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
-from tests.design.program.test_dynamics import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
@@ -26,6 +25,7 @@ from armdesign.design.requirements.settings import Lift, Speed
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, as_machine, double, problem_of, solved, workspace_of
+from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 from tests.reference_planar import Reference
 
