@@ -38,12 +38,12 @@ from armdesign.arrays import Array
 from armdesign.design.program.constraints import Stepped, holding_rows, limits
 from armdesign.design.program.design_vector import RANGE_POSES, Geometry
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.program.fixed_pins import inverse_root, lowest
+from armdesign.design.program.fixed_pins import lowest
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.relative import conditions, static_loads_held
 from armdesign.design.search.multistart import MISSED
-from armdesign.design.search.sequential_sdp import hertz
+from armdesign.frequency.modes import hertz, inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
@@ -169,7 +169,7 @@ class Judge:
             problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, forces)
             + slope
         )
-        lower = problem._inverse_cholesky if problem.own is None else inverse_root(mass)
+        lower = problem._inverse_cholesky if problem.own is None else inverse_cholesky(mass)
         frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
         judged = [*conditions(new, frame), *static_loads_held(new, frame, forces[None])]
         room = np.array([c.room[0].real.min() for c in judged])

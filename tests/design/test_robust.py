@@ -17,8 +17,9 @@ from armdesign import Requirements, Workspace
 from armdesign.design.catalogue.sizes import sized
 from armdesign.design.program.constraints import limits
 from armdesign.design.requirements.check import check
-from armdesign.design.search.sequential_sdp import hertz
-from armdesign.frequency.bands import scaled_links, worst_within
+from armdesign.frequency.bands import worst_within
+from armdesign.frequency.cases import scaled_links
+from armdesign.frequency.modes import hertz
 from armdesign.report.designs import design_sheets, pareto_sheet
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.machines import named

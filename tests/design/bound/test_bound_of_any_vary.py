@@ -22,7 +22,8 @@ from armdesign.design.bound.lagrangian import Dual, drives
 from armdesign.design.catalogue import branch_and_bound as selection
 from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from armdesign.report.designs import design_sheets
 from tests.design.designs import problem_of
 from tests.machines import named

@@ -17,7 +17,8 @@ from armdesign.design.bound.certificate import CLOSE, COARSE, FINE, upper_bound
 from armdesign.design.bound.lagrangian import Dual, Prices, drives
 from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from tests.design.designs import as_machine, problem_of, solved, workspace_of
 from tests.machines import BOOM, FOLD, LIFT, STICK, build, named, redundant
 

@@ -21,9 +21,9 @@ from armdesign.design.catalogue.branch_and_bound import select
 from armdesign.design.catalogue.separable import choices
 from armdesign.design.catalogue.sizes import read_sizes, sized, sizes_of
 from armdesign.design.requirements.check import check, slacks, static_loads
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
-from armdesign.frequency.modes import lowest_frequency
+from armdesign.frequency.modes import hertz, lowest_frequency
 from armdesign.units import mm
 from tests.design.designs import MACHINES, double, single, workspace_of
 from tests.design.requirements.test_absolute import EVERYTHING

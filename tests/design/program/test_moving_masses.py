@@ -21,7 +21,8 @@ from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.requirements.check import static_loads
 from armdesign.design.requirements.settings import Lift
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
 from tests.design.designs import as_machine, solved, some_x
 from tests.design.program.test_dynamics import slopes, true_frequencies

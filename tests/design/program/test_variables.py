@@ -19,7 +19,8 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.variables import chosen, key_of
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import settled
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
 from tests.design.program.test_dynamics import slopes, true_frequencies

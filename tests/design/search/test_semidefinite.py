@@ -15,8 +15,9 @@ from armdesign import ArmDesignError, Requirements, Workspace
 from armdesign.design.program.constraints import limits, relaxation
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.search.semidefinite import Step, dual_bound
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
 from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
