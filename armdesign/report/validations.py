@@ -18,7 +18,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
 
     What failed is told below the table.
     """
-    from armdesign.simulation.validation import AGREES, Failure, Run
+    from armdesign.simulation.sweeps import AGREES, Failure, Run
 
     rough = any(
         run.with_friction for validation in validations.values() for run in validation.runs
@@ -69,7 +69,7 @@ def validation_sheet(validations: dict[str, Validation]) -> Sheet:
 
 def verdict(validations: Sequence[Validation]) -> str:
     """How many sweeps of how many there are agree, what is said of the others, and how far off they are."""
-    from armdesign.simulation.validation import Run
+    from armdesign.simulation.sweeps import Run
 
     runs = [run for validation in validations for run in validation.runs]
     remarks = Counter(run.remark for run in runs)

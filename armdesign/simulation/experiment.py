@@ -20,8 +20,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.frequency.modes import natural_modes
-from armdesign.hydraulics.actuator import Fluid, kind
-from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import Step, SweptSine, SymmetricCommand, SymmetricValve
 from armdesign.simulation.identification.modal_fit import (
@@ -328,7 +327,7 @@ def _refuse_limits(plant: Plant, equilibrium: Array) -> None:
     places = plant.evaluate(equilibrium[None], np.zeros((1, plant.nc))).extensions[0].tolist()
     supply = plant.machine.supply
     for cylinder, place, pressure in zip(plant.machine.actuators, places, pressures, strict=True):
-        part = f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}"
+        part = f"{plant.machine.name}: {cylinder.name} {cylinder.kind}"
         relief, end = cylinder.relief(supply), min(place, cylinder.stroke - place)
         leaks = cylinder.valve is not None and cylinder.valve.leaks
         # Behind a valve that leaks the flow makes the pressure, too.

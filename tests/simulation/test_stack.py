@@ -48,9 +48,7 @@ def alone(
 ) -> list[np.ndarray | GaveUpError]:
     """Cases whose rates may jump at any time."""
     breaks, pace = [Breaks()] * len(start), Pace(omegas, omegas)
-    return integrate(
-        system, start, Span(durations, counts), pace, breaks, tolerance, most_steps
-    )
+    return integrate(system, start, Span(durations, counts), pace, breaks, tolerance, most_steps)
 
 
 def oscillator(omega: float, damping: float = 0.0) -> list[list[float]]:

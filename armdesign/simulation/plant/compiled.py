@@ -2,7 +2,7 @@
 
 A right-hand side evaluated ten thousand times costs numpy fifty small arrays each time; as machine
 code it costs as much as its arithmetic. What is compiled reads as plain Python, loops over cases
-and cylinders included. The laws of ``fluid`` and ``valve`` are compiled as they are.
+and cylinders included. The laws of ``fluid``, ``friction`` and ``valve`` are compiled as they are.
 
 Compiled code is kept in files that each hold one function for one set of argument types, sealed
 with a digest: a file that is damaged, half written or cannot be read is left aside, and the
@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from armdesign import units
 from armdesign import user_folders as folders
 from armdesign.errors import printable
-from armdesign.hydraulics import fluid, valve
+from armdesign.hydraulics import fluid, friction, valve
 
 F = TypeVar("F", bound=Callable[..., object])
 Record: TypeAlias = np.record  # of a structured array: fields are attributes
@@ -41,7 +41,7 @@ Records: TypeAlias = NDArray[np.record]
 
 HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation
 
-for module in (fluid, valve):
+for module in (fluid, friction, valve):
     for law in vars(module).values():
         if isinstance(law, FunctionType) and law.__module__ == module.__name__:
             register_jitable(law)
@@ -66,6 +66,11 @@ def resolved(function: F, *arguments: object) -> F:
     if not hasattr(dispatcher, "compile"):  # numba is switched off
         return function
     return cast(F, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+
+
+def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Records:
+    """Records of zeros."""
+    return cast(Records, np.zeros(shape, dtype))
 
 
 class _Kept(NullCache):
@@ -130,11 +135,11 @@ def _folders() -> tuple[tuple[Path, ...], Path | None]:
     Their name says all that may be compiled, so that what is in them cannot be older than any of
     it.
     """
-    sources = [Path(module.__file__ or "") for module in (fluid, units, valve)]
+    sources = [Path(module.__file__ or "") for module in (fluid, friction, units, valve)]
     texts = (source.read_bytes() for source in [*sources, *sorted(HERE.rglob("*.py"))])
     name = f"compiled-{hashlib.sha256(b''.join(texts)).hexdigest()[:12]}"
     chosen, readable = str(cast(Any, numba.config).CACHE_DIR), list[Path]()
-    places = [(Path(chosen), None)] if chosen else []
+    places: list[tuple[Path, Path | None]] = [(Path(chosen), None)] if chosen else []
     places += [(HERE / "__pycache__", HERE), *((place, None) for place in folders.of_user())]
     for place, programs in places:
         try:

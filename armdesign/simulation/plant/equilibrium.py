@@ -15,13 +15,9 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import PoseError, SimulationError
-from armdesign.hydraulics.actuator import (
-    BELOW_RELIEF,
-    Actuator,
-    Motor,
-    Supply,
-    preloaded_pressures,
-)
+from armdesign.hydraulics.actuator import Actuator, Motor
+from armdesign.hydraulics.chamber_pressures import BELOW_RELIEF, preloaded_pressures
+from armdesign.hydraulics.supply import Supply
 from armdesign.machine.poses import Poses
 from armdesign.simulation.plant.balance import PortLaw, balance
 from armdesign.simulation.plant.hydraulics import pump_flow

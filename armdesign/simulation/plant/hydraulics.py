@@ -18,19 +18,12 @@ from dataclasses import fields
 import numpy as np
 
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.actuator import Actuator, kind
+from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.fluid import bulk_modulus
-from armdesign.hydraulics.valve import (
-    RELIEF_SHARE,
-    Friction,
-    Valve,
-    edge_opening,
-    friction_force,
-    in_series,
-    orifice_flow,
-)
+from armdesign.hydraulics.friction import Friction, friction_force
+from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, compiled
+from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
 from armdesign.units import bar
 
 VAPOUR_PRESSURE = -0.7 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
@@ -95,7 +88,7 @@ def actuators_of(machine: Machine) -> Records:
     Raises:
         SimulationError: one has no valve.
     """
-    records = np.zeros(len(machine.actuators), ACTUATOR)
+    records = new_records(len(machine.actuators), ACTUATOR)
     for row, actuator in zip(records, machine.actuators, strict=True):
         valve = _valve_of(machine, actuator)
         for name in _ACTUATOR:
@@ -144,7 +137,7 @@ def _set_holding(row: Record, actuator: Actuator) -> None:
 
 def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
     if actuator.valve is None:
-        part = f"{machine.name}: {kind(actuator)}.{actuator.name}.valve"
+        part = f"{machine.name}: {actuator.kind}.{actuator.name}.valve"
         raise SimulationError(
             part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
         )
@@ -153,7 +146,7 @@ def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
 
 def system_of(machine: Machine) -> Records:
     """Oil and pump () as a record ``SYSTEM``."""
-    record = np.zeros((), SYSTEM)
+    record = new_records((), SYSTEM)
     record["bulk_modulus"], record["air"] = machine.fluid.bulk_modulus, machine.fluid.air
     for name in ("pressure", "return_pressure", "flow", "cut_off", "flow_limited"):
         record[name] = getattr(machine.supply, name)
@@ -275,7 +268,9 @@ def piston_speed(
 @compiled
 def friction(actuator: Record, speed: float) -> float:
     """Friction of all parallel cylinders [N] against the rate of their pin-to-pin length [m/s]."""
-    return actuator.count * friction_force(actuator, speed) if actuator.rubs else 0.0
+    if not actuator.rubs:
+        return 0.0
+    return actuator.count * friction_force(actuator, speed)  # type: ignore[arg-type]
 
 
 @compiled

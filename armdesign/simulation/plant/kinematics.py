@@ -22,9 +22,11 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.linkage import Gear, Linkage, Pin
+from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.four_bar import FourBar
+from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
-from armdesign.simulation.plant.compiled import Record, Records, compiled
+from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
 from armdesign.units import GRAVITY
 
@@ -39,11 +41,12 @@ JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine 
     align=True,
 )
 PIN = np.dtype([("frame", "i8"), ("at", "f8", 3)], align=True)  # of a joint; −1: the world
+GEAR, FOUR_BAR = Gear.number, FourBar.number
 DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that it turns
     [
-        ("gear", "i8"),  # −1: a cylinder
-        ("four_bar", "?"),
-        *((name, PIN) for name in ("base", "far", "pivot")),  # far: rod end or lug
+        ("kind", "i8"),  # the ``number`` of its class
+        ("joint", "i8"),
+        *((name, PIN) for name in ("base_pin", "far_pin", "pivot_pin")),  # far: rod end or lug
         *((name, "f8", 3) for name in ("right", "up")),
         *((name, "f8") for name in ("rocker", "coupler", "side", "closed_length")),
         *((name, "f8") for name in ("barrel_mass", "rod_mass", "rocker_mass", "coupler_mass")),
@@ -103,8 +106,8 @@ def new_pin_motion(nq: int) -> PinMotion:
 
 def joints_of(arm: Arm) -> Records:
     """Joints (nq,) as records ``JOINT``."""
-    records = np.zeros(len(arm.joints), JOINT)
-    for row, joint, following in zip(records, arm.joints, arm._order, strict=True):
+    records = new_records(len(arm.joints), JOINT)
+    for row, joint, following in zip(records, arm.joints, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute
         row["translation"], row["axis"] = joint.translation, joint.axis
         row["constant"], row["sine"], row["cosine"] = _turn(joint)
@@ -126,29 +129,18 @@ def _turn(joint: Joint) -> tuple[Array, Array, Array]:
 
 def drives_of(machine: Machine) -> Records:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
-    records = np.zeros(len(machine.actuators), DRIVE)
+    records = new_records(len(machine.actuators), DRIVE)
     for row, actuator, drive in zip(records, machine.actuators, machine.drives, strict=True):
-        row["gear"] = drive.joint if isinstance(drive, Gear) else -1
-        if isinstance(drive, Linkage):
-            _set_linkage(row, drive)
+        for field, value in drive.record().items():
+            if isinstance(value, Pin):
+                row[f"{field}_pin"] = _pin(machine.arm, value)
+            else:
+                row[field] = value
         if isinstance(actuator, Cylinder):
             row["closed_length"] = actuator.closed_length
             for name, mass in actuator.moving_masses.items():
                 row[f"{name}_mass"] = mass
     return records
-
-
-def _set_linkage(row: Record, linkage: Linkage) -> None:
-    bars, arm = linkage.four_bar, linkage.arm
-    far = bars.lug if bars else linkage.rod_end
-    assert far is not None
-    row["base"], row["far"], row["pivot"]["frame"] = _pin(arm, linkage.base), _pin(arm, far), -1
-    row["four_bar"] = bars is not None
-    if bars:
-        row["pivot"] = _pin(arm, bars.pivot)
-        rotation = arm.links[bars.pivot.link].rotation
-        row["right"], row["up"] = rotation[:, 0], rotation[:, 2]
-        row["rocker"], row["coupler"], row["side"] = bars.rocker, bars.coupler, bars.side
 
 
 def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
@@ -319,12 +311,12 @@ def place_drive(
 ) -> tuple[float, Vector]:
     """Length of a cylinder and its vector from base pin to rod end; its ``PinMotion`` is written."""
     slope, coriolis = pins.slope, pins.coriolis
-    at, frame = _position(drive.base, frames), drive.base.frame
+    at, frame = _position(drive.base_pin, frames), drive.base_pin.frame
     base = _moved(joints, frames, speed, frame, at, True, slope[BASE])
-    at, frame = _position(drive.far, frames), drive.far.frame
+    at, frame = _position(drive.far_pin, frames), drive.far_pin.frame
     far = _moved(joints, frames, speed, frame, at, True, slope[FAR])
     end = far
-    if drive.four_bar:
+    if drive.kind == FOUR_BAR:
         end = _place_four_bar(drive, joints, frames, speed, far, pins)
     else:
         slope[END] = slope[FAR]
@@ -344,8 +336,8 @@ def _place_four_bar(
     drive: Record, joints: Records, frames: Frames, speed: Array, lug: Moving, pins: PinMotion
 ) -> Moving:
     """The knee of a four-bar; slopes of pivot, plane and knee are written."""
-    frame, slope = drive.pivot.frame, pins.slope
-    at = _position(drive.pivot, frames)
+    frame, slope = drive.pivot_pin.frame, pins.slope
+    at = _position(drive.pivot_pin, frames)
     pivot = _moved(joints, frames, speed, frame, at, True, slope[PIVOT])
     along = _direction(frame, drive.right, frames)
     right = _moved(joints, frames, speed, frame, along, False, slope[RIGHT])
@@ -393,7 +385,7 @@ def add_bars(
     _write(coriolis, ROD, plus(_vector(coriolis, END), along[2], -1.0))
     _add_bar(drive.barrel_mass, BASE, BARREL, pins, mass, force)
     _add_bar(drive.rod_mass, ROD, END, pins, mass, force)
-    if drive.four_bar:
+    if drive.kind == FOUR_BAR:
         _add_bar(drive.rocker_mass, PIVOT, END, pins, mass, force)
         _add_bar(drive.coupler_mass, END, FAR, pins, mass, force)
 

@@ -37,6 +37,7 @@ from armdesign.simulation.plant.hydraulics import (
     system_of,
 )
 from armdesign.simulation.plant.kinematics import (
+    GEAR,
     BarLoads,
     Frames,
     PinMotion,
@@ -311,10 +312,10 @@ def _place_actuator(
 ) -> float:
     """Length of a cylinder [m] or angle of a motor [rad]; moment arms and bars are written."""
     nq = len(joints)
-    if drive.gear >= 0:
+    if drive.kind == GEAR:
         pins.arm[:] = 0.0
-        pins.arm[drive.gear] = 1.0
-        return state[drive.gear]
+        pins.arm[drive.joint] = 1.0
+        return state[drive.joint]
     speed = state[nq : 2 * nq]
     length, span = place_drive(drive, joints, frames, speed, pins)
     if len(bars.mass):
