@@ -1,7 +1,8 @@
-"""Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
+"""Where in its workspace is each shipped machine's lowest frequency, and which cylinder limits?
 
-At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest
-cylinder limits ≥ 86 %.
+At 0.910 Hz the 20 t excavator, boom up; on every machine one cylinder limits ≥ 86 % of the poses.
+
+The 20 t excavator's bucket is full and curled there; the limiting cylinder is the lowest one.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ OUT = Path("out") / "01_baseline_map"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes
-    coarse grids.
+    """Worst pose, median and limiting cylinder of every machine, and the maps.
+
+    ``fast`` takes coarse grids.
     """
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
@@ -44,9 +46,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with every machine's map, figures of it and of the static
-    pressures.
-    """
+    """Print the table; save it with every machine's map, and figures of map and pressures."""
     from armdesign import plots
 
     table, maps = run()

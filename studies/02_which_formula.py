@@ -1,7 +1,8 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
-The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up to +5
-%, at worst +36 %.
+Rigid load: ×2.85 to ×4.2 in the median, at most ×23; one cylinder alone: +5 %, at most +36 %.
+
+The largest error of the rigid load is at an upright boom, whose static load vanishes.
 """
 
 from __future__ import annotations
@@ -20,16 +21,15 @@ FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static loa
 
 
 def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
-    """What a formula says of every pose, its lowest over the cylinders, over the lowest coupled
-    frequency.
-    """
+    """A formula's frequency of every pose, lowest over cylinders, over the lowest coupled one."""
     names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
     return found.frame[names].min(axis=1) / found.frame["f1_hz"]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Median and worst ratio of both formulas on every machine, and the maps; ``fast`` takes
-    coarse grids.
+    """Median and worst ratio of both formulas on every machine, and the maps.
+
+    ``fast`` takes coarse grids.
     """
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
@@ -56,9 +56,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table, save it with the share of joint space in which each formula is off by how
-    much.
-    """
+    """Print the table; save it with the distribution of each formula's error in joint space."""
     from armdesign import plots
 
     table, maps = run()

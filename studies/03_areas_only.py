@@ -1,8 +1,8 @@
-"""How far do new bores and rods alone, with all pins where they are, raise every machine's lowest
-frequency?
+"""How much do new bores and rods alone raise every machine's lowest frequency, pins as today?
 
-By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is
-found by 0.9 %.
+By at most +8.2 % (loader crane), +5.5 % (20 t); no sizes exceed the answers by more than 0.9 %.
+
+A machine with one joint gains nothing.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ OUT = Path("out") / "03_areas_only"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Gain of new sizes on every machine, and what no sizes exceed; ``fast`` takes coarse
-    grids.
+    """Gain of new sizes on every machine with its bound, and the designs.
+
+    ``fast`` takes coarse grids.
     """
     designs = {}
     for name in shipped():

@@ -1,9 +1,9 @@
-"""What does a design cost and gain that is made for the worst of payload, air and oil on the 20 t
-excavator?
+"""What does a 20 t excavator designed for uncertain payload, air and oil gain, and what lose?
 
-Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the
-optimum for the file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser
-grids).
+Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % at the file's values.
+
+The design for the file's values keeps little of its own +38 % in the worst case: +2 %, up to
++15 % on coarser grids.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ OUT = Path("out") / "06_robust"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Frequency bands of today's machine and of both optima; ``fast`` takes a coarse grid and one
-    start.
+    """Frequency bands of today's machine and of both optima.
+
+    ``fast`` takes a coarse grid and one start.
     """
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
@@ -52,9 +53,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 
 def main() -> None:
-    """Print the table; save it with a figure of the bands and the moment arms of the robust
-    design.
-    """
+    """Print the table; save it with figures of the bands and the robust moment arms."""
     from armdesign import plots
 
     table, designs = run()
@@ -63,21 +62,10 @@ def main() -> None:
     table.to_csv(OUT / "bands.csv")
     fig, (ax,) = plots.figure(1, 6.4, 3.2)
     for place, row in enumerate(table.itertuples()):
-        ax.plot(
-            [row.least_hz, row.greatest_hz],
-            [place, place],
-            "-",
-            lw=6,
-            color=plots.COMPUTED,
-            alpha=0.5,
-        )
-        ax.plot(
-            row.file_hz,
-            place,
-            "o",
-            color=plots.INK,
-            label="_nolegend_" if place else "as in the file",
-        )
+        ends = [row.least_hz, row.greatest_hz]
+        ax.plot(ends, [place, place], "-", lw=6, color=plots.COMPUTED, alpha=0.5)
+        label = "_nolegend_" if place else "at the file's values"
+        ax.plot(row.file_hz, place, "o", color=plots.INK, label=label)
     ax.set(
         yticks=range(len(table)),
         yticklabels=table.index,

@@ -1,9 +1,9 @@
-"""Do bigger cylinders on the 20 t excavator buy more frequency than they cost in joint speed, or
-do new pins?
+"""Do bigger cylinders or new pins raise frequency more than they lower joint speed (20 t)?
 
-Bores do not: frequency² × speed stays within 0.1 % of today's if dead volumes grow along (20 %
-more oil: +12 % if they are fixed). At today's oil the best new sizes make it ×1.11, new pins and
-sizes ×1.92.
+Pins: at today's oil frequency² × speed becomes ×1.92, by the best new sizes alone ×1.11.
+
+Bigger bores do not: it stays within 0.1 % of today's if dead volumes grow in proportion; 20 % more
+oil gives +12 % if they are fixed.
 """
 
 from __future__ import annotations
@@ -16,12 +16,7 @@ import pandas as pd
 import armdesign as ad
 
 MACHINE = "excavator_20t"
-OIL = (
-    0.9,
-    1.0,
-    1.1,
-    1.2,
-)  # swept oil over today's: at the pump's flow joint speeds are its inverse
+OIL = (0.9, 1.0, 1.1, 1.2)  # swept oil over today's; joint speeds at pump flow are its inverse
 THRUST = 2.0  # over today's: as good as no limit, so that cylinders may grow
 CASES = {"cylinders": ("areas",), "pins too": ("areas", "pins")}
 PROPORTIONS = {"all bores, dead volumes too": True, "all bores, dead volumes fixed": False}
@@ -29,8 +24,9 @@ OUT = Path("out") / "07_speed_frequency"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
-    """Worst frequency against oil for both cases, all areas in proportion beside them; ``fast``: a
-    coarse grid.
+    """Worst frequency against oil: both cases, and all areas in proportion.
+
+    ``fast`` takes a coarse grid.
     """
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=7 if fast else None)
@@ -74,9 +70,7 @@ def scaled(
 
 
 def main() -> None:
-    """Print the table; save it with a figure of frequency and of frequency² × speed against
-    oil.
-    """
+    """Print the table; save it with figures of frequency, and frequency² × speed, against oil."""
     from armdesign import plots
 
     table, found = run()
@@ -90,9 +84,7 @@ def main() -> None:
         right.plot(oil, rows["squared_times_speed"], "o-", label=str(case))
     right.axhline(1.0, ls="--", color=plots.INK)
     right.set(
-        xlabel="swept oil, over today's",
-        ylabel="frequency² × joint speed, over today's",
-        ylim=(0, None),
+        xlabel="oil volume / today's", ylabel="frequency² × joint speed / today's", ylim=(0, None)
     )
     right.legend(frameon=False)
     plots.save(fig, OUT / "trade_off.png")
