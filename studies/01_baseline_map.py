@@ -1,8 +1,6 @@
 """Where in its workspace is each shipped machine's lowest frequency, and which cylinder limits?
 
-At 0.910 Hz the 20 t excavator, boom up; on every machine one cylinder limits ≥ 86 % of the poses.
-
-The 20 t excavator's bucket is full and curled there; the limiting cylinder is the lowest one.
+At 0.910 Hz the 20 t excavator, boom up; on every machine its lowest cylinder limits ≥ 86 %.
 """
 
 from __future__ import annotations
@@ -18,10 +16,7 @@ OUT = Path("out") / "01_baseline_map"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Worst pose, median and limiting cylinder of every machine, and the maps.
-
-    ``fast`` takes coarse grids.
-    """
+    """Worst pose, median, limiting cylinder of every machine, and the maps; ``fast``: coarse."""
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -46,7 +41,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with every machine's map, and figures of map and pressures."""
+    """Print the table; save it with every machine's map and static pressures drawn."""
     from armdesign import plots
 
     table, maps = run()

@@ -1,8 +1,7 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
-Rigid load: ×2.85 to ×4.2 in the median, at most ×23; one cylinder alone: +5 %, at most +36 %.
-
-The largest error of the rigid load is at an upright boom, whose static load vanishes.
+Rigid load: ×2.85 to ×4.2 in the median, at most ×23 (boom upright); one cylinder alone: +5 % in
+the median, at most +36 %.
 """
 
 from __future__ import annotations
@@ -21,16 +20,13 @@ FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static loa
 
 
 def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
-    """A formula's frequency of every pose, lowest over cylinders, over the lowest coupled one."""
+    """Lowest frequency of a formula over the lowest coupled one, pose by pose."""
     names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
     return found.frame[names].min(axis=1) / found.frame["f1_hz"]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Median and worst ratio of both formulas on every machine, and the maps.
-
-    ``fast`` takes coarse grids.
-    """
+    """Median and worst ratios on every machine, and the maps; ``fast`` takes coarse grids."""
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -56,7 +52,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with the distribution of each formula's error in joint space."""
+    """Print the table; save it with each formula's error over the share of joint space."""
     from armdesign import plots
 
     table, maps = run()
@@ -66,12 +62,8 @@ def main() -> None:
     fig, axes = plots.figure(len(FORMULAS), 6.0, 4.2)
     for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
         for name, found in maps.items():
-            percents = np.linspace(0, 100, 501)
-            ax.plot(
-                percents,
-                percentiles(ratios(found, formula).to_numpy(), found.weights, percents),
-                label=name,
-            )
+            percents, values = np.linspace(0, 100, 501), ratios(found, formula).to_numpy()
+            ax.plot(percents, percentiles(values, found.weights, percents), label=name)
         ax.set(xlabel="share of joint space [%]", title=title)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("formula / lowest coupled frequency")

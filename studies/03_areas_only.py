@@ -1,8 +1,7 @@
 """How much do new bores and rods alone raise every machine's lowest frequency, pins as today?
 
-By at most +8.2 % (loader crane), +5.5 % (20 t); no sizes exceed the answers by more than 0.9 %.
-
-A machine with one joint gains nothing.
+By at most +8.2 % (loader crane), +5.5 % (20 t), nothing with one joint; no sizes exceed the
+answers by more than 0.9 %.
 """
 
 from __future__ import annotations
@@ -18,10 +17,7 @@ OUT = Path("out") / "03_areas_only"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Gain of new sizes on every machine with its bound, and the designs.
-
-    ``fast`` takes coarse grids.
-    """
+    """Gain of new sizes on every machine, and what no sizes exceed; ``fast``: coarse grids."""
     designs = {}
     for name in shipped():
         machine = ad.load(name)

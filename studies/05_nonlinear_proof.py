@@ -16,10 +16,7 @@ OUT = Path("out") / "05_nonlinear_proof"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
-    """All sweeps of both machines under every payload.
-
-    ``fast`` takes a coarse grid and one start.
-    """
+    """All sweeps of both machines under every payload; ``fast``: coarse grid, one start."""
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     design = ad.optimize(machine, workspace, starts=1 if fast else 3)
@@ -30,12 +27,14 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
         for label, version in (("today", machine), ("new", design.machine))
         for payload in machine.payloads
     }
-    frames = [one.frame.assign(machine=label.split(",")[0]) for label, one in validations.items()]
+    frames = [
+        found.frame.assign(machine=label.split(",")[0]) for label, found in validations.items()
+    ]
     return pd.concat(frames, ignore_index=True), validations
 
 
 def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
-    """Lowest frequencies and largest deviations, at both amplitudes, of each machine and load."""
+    """Lowest linear frequency, gain, largest deviations at full and half amplitude, by load."""
     half = sweeps.index % 2 == 1
     columns = {
         "lowest_hz": sweeps["linear_hz"],
@@ -59,7 +58,7 @@ def main() -> None:
     print(sweeps["remark"].value_counts().to_string())
     OUT.mkdir(parents=True, exist_ok=True)
     sweeps.to_csv(OUT / "sweeps.csv", index=False)
-    worst = {label: one.by_pose["worst"] for label, one in validations.items()}
+    worst = {label: found.by_pose["worst"] for label, found in validations.items()}
     plots.save(plots.frequency_responses(worst), OUT / "responses.png")
 
 

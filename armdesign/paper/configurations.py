@@ -70,10 +70,7 @@ class Mechanism:
     def of(cls, machine: Machine, load_mass: Any, link_length: Any) -> Mechanism:
         """The mechanism of a machine like ``paper_1dof``, under loads other than its own."""
         cylinder, linkage = machine.cylinders[0], machine.linkages[0]
-        assert (
-            linkage.rod_end is not None
-        )  # for the type checker: it sits on the link, not on a knee
-        base, rod_end = np.array(linkage.base.at), np.array(linkage.rod_end.at)
+        base, rod_end = (np.array(linkage.place(pin)) for pin in ("base", "rod_end"))
         cap, annulus = cylinder.volumes(
             machine.at(np.zeros(1)).lengths[0, 0] - cylinder.closed_length
         )

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
 from armdesign.paper.mechanism import joint_inertia, moment_arm
-from armdesign.paper.rigid_load import hertz, spring_stiffness
+from armdesign.paper.rigid_load import spring_stiffness
 from armdesign.units import GRAVITY
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError
+from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
 from armdesign.units import GRAVITY
 
@@ -160,8 +161,3 @@ def spring_stiffness(
         )
         raise ArmDesignError(part, f"{missing} not given", remedy)
     return symmetric_stiffness(area=area, chamber_volume=chamber_volume, bulk_modulus=bulk_modulus)
-
-
-def hertz(squared: Any) -> Any:
-    """Frequency [Hz] of ω² [rad²/s²]; 0 where ω² < 0."""
-    return np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)
