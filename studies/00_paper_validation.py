@@ -44,7 +44,7 @@ def main() -> None:
     """Print the errors and save them with the frequencies, the errata, the scan and the paper's
     figures.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, found = run()
     print(table.to_string(float_format="{:.4g}".format))

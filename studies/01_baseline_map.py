@@ -47,7 +47,7 @@ def main() -> None:
     """Print the table; save it with every machine's map, figures of it and of the static
     pressures.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, maps = run()
     print(

@@ -59,7 +59,7 @@ def main() -> None:
     """Print the table, save it with the share of joint space in which each formula is off by how
     much.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, maps = run()
     print(table.to_string(float_format="{:.2f}".format))

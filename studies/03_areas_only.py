@@ -45,7 +45,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 def main() -> None:
     """Print the table; save it with a figure of the gains."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, designs = run()
     print(table.to_string(formatters={"gain": "{:+.1%}".format, "gap": "{:.2%}".format}))

@@ -55,7 +55,7 @@ def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
 
 def main() -> None:
     """Print the table, save it with every sweep and the measured responses of the worst poses."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     sweeps, validations = run()
     table = summary(sweeps)

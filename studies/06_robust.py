@@ -55,7 +55,7 @@ def main() -> None:
     """Print the table; save it with a figure of the bands and the moment arms of the robust
     design.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, designs = run()
     print(table.to_string(float_format="{:.3f}".format))

@@ -77,7 +77,7 @@ def main() -> None:
     """Print the table; save it with a figure of frequency and of frequency² × speed against
     oil.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, found = run()
     print(table.to_string(float_format="{:.3f}".format))

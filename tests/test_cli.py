@@ -515,7 +515,7 @@ def test_a_failed_write_leaves_the_old_files(
     """The CSV is written, then the second picture fails: neither is there, the files of the last
     run are.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -532,7 +532,8 @@ def test_a_failed_write_leaves_the_old_files(
 
 WAITING = """
 import sys, time
-from armdesign import cli, maps, plots
+from armdesign import cli, plots
+from armdesign.frequency import maps
 def wait(*_, **__):
     print("ready", flush=True)
     time.sleep(60)

@@ -163,7 +163,7 @@ class Design:
 
         Returns the figure.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.before_after(self, plane)
 

@@ -271,7 +271,7 @@ class FrequencyMap:
 
         Returns the axes.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.frequency_map(self, ax, plane, **limits)
 

@@ -15,11 +15,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import arrays
+from armdesign import arrays, plots
 from armdesign.arrays import chunks, percentiles, shown
 from armdesign.frequency.modes import energy_shares, lowest_frequency
 from armdesign.frequency.workspace import nearest, onto_pitch_limit, tipping_joints
-from armdesign.plots import drawing as plots
 from tests import machines
 from tests.reference_planar import Reference
 
