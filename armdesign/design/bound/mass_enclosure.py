@@ -21,8 +21,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.program.constraints import SLACK
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
@@ -232,7 +232,7 @@ def barred(problem: Problem) -> list[Barred] | None:
 
     None where a four-bar moves whose pivot is not on the base pin's link.
     """
-    own, found = problem.own, []
+    own, found = problem.vector.moving_masses, []
     for i, names in own.bars.items() if own else ():
         today, four_bar = problem.machine.cylinders[i], problem.machine.linkages[i].four_bar
         sections = {
@@ -244,8 +244,12 @@ def barred(problem: Problem) -> list[Barred] | None:
                 return None
             sections |= {bar: getattr(four_bar, bar) for bar in BARS}
         weigh = {name: today.moving_masses[name] / sections[name] for name in names}
-        low, high = (problem.areas(end)[i] for end in problem.bounds)
-        most = problem.requirements.thrust_share * (1 + SLACK) * problem.areas_today[i, 0]
+        low, high = (problem.vector.areas(end)[i] for end in problem.bounds)
+        most = (
+            problem.requirements.thrust_share
+            * (1 + CONSTRAINT_TOLERANCE)
+            * problem.vector.areas_today[i, 0]
+        )
         found.append(
             Barred(
                 problem=problem,
@@ -260,7 +264,7 @@ def barred(problem: Problem) -> list[Barred] | None:
 
 def _moving(problem: Problem, i: int) -> bool:
     """Whether something of a cylinder's four-bar moves."""
-    return any(place in OF_FOUR_BAR for place, _ in problem.moves(i).values())
+    return any(place in OF_FOUR_BAR for place, _ in problem.vector.moves(i).values())
 
 
 def _boxes(problem: Problem, i: int) -> list[Box]:
@@ -270,10 +274,11 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
     """
     linkage, today = problem.machine.linkages[i], problem.machine.cylinders[i]
     low, high = problem.bounds
-    moves = problem.moves(i)
+    moves = problem.vector.moves(i)
     cut = [CUTS if place in PINS[:2] else 1 for place, _ in moves.values()]
     edges = [
-        np.linspace(low[v], high[v], n + 1) * problem.box for v, n in zip(moves, cut, strict=True)
+        np.linspace(low[v], high[v], n + 1) * problem.vector.pin_box
+        for v, n in zip(moves, cut, strict=True)
     ]
     found = []
     for chosen in itertools.product(*(range(n) for n in cut)):
@@ -287,7 +292,7 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
         closed = interval(today.closed_length)
         if moves:
             joint = linkage.joints[0]
-            end = problem.machine.ranges[joint][0 if problem.arms_today[i][0] > 0 else 1]
+            end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
             rigid = sweep(linkage.arm, joint, np.array([end]))
             closed = _jets(problem, i, rigid).span(pins).length[0]
         found.append(Box(pins, closed))
@@ -315,7 +320,7 @@ def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
     ends, four_bar = linkage.bars(rigid, 1.0), linkage.four_bar
     pins, places = (
         {"base": ends["barrel"][0], "rod_end": ends["rod"][1]},
-        {p for p, _ in problem.moves(i).values()},
+        {p for p, _ in problem.vector.moves(i).values()},
     )
     held = {place: linkage.pin(place) for place in places}
     if four_bar is not None and _moving(problem, i):

@@ -19,7 +19,7 @@ from armdesign.design.requirements.candidate import Condition, frame_of
 from armdesign.design.requirements.relative import conditions, static_loads_held
 from armdesign.machine.poses import static_forces
 
-TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
+CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
 
 

@@ -99,7 +99,9 @@ class Dynamics:
         """The design at x with a complex step along each entry."""
         return SteppedDesign(self.vector, x.copy())
 
-    def inertia_and_gravity(self, x: Array, rows: Rows, chosen: Array | slice) -> InertiaAndGravity:
+    def inertia_and_gravity(
+        self, x: Array, rows: Rows, chosen: Array | slice
+    ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of some rows at x, with masses that depend on x."""
         known = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
         moving = self.vector.moving_masses
@@ -153,9 +155,7 @@ class Dynamics:
         """Lowest coupled ω² of rows [rad²/s²] at x (all rows if None)."""
         return self.omega_squared_and_forces(x, rows)[0]
 
-    def omega_squared_and_forces(
-        self, x: Array, rows: Array | None = None
-    ) -> tuple[Array, Array]:
+    def omega_squared_and_forces(self, x: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Lowest coupled ω² (n,) [rad²/s²] and static forces (n, nc) [N] of rows at x, or all."""
         return self._of_all_rows(x) if rows is None else self._of_rows(x, rows)
 
@@ -169,7 +169,7 @@ class Dynamics:
             oil = self._oil(length, *self.vector.strokes(x), self.vector.areas(x), forces)
             return fixed.omega_squared(rows, oil), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
-        lower = self._inverse_roots(mass, rows)
+        lower = self.inverse_roots(mass, rows)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
     @cached_property
@@ -187,7 +187,7 @@ class Dynamics:
         """Today's lowest ω² [rad²/s²]."""
         return float(self.omega_squared(self.vector.start).min())
 
-    def _inverse_roots(self, mass: Array, rows: Array | slice) -> Array:
+    def inverse_roots(self, mass: Array, rows: Array | slice) -> Array:
         """L⁻¹ of M = L Lᵀ of rows: scales each matrix inequality."""
         if self.vector.moving_masses is None:
             return np.asarray(self._fixed_inverse_roots[rows])
@@ -245,7 +245,7 @@ class Dynamics:
         forces = static_forces(g.arm, gravity, at.areas[:, None, :, 0])
         lengths = at.closed[:, None], at.stroke[:, None]
         stiffness = self.actuator_stiffness(g, *lengths, at.areas[:, None], forces) + pull
-        lower = self._inverse_roots(mass[0].real, rows)
+        lower = self.inverse_roots(mass[0].real, rows)
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
 
@@ -265,7 +265,7 @@ class Dynamics:
             before = self.inertia_and_gravity(about, self.rows, rows)[0]
         if self.vector.moving_masses is not None:
             matrix = matrix - squared * (mass - before)
-        lower = self._inverse_roots(before, rows)
+        lower = self.inverse_roots(before, rows)
         return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
 
     def scaled_stiffness_chords(

@@ -175,9 +175,7 @@ class SteppedDesign:
     def _sensitivities(self, i: int, poses: RigidPoses) -> Iterator[tuple[int, Actuation]]:
         """Entries of x that move cylinder ``i``, each with its actuation's derivative."""
         moves = self.vector.moves(i)
-        return zip(
-            moves, self.linkages[i].sensitivities(poses, list(moves.values())), strict=True
-        )
+        return zip(moves, self.linkages[i].sensitivities(poses, list(moves.values())), strict=True)
 
     def _stepped_linkage(self, i: int, index: int) -> Linkage:
         """The linkage of cylinder ``i``, stepped along the entry of x that moves a place of it."""

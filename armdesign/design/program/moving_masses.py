@@ -102,13 +102,17 @@ class MovingMasses:
             np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
 
-    def units(self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses) -> InertiaAndGravity:
+    def units(
+        self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
         parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
 
-    def units_of(self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses) -> InertiaAndGravity:
+    def units_of(
+        self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """Those of the bars of one cylinder."""
         ends = linkage.bars(rigid, closed)
         parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]

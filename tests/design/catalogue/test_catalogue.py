@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_explicit_requirements import EVERYTHING
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -27,6 +26,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.units import mm
 from tests.design.designs import MACHINES, double, single, workspace_of
+from tests.design.requirements.test_absolute import EVERYTHING
 from tests.machines import named
 
 LOOSE = Requirements(oil_total_share=1.0, oil_each_share=1.6, thrust_share=1.6, holding_share=3.0)
