@@ -13,7 +13,7 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069
 
 
 def printable(text: str) -> str:
-    r"""A text in one line that no terminal takes for commands: ``\x1b`` as Python writes it."""
+    """The text with control characters as Python writes them, which no terminal obeys."""
     return CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
 
 

@@ -26,10 +26,11 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.multistart import Starts, met, multistart, posed
 from armdesign.design.search.refusal import not_written
 from armdesign.design.search.rounding import worst_on_poses, written
-from armdesign.design.search.sequential_sdp import PRICED, Search, hertz
+from armdesign.design.search.sequential_sdp import PRICED, Search
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.units import WORKSHOP

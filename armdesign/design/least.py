@@ -34,9 +34,10 @@ from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.multistart import MISSED, Starts, finished, met, multistart, posed
 from armdesign.design.search.rounding import worst_on_poses
-from armdesign.design.search.sequential_sdp import PRICED, Search, hertz
+from armdesign.design.search.sequential_sdp import PRICED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

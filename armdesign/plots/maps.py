@@ -22,7 +22,8 @@ from armdesign.plots.canvas import (
 )
 
 if TYPE_CHECKING:
-    from armdesign.frequency.maps import FrequencyMap, WorstPose
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"

@@ -23,9 +23,10 @@ from armdesign.design.bound.mass_enclosure import barred
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import contradicted
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 
 ROUNDS, AIRY = (
     6,

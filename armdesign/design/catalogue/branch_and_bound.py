@@ -14,7 +14,6 @@ and what is left is evaluated exactly.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -25,11 +24,13 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.separable import Choices
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.search.semidefinite import certificate, contradicted, programme
-from armdesign.design.search.sequential_sdp import hertz
 from armdesign.errors import InfeasibleError
-from armdesign.frequency.bands import Bands, scaled_links
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.modes import hertz, inverse_cholesky
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import Fluid, Supply
+from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.supply import Supply
 from armdesign.machine.machine import Machine
 
 ROWS = 16  # poses in one programme
@@ -114,11 +115,10 @@ def _loads(
     parts = []
     nc = len(frame.cylinders)
     closed = np.array([c.closed_length for c in frame.cylinders])
-    for payload, (load, links) in itertools.product(frame.payloads, masses):
-        case = frame.with_payload(payload.name)
-        rigid = scaled_links(workspace.rigid[case.holds(workspace.rigid)], links)
-        poses = replace(case, payload=replace(payload, mass=load * payload.mass)).evaluate(rigid)
-        inverse = np.linalg.inv(np.linalg.cholesky(poses.mass_matrix))
+    cases = (case for shares in masses for case in load_cases(frame, workspace, *shares))
+    for case in cases:
+        poses = case.evaluate()
+        inverse = inverse_cholesky(poses.mass_matrix)
         turned = np.swapaxes(inverse, 1, 2)
         arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]
         own = np.swapaxes(arms, 1, 2) @ (arms * oil[:, :, None])
@@ -407,15 +407,9 @@ class _Hunt:
 
 def _oil(offered: Choices, loads: Loads, fluid: Fluid, supply: Supply) -> list[Array]:
     """Oil stiffness of every size of each cylinder at every pose, (sizes, n) [N/m]."""
-    back = supply.return_pressure
     return [
         np.stack(
-            [
-                c.stiffness(
-                    loads.extension[:, i], loads.force[:, i], fluid, back, c.relief(supply)
-                )
-                for c in options
-            ]
+            [c.stiffness(loads.extension[:, i], loads.force[:, i], fluid, supply) for c in options]
         )
         for i, options in enumerate(offered.cylinders)
     ]

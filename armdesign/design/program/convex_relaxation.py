@@ -15,7 +15,7 @@ from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.relative import rod_area_factor
 from armdesign.errors import InfeasibleError
-from armdesign.hydraulics.actuator import euler_safety
+from armdesign.hydraulics.buckling import euler_safety
 
 CURVED = ("buckling", "clearance")  # not linear, and not below their tangents, in the areas
 

@@ -7,7 +7,6 @@ on the requirements. Derivatives are exact, see ``gradient.py``.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,12 +15,13 @@ import numpy as np
 
 from armdesign.arrays import Array, remembered
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.fixed_pins import FixedPins, inverse_root, lowest
+from armdesign.design.program.fixed_pins import FixedPins, lowest
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
-from armdesign.frequency.bands import Bands, scaled_links
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import stiffness
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 
@@ -75,15 +75,15 @@ class Dynamics:
 
     def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
         """Pairs of a pose and a load case at shares of the payload's and of the links' masses."""
-        rigid, parts = self.workspace.rigid, []
-        pairs = itertools.product(masses, self.vector.machine.payloads)
-        for k, ((load, links), payload) in enumerate(pairs):
-            case = self.vector.bare.with_payload(payload.name)
-            pose = np.flatnonzero(case.holds(rigid))
-            weighed = dataclasses.replace(payload, mass=load * payload.mass)
-            case = dataclasses.replace(case, payload=weighed)
-            loaded = case.loaded(scaled_links(rigid[pose], links))
-            parts.append((pose, np.full(len(pose), k), *loaded))
+        cases = [
+            case
+            for payload_share, link_share in masses
+            for case in load_cases(self.vector.bare, self.workspace, payload_share, link_share)
+        ]
+        parts = [
+            (case.indices, np.full(case.exists.sum(), k), *case.machine.loaded(case.rigid))
+            for k, case in enumerate(cases)
+        ]
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def row_coordinates(self, rows: Array) -> Array:
@@ -140,7 +140,7 @@ class Dynamics:
 
     def scaled_fixed_mass(self, x: Array, rows: Array) -> Array:
         """L⁻¹M₀L⁻ᵀ (n, nq, nq) of rows: M₀ without masses that depend on x, M = L Lᵀ with them."""
-        lower = inverse_root(self.inertia_and_gravity(x, self.rows, rows)[0])
+        lower = inverse_cholesky(self.inertia_and_gravity(x, self.rows, rows)[0])
         return np.asarray(lower @ self.rows.mass[rows] @ np.swapaxes(lower, 1, 2))
 
     def nominal_forces(self, x: Array) -> Array:
@@ -169,7 +169,7 @@ class Dynamics:
             oil = self._oil(length, *self.vector.strokes(x), self.vector.areas(x), forces)
             return fixed.omega_squared(rows, oil), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
-        lower = self.inverse_roots(mass, rows)
+        lower = self.inverse_cholesky_of(mass, rows)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
     @cached_property
@@ -187,16 +187,16 @@ class Dynamics:
         """Today's lowest ω² [rad²/s²]."""
         return float(self.omega_squared(self.vector.start).min())
 
-    def inverse_roots(self, mass: Array, rows: Array | slice) -> Array:
+    def inverse_cholesky_of(self, mass: Array, rows: Array | slice) -> Array:
         """L⁻¹ of M = L Lᵀ of rows: scales each matrix inequality."""
         if self.vector.moving_masses is None:
-            return np.asarray(self._fixed_inverse_roots[rows])
-        return inverse_root(mass)
+            return np.asarray(self._fixed_inverse_cholesky[rows])
+        return inverse_cholesky(mass)
 
     @cached_property
-    def _fixed_inverse_roots(self) -> Array:
+    def _fixed_inverse_cholesky(self) -> Array:
         """L⁻¹ of M = L Lᵀ for every row, where M does not depend on x."""
-        return inverse_root(self.rows.mass)
+        return inverse_cholesky(self.rows.mass)
 
     @cached_property
     def _fixed_geometry(self) -> Geometry | None:
@@ -212,7 +212,7 @@ class Dynamics:
         redundant = len(machine.actuators) != len(machine.joints)
         if g is None or self.vector.moving_masses is not None or redundant:
             return None
-        lower = self._fixed_inverse_roots
+        lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
         forces = static_forces(arm, self.rows.gravity, self.vector.areas_today[:, 0])
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
@@ -245,7 +245,7 @@ class Dynamics:
         forces = static_forces(g.arm, gravity, at.areas[:, None, :, 0])
         lengths = at.closed[:, None], at.stroke[:, None]
         stiffness = self.actuator_stiffness(g, *lengths, at.areas[:, None], forces) + pull
-        lower = self.inverse_roots(mass[0].real, rows)
+        lower = self.inverse_cholesky_of(mass[0].real, rows)
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
 
@@ -265,7 +265,7 @@ class Dynamics:
             before = self.inertia_and_gravity(about, self.rows, rows)[0]
         if self.vector.moving_masses is not None:
             matrix = matrix - squared * (mass - before)
-        lower = self.inverse_roots(before, rows)
+        lower = self.inverse_cholesky_of(before, rows)
         return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
 
     def scaled_stiffness_chords(
@@ -332,11 +332,14 @@ class Dynamics:
                     cap_dead_volume=actuator.cap_dead_volume * a1 / old[0],
                     annulus_dead_volume=actuator.annulus_dead_volume * a2 / old[1],
                 )
-            extension = length[..., i] - closed[..., i]
-            pressures = supply.return_pressure, actuator.relief(supply)
             oil.append(
-                stiffness(
-                    actuator, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures
+                actuator.stiffness(
+                    length[..., i] - closed[..., i],
+                    forces[..., i],
+                    fluid,
+                    supply,
+                    areas=(a1, a2),
+                    stroke=stroke[..., i],
                 )
             )
         return np.stack(oil, axis=-1)

@@ -15,9 +15,10 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import settled
 from armdesign.design.search.elastic import Elastic
 from armdesign.design.search.refusal import kept_within, refusal
-from armdesign.design.search.sequential_sdp import NEARLY, Search, hertz
+from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import polish
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

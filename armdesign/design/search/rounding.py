@@ -24,8 +24,8 @@ from armdesign.design.search.elastic import Elastic
 from armdesign.design.search.grid import GRID, diameters, neighbours
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands, worst_within
-from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.linkage import BARS
@@ -216,13 +216,7 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
     workspace = problem.workspace
     if problem.dynamics.bands != Bands():
         return worst_within(machine, workspace, problem.dynamics.bands).frequency
-    cases = [machine.with_payload(payload.name) for payload in machine.payloads]
-    held = [(case, workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
-    return min(
-        float(lowest_frequency(case.evaluate(rigid)).min())
-        for case, rigid in held
-        if len(rigid) > 0
-    )
+    return worst_frequency(machine, workspace).frequency
 
 
 def nearest_misses(search: Search) -> list[Check]:

@@ -32,6 +32,7 @@ from armdesign.design.search.semidefinite import (
     programme,
 )
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 
 ACTIVE = 24  # poses in one programme
 MEMORY = 300  # lowest poses watched between looks at the whole workspace,
@@ -446,8 +447,3 @@ def _nearest_limits(at: Constraints, low: Array, high: Array, count: int) -> Arr
     reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
     lowest = at.values + reach
     return np.sort(np.argsort(lowest)[: min(count, len(lowest))])
-
-
-def hertz(squared: float) -> float:
-    """Frequency [Hz] of ω² [rad²/s²]."""
-    return math.sqrt(max(squared, 0.0)) / (2 * math.pi)

@@ -18,9 +18,10 @@ from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.problem import Problem
 from armdesign.design.search import multistart as searching
 from armdesign.design.search.multistart import multistart
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import polish
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 from armdesign.report.designs import _starts, design_sheets
 from tests.design.designs import problem_of
 from tests.machines import named

@@ -16,8 +16,9 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.convex_relaxation import convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step, dual_bound
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
 from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
@@ -149,9 +150,8 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
         )
         / search.squared
     )
-    assert_allclose(
-        modes.min(axis=0), [1, 1], rtol=1e-6
-    )  # at some pose both are at the lowest of all
+    # at some pose both are at the lowest of all
+    assert_allclose(modes.min(axis=0), [1, 1], rtol=1e-6)
     gain = search.squared / problem.dynamics.omega_squared_today
     if vary == ("areas",):
         assert gain == pytest.approx(4 / 3, rel=1e-6)
@@ -236,7 +236,8 @@ def test_any_multipliers_give_a_bound(name: str) -> None:
         root = random.normal(size=base.shape)
         step = Step(
             change=nothing, value=math.nan, violation=0.0,
-            multipliers=random.exponential(size=len(linear.values)) * random.choice([0.0, 0.01, 1.0]),
+            multipliers=random.exponential(size=len(linear.values))
+                * random.choice([0.0, 0.01, 1.0]),
             low_multipliers=nothing, high_multipliers=nothing,
             weights=root @ np.swapaxes(root, 1, 2) * random.exponential(size=(len(base), 1, 1)),
         )  # fmt: skip

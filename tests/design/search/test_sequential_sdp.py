@@ -81,10 +81,8 @@ def test_never_worse_than_a_global_method(
     problem = problem_of(name)
     areas = np.array([v.pin is None for v in problem.vector.variables])
     low, high = problem.bounds
-    low, high = (
-        np.where(areas, 0.5, low),
-        np.where(areas, 1.5, high),
-    )  # no wider than any good design needs
+    # no wider than any good design needs
+    low, high = np.where(areas, 0.5, low), np.where(areas, 1.5, high)
     found = method(problem, low, high, generations)
     search = solved(problem, 1e-6)
     assert search.violation < 1e-7
@@ -163,10 +161,8 @@ def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
     assert [
         name for name, (_, _, met) in judged.items() if not met and not name.startswith("digging ")
     ] == []
-    for name in (
-        "stick",
-        "bucket",
-    ):  # the force at the tooth depends on where the bucket stands: within 2 %
+    # the force at the tooth depends on where the bucket stands: within 2 %
+    for name in ("stick", "bucket"):
         value, limit, _ = judged[f"digging {name}"]
         assert value > limit - 0.02
 
