@@ -24,7 +24,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS, Linkage, Move
+from armdesign.mechanism.linkage.base import Linkage, Move
 
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 
@@ -70,8 +70,11 @@ class DesignVector:
         """With the pin boxes that requirements give on today's workspace."""
         common = requirements.box(machine, workspace)
         boxes = tuple(
-            {place: requirements.box_of(c.name, place, common) for place in (*PINS, *BARS)}
-            for c in machine.cylinders
+            {
+                place: requirements.box_of(c.name, place, common)
+                for place in ("base", "rod_end", *k.places)
+            }
+            for c, k in zip(machine.cylinders, machine.linkages, strict=True)
         )
         return cls(machine=machine, vary=vary, boxes=boxes)
 
@@ -106,9 +109,14 @@ class DesignVector:
         }
 
     @cached_property
-    def moves_four_bar(self) -> bool:
-        """Whether something of a four-bar moves."""
-        return any(v.pin in OF_FOUR_BAR for v in self.variables)
+    def moves_within(self) -> bool:
+        """Whether a linkage moves by more than its base and rod-end pins."""
+        return any(self.moved_within(i) for i in self.moving)
+
+    def moved_within(self, i: int) -> bool:
+        """Whether something of cylinder ``i``'s linkage moves beside its base and rod-end pins."""
+        own = self.machine.linkages[i].own_places
+        return any(place in own for place, _ in self.moves(i).values())
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
@@ -217,13 +225,14 @@ class DesignVector:
         """The bars that weigh and depend on x; None where none does."""
         bars = {}
         for i, cylinder in enumerate(self.machine.cylinders):
-            places = {place for place, _ in self.moves(i).values()}
-            follows = {
-                "barrel": bool(places) or any(self.resized[i]),
-                "rocker": bool(places & set(OF_FOUR_BAR)),
-            }
-            follows |= {"rod": follows["barrel"], "coupler": follows["rocker"]}
-            if names := [name for name in cylinder.moving_masses if follows[name]]:
+            sized, within = bool(self.moves(i)) or any(self.resized[i]), self.moved_within(i)
+            of_linkage = self.machine.linkages[i].bar_names
+            names = [
+                name
+                for name in cylinder.moving_masses
+                if (within if name in of_linkage else sized)
+            ]
+            if names:
                 bars[i] = names
         return MovingMasses(self.machine, bars) if bars else None
 

@@ -18,7 +18,7 @@ from armdesign.design.program.moving_masses import InertiaAndGravity, summed
 from armdesign.design.requirements.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.linkage import OF_FOUR_BAR, Actuation, Linkage
+from armdesign.mechanism.linkage.base import Actuation, Linkage
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 
@@ -108,10 +108,9 @@ class SteppedDesign:
         """Cosine of the angle between rocker and coupler over the range of the joint (nx, n)."""
         poses, moves = self.vector.range_poses[i], self.vector.moves(i)
         assert poses is not None
-        of_four_bar = {index: move for index, move in moves.items() if move[0] in OF_FOUR_BAR}
-        cosine, slopes = self.linkages[i].transmission(poses, list(of_four_bar.values()))
+        cosine, slopes = self.linkages[i].transmission(poses, list(moves.values()))
         stepped = self._variants(cosine)
-        for index, slope in zip(of_four_bar, slopes, strict=True):
+        for index, slope in zip(moves, slopes, strict=True):
             stepped[index] += 1j * STEP * slope * self.vector.pin_box
         return stepped
 
@@ -135,10 +134,10 @@ class SteppedDesign:
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (nx, n, 3) [m]."""
-        ends = np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex)
+        ends = np.stack(self.linkages[i].ends(rigid))[:, None].astype(complex)
         ends = np.tile(ends, (1, len(self.x), 1, 1))
         for index in self.vector.moves(i):
-            ends[:, index] = np.stack(self._stepped_linkage(i, index).pins(rigid)[:2])
+            ends[:, index] = np.stack(self._stepped_linkage(i, index).ends(rigid))
         return ends[0], ends[1]
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:

@@ -102,7 +102,7 @@ def multistart(
     moving = np.array([v.pin is not None for v in problem.vector.variables])
     searches = [] if given is None else [Search(problem=problem, x=given)]
     if starts is None:
-        starts = BENDING if problem.vector.moves_four_bar else STARTS
+        starts = BENDING if problem.vector.moves_within else STARTS
     for k in range((max(starts, 1) if problem.vector.moving else 1) - len(searches)):
         x = problem.vector.start.copy()
         x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
@@ -152,7 +152,7 @@ def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 
     In turn, where four-bars move.
     """
-    for _ in range(POLISHED if curved and search.problem.vector.moves_four_bar else 1):
+    for _ in range(POLISHED if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit
         if curved and search.violation < NEARLY:

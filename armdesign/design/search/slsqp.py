@@ -42,7 +42,7 @@ def polish(search: Search, tolerance: float = 1e-5) -> None:
         x = _climbed(trial, rows)
         if not search.problem.vector.closes(x):
             break
-        stopped = search.problem.vector.moves_four_bar and bool(
+        stopped = search.problem.vector.moves_within and bool(
             np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6)
         )
         before, trial = trial.merit, replace(trial, x=x)
