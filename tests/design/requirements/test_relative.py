@@ -61,7 +61,8 @@ def expected_slack(
         poses = problem.vector.range_poses[i]
         assert poses is not None
         least = min(
-            r.transmission, float(problem.machine.linkages[i].transmission_angle(poses).min())
+            r.transmission,
+            float(np.arccos(np.abs(problem.machine.linkages[i].transmission(poses)[0]).max())),
         )
         return [math.acos(math.cos(least) - value * math.sin(least) * least) / least - 1]
     share = {
