@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.validation import Sweep, Validation
+    from armdesign.simulation.sweeps import Sweep
+    from armdesign.simulation.validation import Validation
 
 COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
 
