@@ -99,17 +99,24 @@ class InfeasibleError(ArmDesignError):
             others can; of several such sets that have nothing in common all, see
             ``Concession.part``. What each gives ``together`` is enough for a design, if all of
             them give it.
+        table: the conflict as plain text, a line for each requirement; empty where one line says
+            it all.
     """
 
     def __init__(
-        self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()
+        self,
+        part: str,
+        problem: str,
+        remedy: str = "",
+        conflict: tuple[Concession, ...] = (),
+        table: str = "",
     ) -> None:
         super().__init__(part, problem, remedy)
-        self.conflict = conflict
+        self.conflict, self.table = conflict, table
 
     def __reduce__(self):  # type: ignore[no-untyped-def]
         """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.conflict)
+        return type(self), (self.part, self.problem, self.remedy, self.conflict, self.table)
 
 
 class UntriedError(InfeasibleError):

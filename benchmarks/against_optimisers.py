@@ -44,8 +44,7 @@ from armdesign.design.program.fixed_pins import inverse_root, lowest
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.relative import conditions, static_loads_held
-from armdesign.design.search.multistart import MISSED
-from armdesign.design.search.sequential_sdp import hertz
+from armdesign.design.search.sequential_sdp import MISSED, hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses

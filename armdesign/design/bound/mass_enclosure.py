@@ -149,7 +149,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Barred:
+class BarEnclosure:
     """Barrel and rod of a cylinder over all designs, and rocker and coupler where they move.
 
     Attributes:
@@ -227,7 +227,7 @@ class Barred:
         )
 
 
-def barred(problem: Problem) -> list[Barred] | None:
+def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
     """The cylinders whose bars depend on x.
 
     None where a four-bar moves whose pivot is not on the base pin's link.
@@ -247,7 +247,7 @@ def barred(problem: Problem) -> list[Barred] | None:
         low, high = (problem.areas(end)[i] for end in problem.bounds)
         most = problem.requirements.thrust_share * (1 + SLACK) * problem.areas_today[i, 0]
         found.append(
-            Barred(
+            BarEnclosure(
                 problem=problem,
                 cylinder=i,
                 per_area=tuple(weigh.get(name, 0.0) for name in sections),
