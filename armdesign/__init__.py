@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from armdesign.frequency.bands import frequency_band as frequency_band
     from armdesign.frequency.maps import FrequencyMap as FrequencyMap
     from armdesign.frequency.maps import ReachMap as ReachMap
-    from armdesign.frequency.maps import WorstPose as WorstPose
     from armdesign.frequency.maps import frequency_map as frequency_map
     from armdesign.frequency.modes import Modes as Modes
     from armdesign.frequency.modes import natural_modes as natural_modes
     from armdesign.frequency.workspace import Workspace as Workspace
+    from armdesign.frequency.worst_frequency import WorstPose as WorstPose
     from armdesign.machine.machine import Machine as Machine
     from armdesign.machine.machine import load as load
     from armdesign.machine.poses import Poses as Poses
@@ -59,7 +59,7 @@ _HOME = {
     "Workspace": "frequency.workspace",
     "FrequencyMap": "frequency.maps",
     "ReachMap": "frequency.maps",
-    "WorstPose": "frequency.maps",
+    "WorstPose": "frequency.worst_frequency",
     "frequency_map": "frequency.maps",
     "Bands": "frequency.bands",
     "FrequencyBand": "frequency.bands",

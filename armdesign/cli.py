@@ -133,8 +133,8 @@ def map_command(
     Writes map.csv and stiffness.csv, heatmaps over joints and over the tool's reach, static
     pressures, moment arms.
     """
+    from armdesign import plots
     from armdesign.frequency.maps import frequency_map
-    from armdesign.plots import drawing as plots
     from armdesign.report.maps import map_sheets
 
     with progress("mapping the workspace"):
@@ -205,9 +205,9 @@ def pareto(
 
     A best design for each value of one limit; writes pareto.csv and pareto.png.
     """
+    from armdesign import plots
     from armdesign.design.pareto import pareto as trade_off
     from armdesign.design.pareto import read_values
-    from armdesign.plots import drawing as plots
     from armdesign.report.designs import pareto_sheet
 
     with progress("looking for the best design under each limit"):
@@ -243,7 +243,7 @@ def validate(
     Every cylinder at the worst, the median and the best pose; writes validation.csv and the
     frequency responses.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
@@ -271,7 +271,7 @@ def design(
     Maps today's machine, finds a new one, proves both in nonlinear runs; writes machine file,
     maps, CSVs and report.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.sheet import html
     from armdesign.report.validations import validation_sheet, verdict
@@ -361,8 +361,8 @@ def compare(
     Worst poses, percentiles, what limits, what differs in the files; compare.csv and heatmaps on
     one colour scale.
     """
+    from armdesign import plots
     from armdesign.machine.machine import load
-    from armdesign.plots import drawing as plots
     from armdesign.report import comparison
 
     with progress("mapping both machines"):
@@ -418,9 +418,9 @@ def paper(out: OutOption = Path("out")) -> None:
     what could have given its printed error; what a sweep alone gets wrong. Writes paper.csv,
     paper_errors.csv, paper_errata.csv, paper_scan.csv, paper_sweep_bias.csv and its figures.
     """
+    from armdesign import plots
     from armdesign.paper import reproduction as source
     from armdesign.paper.sheets import paper_sheets
-    from armdesign.plots import drawing as plots
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 
     check_out(out)
@@ -550,7 +550,8 @@ def main() -> None:
             if code != INTERRUPTED:  # as typer answers Ctrl-C
                 sys.exit(code)
         except ArmDesignError as error:
-            tell(f"armdesign: {error}", sys.stderr)
+            for line in (f"armdesign: {error}", *error.table.splitlines()):
+                tell(line, sys.stderr)
             sys.exit(2)
         except _UsageError as error:
             message = error.format_message().replace("Value error, ", "")

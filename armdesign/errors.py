@@ -13,7 +13,7 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069
 
 
 def printable(text: str) -> str:
-    """ "A text in one line that no terminal takes for commands: control characters as Python writes them, ``\x1b``."""
+    """The text with control characters as Python writes them, which no terminal obeys."""
     return CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
 
 
@@ -30,7 +30,10 @@ class ArmDesignError(Exception):
         remedy: what to do about it.
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
+        table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
+
+    table = ""
 
     def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
         super().__init__()
@@ -99,8 +102,6 @@ class InfeasibleError(ArmDesignError):
             others can; of several such sets that have nothing in common all, see
             ``Concession.part``. What each gives ``together`` is enough for a design, if all of
             them give it.
-        table: the conflict as plain text, a line for each requirement; empty where one line says
-            it all.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ def write_csv(frame: pd.DataFrame, path: Path) -> None:
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     """Lowest frequency over joints and over the tool's places, and the pressure that holds the load."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
         fig, (ax,) = plots.figure(1, *size)
@@ -47,7 +47,7 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
 
 def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     """Machine file, maps and pictures of a design; returns the pictures with their captions."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     design.written_by(command_line()).save(folder / made_of(design.today))
     write_csv(design.before.frame, folder / "map_before.csv")

@@ -44,7 +44,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
 
 def main() -> None:
     """Print the table, save it with maps and moment arms of the best case."""
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     table, designs = run()
     print(table.to_string(formatters={"gain": "{:+.1%}".format}))

@@ -441,9 +441,8 @@ def scaled(
             if isinstance(value, dict):
                 visit(value, f"{where}.")
             elif key == "compliance_m_per_N" and value:
-                changes[where] = value / (
-                    length * modulus
-                )  # keeps its share of the oil's compliance
+                # keeps its share of the oil's compliance
+                changes[where] = value / (length * modulus)
             elif (
                 volume
                 or key in ("mass_kg", "bulk_modulus_MPa")

@@ -24,12 +24,8 @@ from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 
-COMMANDS = [
-    "map",
-    "optimize",
-    "validate",
-    "design",
-]  # all take MACHINE, --out, --points and --units
+# all take MACHINE, --out, --points and --units
+COMMANDS = ["map", "optimize", "validate", "design"]
 OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
@@ -515,7 +511,7 @@ def test_a_failed_write_leaves_the_old_files(
     """The CSV is written, then the second picture fails: neither is there, the files of the last
     run are.
     """
-    from armdesign.plots import drawing as plots
+    from armdesign import plots
 
     assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -532,7 +528,8 @@ def test_a_failed_write_leaves_the_old_files(
 
 WAITING = """
 import sys, time
-from armdesign import cli, maps, plots
+from armdesign import cli, plots
+from armdesign.frequency import maps
 def wait(*_, **__):
     print("ready", flush=True)
     time.sleep(60)
@@ -627,9 +624,8 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     process.communicate(timeout=30)
     assert list((tmp_path / "out").iterdir())
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
-    )  # even one that is refused later
+    # even one that is refused later
+    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
     assert main(["map", "none.toml"], monkeypatch) == 2
     assert not list((tmp_path / "out").iterdir())
 

@@ -24,7 +24,7 @@ ROOMS = (
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
-    "matplotlib": {"plots.drawing"},
+    "matplotlib": {"plots.canvas"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.machine_file", "design.provenance"},
     "pydantic": {"machine.schema", "machine.machine_file"},
@@ -36,13 +36,17 @@ DOORS = {  # library: the only modules that may import it
 
 
 def name_of(path: Path) -> str:
-    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+    """Name of a module below the package's; a room's own is that of its ``__init__``."""
+    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 
+PARSED = {
+    path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))
+}
 SOURCES = {
-    name_of(path): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted(PACKAGE.rglob("*.py"))
-    if path.name != "__init__.py"
+    name_of(path): tree
+    for path, tree in PARSED.items()
+    if path.name != "__init__.py" or (path.parent != PACKAGE and len(tree.body) > 1)
 }
 
 
@@ -179,18 +183,6 @@ def test_public_names() -> None:
     assert core | more | {"ArmDesignError", "formulas"} <= set(ad.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = ad.nothing
-
-
-@pytest.mark.parametrize(
-    "command",
-    [["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"]],
-    ids=["lint", "format", "types"],
-)
-def test_tools_are_content(command: list[str]) -> None:
-    run = subprocess.run(
-        [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
 
 
 # -------------------------------------------------------------------------------------- docstrings

@@ -27,10 +27,11 @@ from armdesign.design.search.infeasibility.refusal import not_written, require_f
 from armdesign.design.search.multistart import Starts, formulate, multistart
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import rounded_machine, worst_on_poses
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.units import WORKSHOP
@@ -173,7 +174,7 @@ class Design:
 
         Returns the figure.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.before_after(self, plane)
 

@@ -36,9 +36,10 @@ from armdesign.design.search.infeasibility.refusal import require_feasible
 from armdesign.design.search.multistart import Starts, formulate, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
 from armdesign.design.search.rounding import worst_on_poses
-from armdesign.design.search.sequential_sdp import MISSED, Search, hertz
+from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

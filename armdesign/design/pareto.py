@@ -90,7 +90,7 @@ class Pareto:
 
     def plot(self, ax: Any = None) -> Any:
         """Worst frequency over the limit, with today's machine; returns the axes."""
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.trade_off(self, ax)
 

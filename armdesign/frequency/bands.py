@@ -19,11 +19,10 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
 EXACT = (1.0, 1.0)
@@ -165,18 +164,6 @@ def worst_within(machine: Machine, workspace: Workspace, bands: Bands) -> Extrem
     return min(softest, key=lambda case: case.frequency)
 
 
-def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:
-    """The bare links with all masses and inertias times a share: inertia and gravity are linear in them."""
-    if share == 1.0:
-        return rigid
-    return replace(
-        rigid,
-        mass_matrix=share * rigid.mass_matrix,
-        gravity_torque=share * rigid.gravity_torque,
-        gravity_stiffness=share * rigid.gravity_stiffness,
-    )
-
-
 def _worst(
     machine: Machine,
     workspace: Workspace,
@@ -185,21 +172,11 @@ def _worst(
     payload_share: float,
     link_share: float,
 ) -> Extreme:
-    soft, found = bands.oil(machine, softest), []
-    for payload in machine.payloads:
-        case = replace(soft, payload=replace(payload, mass=payload_share * payload.mass))
-        for rows, rigid in workspace.parts("bands"):
-            held = np.flatnonzero(case.holds(rigid))
-            if len(held) > 0:
-                frequency = lowest_frequency(case.at(scaled_links(rigid[held], link_share)))
-                worst = int(frequency.argmin())
-                q = workspace.q[rows][held[worst]]
-                found.append((float(frequency[worst]), payload.name, q))
-    frequency_, name, q = min(found, key=lambda entry: entry[0])
+    worst = worst_frequency(bands.oil(machine, softest), workspace, payload_share, link_share)
     return Extreme(
-        frequency=frequency_,
-        payload=name,
-        q=q,
+        frequency=worst.frequency,
+        payload=worst.payload,
+        q=worst.q,
         softest=softest,
         payload_share=payload_share,
         link_share=link_share,

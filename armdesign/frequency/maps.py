@@ -10,16 +10,10 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, chunks, percentiles, weighted_share
 from armdesign.errors import PoseError
+from armdesign.frequency.cases import in_chunks, load_cases
 from armdesign.frequency.modes import Modes, energy_shares, lowest_frequency, natural_modes
-from armdesign.frequency.workspace import (
-    Workspace,
-    nearest,
-    onto_pitch_limit,
-    place,
-    spread,
-    tipped,
-    tipping_joints,
-)
+from armdesign.frequency.workspace import Workspace, nearest, place, spread, tipped
+from armdesign.frequency.worst_frequency import WorstPose, refined
 from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
@@ -27,33 +21,11 @@ from armdesign.machine.poses import Poses
 if TYPE_CHECKING:
     import pandas as pd
 
-STARTS = 4  # local searches per load case
 STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
 SPREAD = 100_000  # poses of a reach map inside the joint box
 NEAR = 24  # more of them about the lowest of each cell, twice
 EXACT = 20_000  # of them at most where nothing can be interpolated
 PERCENTILES = (1, 5, 25, 50, 75, 95)
-
-
-@dataclass(frozen=True, eq=False)
-class WorstPose:
-    """Where the lowest coupled natural frequency [Hz] of a map is, off the grid.
-
-    Attributes:
-        q: joint positions (nq,) [rad, m].
-        payload: name of the load case.
-        frequency: lowest coupled natural frequency there [Hz].
-        cylinder: the cylinder or motor with the largest share of that mode's oil-spring energy.
-        tool: position of the tool (3,) [m].
-        joints: names of the coordinates.
-    """
-
-    q: Array
-    payload: str
-    frequency: float
-    cylinder: str
-    tool: Array
-    joints: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +243,7 @@ class FrequencyMap:
 
         Returns the axes.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.frequency_map(self, ax, plane, **limits)
 
@@ -291,45 +263,43 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
             them.
     """
     workspace = workspace or Workspace.grid(machine)
-    cases = [machine.with_payload(payload.name) for payload in machine.payloads]
-    held = [workspace.holds(case.payload) for case in cases]
-    for case, flags in zip(cases, held, strict=True):
-        if not flags.any():
-            path = f"payload.{case.payload.name}.pitch_deg"
+    cases = list(load_cases(machine, workspace))
+    for case in cases:
+        if not case.exists.any():
+            path = f"payload.{case.name}.pitch_deg"
             raise PoseError(
                 f"{machine.source.name}: {path}",
-                f"link {case.payload.link} has that pitch at no pose of the workspace",
+                f"link {case.machine.payload.link} has that pitch at no pose of the workspace",
                 "widen it, or remove the load case",
                 machine.line_of(path),
             )
-    ends = np.cumsum([0, *(flags.sum() for flags in held)])
+    ends = np.cumsum([0, *(case.exists.sum() for case in cases)])
     names = _columns(machine)
     values = np.empty((len(names), ends[-1]))  # a row per column: pandas takes it as it is
     parts, limiting = np.empty((len(STIFFNESS), ends[-1])), np.empty(ends[-1], dtype=int)
-    filled = ends[:-1].copy()
-    for rows, rigid in workspace.parts(f"{machine.name}: frequencies"):
-        for k, case in enumerate(cases):
-            poses = case.at(rigid[held[k][rows]])
-            modes = _modes(case, poses)
-            to = slice(filled[k], filled[k] + len(poses))
-            values[:, to] = _values(case, poses, modes)
-            parts[:, to] = _stiffness_parts(poses, modes)
-            limiting[to] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
-            filled[k] = to.stop
-    nq = len(machine.joints)
+    filled = dict(zip(cases, ends[:-1], strict=True))
+    for case, _, rigid in in_chunks(cases, f"{machine.name}: frequencies"):
+        poses = case.machine.at(rigid)
+        modes = _modes(case.machine, poses)
+        to = slice(filled[case], filled[case] + len(poses))
+        values[:, to] = _values(machine, poses, modes)
+        parts[:, to] = _stiffness_parts(poses, modes)
+        limiting[to] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        filled[case] = to.stop
+    lowest = values[names.index("f1_hz")]
     worst = [
-        _worst(case, workspace, values[:nq, start:end].T, values[names.index("f1_hz"), start:end])
+        refined(case, lowest[start:end])
         for case, start, end in zip(cases, ends[:-1], ends[1:], strict=True)
     ]
     actuators = np.array([actuator.name for actuator in machine.actuators])
-    payloads = np.repeat([case.payload.name for case in cases], np.diff(ends))
+    payloads = np.repeat([case.name for case in cases], np.diff(ends))
     return FrequencyMap(
-        frame=_frame(names, values, payloads, nq),
+        frame=_frame(names, values, payloads, len(machine.joints)),
         worst=min(worst, key=lambda pose: pose.frequency),
-        worst_of={case.payload.name: pose for case, pose in zip(cases, worst, strict=True)},
+        worst_of={pose.payload: pose for pose in worst},
         limiting=actuators[limiting],
         stiffness_parts=parts.T,
-        weights=np.concatenate([workspace.weights[flags] for flags in held]),
+        weights=np.concatenate([workspace.weights[case.exists] for case in cases]),
         machine=machine,
         workspace=workspace,
     )
@@ -506,104 +476,3 @@ def _frame(names: list[str], values: Array, payloads: Array, nq: int) -> pd.Data
     frame = pd.DataFrame(values.T, columns=names, copy=False)
     frame.insert(nq, "payload", payloads)
     return frame
-
-
-# ---------------------------------------------------------------------------------- the worst pose
-
-
-def _worst(machine: Machine, workspace: Workspace, q: Array, frequency: Array) -> WorstPose:
-    """Refine the lowest grid poses of one load case by a local method and take the lowest of all."""
-    best_q, best = q[frequency.argmin()], float(frequency.min())
-    for start in _distinct_minima(workspace, q, frequency):
-        refined = _descend(machine, workspace, start)
-        if refined is not None:
-            value = float(lowest_frequency(machine.at(refined))[0])
-            if value < best:
-                best_q, best = refined, value
-    poses = machine.at(best_q)
-    share = energy_shares(poses, natural_modes(poses))[0, 0]
-    return WorstPose(
-        q=best_q,
-        payload=machine.payload.name,
-        frequency=best,
-        cylinder=machine.actuators[int(share.argmax())].name,
-        tool=poses.tool[0],
-        joints=machine.joints,
-    )
-
-
-def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[Array]:
-    """Up to ``STARTS`` of the lowest poses that are a fifth of a joint range or more apart."""
-    span = np.ptp(workspace.ranges, axis=1)
-    lowest = q[np.argsort(frequency)[: max(200, len(q) // 20)]]
-    chosen: list[Array] = []
-    while len(lowest) > 0 and len(chosen) < STARTS:
-        chosen.append(lowest[0])
-        lowest = lowest[np.abs((lowest - lowest[0]) / span).max(axis=1) > 0.2]
-    return chosen
-
-
-def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | None:
-    """Local minimum of the lowest frequency inside the workspace (SLSQP), or None where it leaves the workspace."""
-    from scipy.optimize import minimize
-
-    low, high = workspace.ranges.T
-    span = high - low
-    payload, nq = machine.payload, len(low)
-
-    def value(x: Array) -> float:
-        return float(lowest_frequency(machine.evaluate(machine.rigid_poses(low + x * span)))[0])
-
-    def gradient(x: Array) -> Array:
-        ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
-        f = lowest_frequency(machine.evaluate(machine.rigid_poses(low + ends * span)))
-        return (f[:nq] - f[nq:]) / (ends[:nq] - ends[nq:]).diagonal()
-
-    def room(x: Array) -> Array:
-        rigid = machine.arm.kinematics((low + x * span)[None])
-        stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
-        tip = -machine.pitch_excess(rigid, payload) if payload.pitch else np.empty(0)
-        return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
-
-    constrained = payload.pitch is not None or any(len(k.joints) > 1 for k in machine.linkages)
-    result = minimize(
-        value,
-        (start - low) / span,
-        jac=gradient,
-        bounds=[(0.0, 1.0)] * nq,
-        constraints=[{"type": "ineq", "fun": room}] if constrained else [],
-        method="SLSQP",
-        options={"maxiter": 60, "ftol": 1e-10},
-    )
-    return _inside(machine, workspace, np.clip(low + result.x * span, low, high))
-
-
-def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
-    """The pose, put back exactly onto a pitch limit that it oversteps by a hair.
-
-    None if it is not in the workspace.
-    """
-    rigid = machine.arm.kinematics(q[None])
-    payload = machine.payload
-    if not machine.holds(rigid)[0] and machine.pitch_excess(rigid, payload)[0] < 1e-3:
-        moved = [
-            onto_pitch_limit(machine, payload, q[None], joint, limit)
-            for joint in tipping_joints(machine, payload)
-            for limit in payload.pitch or ()
-        ]
-        near = [
-            p
-            for p in np.concatenate(moved)
-            if np.abs(p - q).max() < 2e-3 and _in_box(p, workspace)
-        ]
-        q = near[0] if near else q
-    within = _in_box(q, workspace) and bool(machine.holds(q)[0])
-    # ends of stroke are those of the machine whose workspace it is
-    return (
-        q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
-    )
-
-
-def _in_box(q: Array, workspace: Workspace) -> bool:
-    low, high = workspace.ranges.T
-    return bool(np.all((q >= low) & (q <= high)))

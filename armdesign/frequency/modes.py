@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.units import GRAVITY
+
+Numbers = TypeVar("Numbers", float, Array)
 
 PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
@@ -56,13 +59,13 @@ def natural_modes(poses: Poses) -> Modes:
 
 def _natural_modes(poses: Poses) -> Modes:
     mass, stiffness = poses.mass_matrix, poses.stiffness_matrix
-    inverse = _inverse_cholesky(poses)
+    inverse = inverse_cholesky(poses.mass_matrix)
     squared, vectors = np.linalg.eigh(inverse @ stiffness @ np.swapaxes(inverse, 1, 2))
     equivalent_mass = np.abs(poses.cylinder_forces) / GRAVITY
     with np.errstate(divide="ignore"):
-        rigid = np.sqrt(poses.oil_stiffness / equivalent_mass) / (2 * math.pi)
+        rigid = hertz(poses.oil_stiffness / equivalent_mass)
     return Modes(
-        frequencies=_hertz(squared),
+        frequencies=hertz(squared),
         shapes=np.swapaxes(inverse, 1, 2) @ vectors,
         locked_frequencies=_locked(poses, mass, stiffness),
         rigid_frequencies=rigid,
@@ -71,8 +74,8 @@ def _natural_modes(poses: Poses) -> Modes:
 
 def lowest_frequency(poses: Poses) -> Array:
     """Lowest coupled natural frequency (n,) [Hz]."""
-    inverse = _inverse_cholesky(poses)
-    return _hertz(
+    inverse = inverse_cholesky(poses.mass_matrix)
+    return hertz(
         np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ np.swapaxes(inverse, 1, 2))[:, 0]
     )
 
@@ -86,9 +89,14 @@ def energy_shares(poses: Poses, modes: Modes) -> Array:
     return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
 
 
-def _inverse_cholesky(poses: Poses) -> Array:
+def inverse_cholesky(mass: Array) -> Array:
+    """L⁻¹ (n, k, k) of M = L Lᵀ: in the frame of L⁻¹ the eigenvalues of L⁻¹K L⁻ᵀ are ω².
+
+    Raises:
+        PoseError: M is not positive definite (a massless joint without payload).
+    """
     try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(poses.mass_matrix)))
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(mass)))
     except np.linalg.LinAlgError:
         raise PoseError(
             "mass matrix",
@@ -97,9 +105,11 @@ def _inverse_cholesky(poses: Poses) -> Array:
         ) from None
 
 
-def _hertz(squared: Array) -> Array:
-    """Frequency [Hz] of ω² [rad²/s²]; 0 for an unstable mode."""
-    return np.asarray(np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi))
+def hertz(squared: Numbers) -> Numbers:
+    """Frequency ω/2π [Hz] of ω² [rad²/s²]; 0 for an unstable mode (ω² ≤ 0)."""
+    frequency: Any = np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)
+    number: Numbers = frequency if np.ndim(squared) else frequency.item()
+    return number
 
 
 def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
@@ -114,15 +124,15 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     """
     arms, own = poses.moment_arms, own_joints(poses.moment_arms)
     if own is not None:
-        return _hertz(stiffness[:, own, own] / mass[:, own, own])
+        return hertz(stiffness[:, own, own] / mass[:, own, own])
     locked = np.full(arms.shape[:2], np.inf)
     for i in range(arms.shape[1]):
         held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
         for rows, basis in _null_spaces(held):
             transposed = np.swapaxes(basis, 1, 2)
-            inverse = np.linalg.inv(np.linalg.cholesky(transposed @ mass[rows] @ basis))
+            inverse = inverse_cholesky(transposed @ mass[rows] @ basis)
             small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
-            locked[rows, i] = _hertz(np.linalg.eigvalsh(small)[:, 0])
+            locked[rows, i] = hertz(np.linalg.eigvalsh(small)[:, 0])
     return locked
 
 

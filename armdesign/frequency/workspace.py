@@ -255,6 +255,8 @@ class Workspace:
         arm, machine = self.machine.arm, self.machine
         if payload.pitch is None:
             return np.ones(len(self), dtype=bool)
+        if len(self) <= KEPT:
+            return machine.holds(self.rigid, payload)
         return np.concatenate(
             [machine.holds(arm.kinematics(self.q[rows]), payload) for rows in chunks(len(self))]
         )

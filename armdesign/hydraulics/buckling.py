@@ -1,4 +1,4 @@
-"""Columns: the load at which an open cylinder, barrel and rod in a row between two pins, buckles sideways.
+"""Buckling of an open cylinder between its two pins: the rod alone, or barrel and rod in a row.
 
 Ideal elastic columns with pinned ends (Euler); friction of the pins, which holds, and play of the
 piston, which bends, are left out. Elementwise and complex-safe.
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.hydraulics.actuator import STEEL_MODULUS
+STEEL_MODULUS = 210e9  # [Pa] Young's modulus
 
 
 def second_moment(outer: Any, inner: Any = 0.0) -> Any:
@@ -22,6 +22,12 @@ def second_moment(outer: Any, inner: Any = 0.0) -> Any:
 def euler_load(inertia: Any, length: Any) -> Any:
     """Buckling load of a uniform column [N]: π² E I/L²."""
     return math.pi**2 * STEEL_MODULUS * inertia / length**2
+
+
+def euler_safety(bore: Any, rod: Any, open_length: Any, supply_pressure: float) -> Any:
+    """Euler buckling load of the rod, L pin to pin with the rod out, over the supply's thrust."""
+    thrust = supply_pressure * math.pi / 4 * bore**2
+    return math.pi**2 * STEEL_MODULUS * second_moment(rod) / (open_length**2 * thrust)
 
 
 def stepped_load(
@@ -39,8 +45,8 @@ def stepped_load(
     low, high = np.zeros(i1.shape), np.minimum(euler_load(i1, l1), euler_load(i2, l2))
     for _ in range(100):
         middle = (low + high) / 2
-        holds = _junction(middle, i1, i2, l1, l2) > 0
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
+        below = _junction(middle, i1, i2, l1, l2) > 0
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     load = (low + high) / 2
     if not any(np.iscomplexobj(part) for part in parts):
         return load
@@ -50,6 +56,6 @@ def stepped_load(
 
 
 def _junction(load: Any, i1: Any, i2: Any, l1: Any, l2: Any) -> Any:
-    """How much the slopes of both parts disagree where they meet, over the deflection there."""
+    """Difference of the slopes of both parts where they meet, over the deflection there."""
     k1, k2 = (np.sqrt(load / (STEEL_MODULUS * inertia)) for inertia in (i1, i2))
     return k1 / np.tan(k1 * l1) + k2 / np.tan(k2 * l2)

@@ -1,7 +1,8 @@
-"""The oil: its bulk modulus with entrained air."""
+"""The oil, and its bulk modulus with entrained air."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,18 @@ import numpy as np
 from armdesign.units import ATMOSPHERE
 
 ADIABATIC = 1.4  # polytropic exponent of air that is squeezed too fast to exchange heat
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fluid:
+    """Oil: bulk modulus without air [Pa], entrained air, density [kg/m³].
+
+    The air is given by its volume at atmospheric pressure over the volume of the oil.
+    """
+
+    bulk_modulus: float
+    air: float = 0.0
+    density: float = 870.0
 
 
 def bulk_modulus(
@@ -26,9 +39,8 @@ def bulk_modulus(
         air: a, gas volume per liquid volume at atmospheric pressure.
         exponent: n, 1 isothermal, 1.4 adiabatic.
     """
-    absolute = np.maximum(
-        pressure + ATMOSPHERE, 0.01 * ATMOSPHERE
-    )  # of complex numbers, too: by their real parts
+    # of complex numbers np.maximum compares the real parts
+    absolute = np.maximum(pressure + ATMOSPHERE, 0.01 * ATMOSPHERE)
     ratio = (ATMOSPHERE / absolute) ** (1 / exponent)
     return (
         oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))

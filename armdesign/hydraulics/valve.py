@@ -1,4 +1,4 @@
-"""The 4/3 proportional valve, the load-holding valve and the friction of a cylinder: their data and their laws.
+"""The 4/3 proportional valve and the load-holding valve: their data and their laws.
 
 The laws are elementwise: they take numbers, or arrays of one shape, as do the fields of the data
 they are given.
@@ -82,33 +82,18 @@ class LoadHolding:
     rated_drop: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Friction:
-    """Friction of one cylinder: Coulomb and static [N], Stribeck velocity [m/s], viscous [N s/m]."""
-
-    coulomb: float = 0.0
-    static: float = 0.0
-    stribeck_velocity: float = 5e-3
-    viscous: float = 0.0
-
-
 def edge_opening(spool: Any, overlap: Any) -> Any:
-    """Share 0…1 by which an edge is open that a positive spool position uncovers."""
+    """Opening 0…1 of an edge that a positive spool position uncovers."""
     return np.minimum(np.maximum((spool - overlap) / (1 - overlap), 0.0), 1.0)
 
 
 def opening(valve: Valve, spool: Any) -> Any:
-    """Net opening −1…1 of a port, to supply less to return, at a spool position.
-
-    0 within the overlap.
-    """
+    """Net opening −1…1 of a port: to supply less to return; 0 within the overlap."""
     return edge_opening(spool, valve.overlap) - edge_opening(-spool, valve.overlap)
 
 
 def spool_position(valve: Valve, share: Any) -> Any:
-    """Inverse of ``opening``: the spool position that opens a share −1…1.
-
-    It leaps over an overlap.
+    """Spool position that opens a share −1…1, the inverse of ``opening``; it leaps over an overlap.
 
     Within an underlap o both edges of a port are open, so the net opening grows twice as fast: a =
     |share| (1 − o), and the spool stands at max(a + o, a/2). In plain operators, fast for a single
@@ -120,36 +105,24 @@ def spool_position(valve: Valve, share: Any) -> Any:
 
 
 def orifice_flow(gain: Any, drop: Any) -> Any:
-    """Flow [m³/s] through an orifice of gain K [m³/s/√Pa] under a pressure drop [Pa] of either sign.
+    """Flow [m³/s] through an orifice under a pressure drop [Pa] of either sign.
 
-    Q = K Δp/(Δp² + Δp_lam²)^¼: K √|Δp| sign Δp (Merritt 1967, ch. 3), but laminar, proportional to
-    Δp, near Δp = 0 where the root has no derivative.
+    Q = K Δp/(Δp² + Δp_lam²)^¼ with the gain K [m³/s/√Pa]: K √|Δp| sign Δp (Merritt 1967, ch. 3),
+    but laminar, proportional to Δp, near Δp = 0 where the root has no derivative.
     """
     return gain * drop / np.sqrt(np.sqrt(drop * drop + LAMINAR_DROP * LAMINAR_DROP))
 
 
 def in_series(gain: Any, other: Any) -> Any:
-    """Gain of two orifices one behind the other: 1/K² = 1/K1² + 1/K2²; ``other`` may be inf."""
+    """Gain of two orifices in series: 1/K² = 1/K1² + 1/K2²; ``other`` may be inf."""
     return gain / np.sqrt(1 + (gain / np.maximum(other, 1e-30)) ** 2)
 
 
-def friction_force(friction: Friction, speed: Any) -> Any:
-    """Friction [N] of one cylinder against its piston's speed [m/s]: Stribeck curve and viscous share.
-
-    F = (F_C + (F_S − F_C) exp(−(v/v_s)²)) tanh(10 v/v_s) + b v; the steep tanh replaces the step
-    at rest.
-    """
-    ratio = speed / friction.stribeck_velocity
-    fade = np.exp(-np.minimum(ratio * ratio, 100.0))
-    dry = friction.coulomb + (friction.static - friction.coulomb) * fade
-    return dry * np.tanh(10 * ratio) + friction.viscous * speed
-
-
 def spool_acceleration(valve: Valve, position: Any, speed: Any, command: Any) -> Any:
-    """Acceleration [1/s²] of a spool towards its command: ω² (u − x) − 2 ζ ω ẋ, its speed within the rate limit.
+    """Acceleration [1/s²] of a spool towards its command: ω² (u − x) − 2 ζ ω ẋ.
 
-    Written as 2 ζ ω (w − ẋ), it follows the speed w = ω (u − x)/(2 ζ) with a lag, and w is
-    limited.
+    Written as 2 ζ ω (w − ẋ), the spool follows the speed w = ω (u − x)/(2 ζ) with a lag, and w is
+    limited to ``fastest``.
     """
     omega = 2 * math.pi * valve.natural_frequency
     wanted = (

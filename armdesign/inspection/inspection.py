@@ -15,9 +15,12 @@ import numpy as np
 
 from armdesign.arrays import Array, weighted_share
 from armdesign.errors import PoseError
+from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import Actuator, Cylinder, euler_safety, holding_force, kind
+from armdesign.hydraulics.actuator import Actuator, Cylinder
+from armdesign.hydraulics.buckling import euler_safety
+from armdesign.hydraulics.chamber_pressures import holding_force
 from armdesign.inspection.plausibility import Finding, suspicions
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -141,21 +144,22 @@ class Inspection:
 
     def share_held(self, payload: str) -> float:
         """Share of joint space within the workspace in which a load case exists."""
-        held = self.machine.with_payload(payload).holds(self.workspace.rigid)
-        return weighted_share(held, self.workspace.weights)
+        return weighted_share(self.cases[payload].exists, self.workspace.weights)
+
+    @cached_property
+    def cases(self) -> dict[str, CasePoses]:
+        """Every load case by its name, with the poses at which it exists."""
+        return {case.name: case for case in load_cases(self.machine, self.workspace)}
 
     @cached_property
     def loads(self) -> list[Load]:
         """Largest static load of every cylinder and motor under every load case."""
         found = []
-        for payload in self.machine.payloads:
-            case = self.machine.with_payload(payload.name)
-            forces = case.evaluate(
-                self.workspace.rigid[case.holds(self.workspace.rigid)]
-            ).cylinder_forces
+        for name, case in self.cases.items():
+            forces = case.evaluate().cylinder_forces
             if len(forces):
                 found += [
-                    self._load(i, payload.name, forces[:, i]) for i in range(len(case.actuators))
+                    self._load(i, name, forces[:, i]) for i in range(len(self.machine.actuators))
                 ]
         return found
 
@@ -269,7 +273,7 @@ class Inspection:
             )
 
     def _odd_payload(self, name: str, units: Units) -> Iterator[Finding]:
-        payload = next(case for case in self.machine.payloads if case.name == name)
+        payload = self.cases[name].machine.payload
         part, supply = f"payload.{name}", self.machine.supply
         if self.share_held(name) == 0:
             yield Finding(
@@ -300,12 +304,12 @@ class Inspection:
                 )
             else:
                 continue
-            yield Finding(part=f"{kind(actuator)}.{actuator.name}", words=words)
+            yield Finding(part=f"{actuator.kind}.{actuator.name}", words=words)
         yield from self._odd_modes(name)
 
     def _odd_valves(self, actuator: Actuator, load: Load, units: Units) -> Iterator[Finding]:
         """A relief, or a load-holding valve, that the load alone presses open."""
-        part, supply = f"{kind(actuator)}.{actuator.name}", self.machine.supply
+        part, supply = f"{actuator.kind}.{actuator.name}", self.machine.supply
         for side, most in zip(("cap", "annulus"), load.most, strict=True):
             needs = (
                 f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"
@@ -328,7 +332,7 @@ class Inspection:
                 yield Finding(part=f"{part}.load_holding.setting_bar", words=words)
 
     def _odd_pitch(self, name: str, units: Units) -> Iterator[Finding]:
-        payload = next(case for case in self.machine.payloads if case.name == name)
+        payload = self.cases[name].machine.payload
         assert payload.pitch is not None
         assert payload.link is not None
         low, high = payload.pitch
@@ -346,15 +350,14 @@ class Inspection:
             )
 
     def _odd_modes(self, name: str) -> Iterator[Finding]:
-        case = self.machine.with_payload(name)
-        rows = case.holds(self.workspace.rigid)
+        case = self.cases[name]
         try:
-            lowest = natural_modes(case.at(self.workspace.rigid[rows])).frequencies[:, 0]
+            lowest = natural_modes(case.machine.at(case.rigid)).frequencies[:, 0]
         except PoseError as error:
             yield Finding(part=f"payload.{name}", words=f"no natural frequencies: {error}")
             return
         if np.any(lowest == 0):
-            unstable = weighted_share(lowest == 0, self.workspace.weights[rows])
+            unstable = weighted_share(lowest == 0, self.workspace.weights[case.exists])
             yield Finding(
                 part=f"payload.{name}",
                 words=(

@@ -20,7 +20,9 @@ from numpy.typing import ArrayLike
 from armdesign import transaction
 from armdesign.arrays import Array, Flags, chunks, shown, stacked
 from armdesign.errors import ArmDesignError, MachineFileError, PoseError, choose
-from armdesign.hydraulics.actuator import Actuator, Cylinder, Fluid, Motor, Supply
+from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
+from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.supply import Supply
 from armdesign.machine import from_urdf as foreign
 from armdesign.machine import machine_file, parts, saving
 from armdesign.machine.key_lines import Places, lines_of
@@ -419,13 +421,7 @@ class Machine:
         forces = static_forces(moment_arms, gravity, self._areas)
         extension = lengths - self._closed
         stiffness = [
-            actuator.stiffness(
-                extension[:, i],
-                forces[:, i],
-                self.fluid,
-                self.supply.return_pressure,
-                actuator.relief(self.supply),
-            )
+            actuator.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply)
             for i, actuator in enumerate(self.actuators)
         ]
         return Poses(

@@ -7,8 +7,11 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from armdesign.errors import MachineFileError, choose
-from armdesign.hydraulics.actuator import Cylinder, Fluid, Motor, Supply
-from armdesign.hydraulics.valve import Edges, Friction, LoadHolding, Valve
+from armdesign.hydraulics.actuator import Cylinder, Motor
+from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.friction import Friction
+from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
 from armdesign.machine.schema import (
     CylinderSection,
     FluidSection,

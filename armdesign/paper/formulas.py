@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armdesign.errors import ArmDesignError
+from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
 from armdesign.units import GRAVITY
 
@@ -81,7 +82,7 @@ def rigid_load(
     spring = _spring("rigid_load", stiffness, area, chamber_volume, bulk_modulus)
     spring, M = numbers("rigid_load", stiffness=spring, mass=mass)
     with np.errstate(divide="ignore"):
-        return _hertz(spring / M)
+        return hertz(spring / M)
 
 
 def rigid_load_asymmetric_as_printed(
@@ -371,7 +372,7 @@ def joint_coupled_as_printed(
     )
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     inertia = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
-    return _hertz((spring * r**2 - m2 * GRAVITY * l2) / inertia)
+    return hertz((spring * r**2 - m2 * GRAVITY * l2) / inertia)
 
 
 def joint_coupled(
@@ -412,7 +413,7 @@ def joint_coupled(
     )
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     inertia = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
-    return _hertz((spring * r**2 - _gravity_stiffness(m2, a1, d1, l2)) / inertia)
+    return hertz((spring * r**2 - _gravity_stiffness(m2, a1, d1, l2)) / inertia)
 
 
 def transfer_function_as_printed(
@@ -586,8 +587,3 @@ def _mechanism(
         part, above_zero="load_mass", load_mass=load_mass, **lengths, stiffness=spring
     )
     return m2, a1, d1, l2
-
-
-def _hertz(squared: Any) -> Any:
-    """Frequency [Hz] of ω² [rad²/s²]; 0 where ω² < 0."""
-    return np.sqrt(np.maximum(squared, 0.0)) / (2 * math.pi)

@@ -352,9 +352,9 @@ class Reproduction:
 
         Returns the figure.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign.paper.figures import paper_pair
 
-        return plots.paper_pair(self, formula)
+        return paper_pair(self, formula)
 
 
 def reproduce(

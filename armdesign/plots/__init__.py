@@ -1,1 +1,30 @@
-"""Pictures. The only door to matplotlib."""
+"""Pictures of results. The one door to matplotlib is ``canvas``; it opens with the first figure."""
+
+from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
+from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
+from armdesign.plots.maps import (
+    drawn_joints,
+    frequency_map,
+    holding_pressure,
+    joint_plane,
+    side_by_side,
+)
+from armdesign.plots.responses import frequency_responses
+
+__all__ = [
+    "COMPUTED",
+    "INK",
+    "MARK",
+    "before_after",
+    "drawn_joints",
+    "figure",
+    "frequency_map",
+    "frequency_responses",
+    "holding_pressure",
+    "joint_plane",
+    "moment_arm_curves",
+    "moment_arms",
+    "save",
+    "side_by_side",
+    "trade_off",
+]

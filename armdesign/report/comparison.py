@@ -157,7 +157,7 @@ class Comparison:
 
     def plot(self, plane: str = "joints") -> Any:
         """Both heatmaps on one colour scale; returns the figure."""
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.side_by_side(self.maps, plane)
 

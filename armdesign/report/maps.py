@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.actuator import kind
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 
@@ -33,7 +32,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
             ),
             ("at", pose_text(machine, worst, units)),
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
-            ("limited by", f"{worst.cylinder} {kind(limiting)}"),
+            ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),
         note="; ".join(
             note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note

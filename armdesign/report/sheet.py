@@ -18,7 +18,7 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from armdesign.frequency.maps import WorstPose
+    from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 

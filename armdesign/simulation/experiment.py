@@ -20,8 +20,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.frequency.modes import natural_modes
-from armdesign.hydraulics.actuator import Fluid, kind
-from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import EvenOpening, Moved, Step, Sweep
 from armdesign.simulation.identification.modal_fit import (
@@ -329,7 +328,7 @@ def _refuse_limits(plant: Plant, rest: Array) -> None:
         plant.machine.actuators, places, np.maximum(caps, annuli), strict=True
     ):
         part, end = (
-            f"{plant.machine.name}: {cylinder.name} {kind(cylinder)}",
+            f"{plant.machine.name}: {cylinder.name} {cylinder.kind}",
             min(place, cylinder.stroke - place),
         )
         leaks = (

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.valve import Friction
+from armdesign.hydraulics.friction import Friction
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.plant import Plant
 from armdesign.units import bar

@@ -234,7 +234,7 @@ class Validation:
 
         Returns the figure.
         """
-        from armdesign.plots import drawing as plots
+        from armdesign import plots
 
         return plots.frequency_responses(self.by_pose)
 

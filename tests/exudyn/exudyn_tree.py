@@ -109,9 +109,8 @@ class Tree:
         self._q = dict(zip(machine.joints, q, strict=True))
         self.bodies: list[Body] = []
         self.names: list[str] = []
-        self.places: dict[
-            str, tuple[int, Placement]
-        ] = {}  # URDF link → link of the tree and its place there
+        # URDF link → link of the tree and its place there
+        self.places: dict[str, tuple[int, Placement]] = {}
         self.loops: list[tuple[Seat, Seat]] = []
         self.struts: list[tuple[Seat, Seat, float]] = []
         robot = ET.fromstring(machine.urdf_text)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.frequency.bands import scaled_links
+from armdesign.frequency.cases import scaled_links
 from tests import machines
 
 BANDS = ad.Bands(

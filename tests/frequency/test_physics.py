@@ -20,7 +20,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
 import armdesign as ad
-from armdesign.hydraulics.actuator import static_pressures
+from armdesign.hydraulics.chamber_pressures import static_pressures
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
 from armdesign.units import GRAVITY
@@ -155,9 +155,8 @@ class Reference:
 
     def configuration(self, q: np.ndarray) -> np.ndarray:
         full = pinocchio.neutral(self.model)
-        for joint, value in zip(
-            self._joints, q, strict=True
-        ):  # a continuous one has cosine and sine
+        # a continuous one has cosine and sine
+        for joint, value in zip(self._joints, q, strict=True):
             full[joint.idx_q : joint.idx_q + joint.nq] = (
                 value if joint.nq == 1 else (np.cos(value), np.sin(value))
             )
@@ -306,9 +305,8 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
             rises = np.array([-area[0], area[1]]) * piston / capacity
             return area[0] * (pressure + rises)[0] - area[1] * (pressure + rises)[1] - force - rise
 
-        found = force + excess(0.0) / (
-            excess(0.0) - excess(1.0)
-        )  # the excess is linear in the rise
+        # the excess is linear in the rise
+        found = force + excess(0.0) / (excess(0.0) - excess(1.0))
         return np.einsum("ncj,nc->nj", there.moment_arms, found) - there.gravity_torque
 
     return torque
@@ -430,9 +428,8 @@ def test_coupled_below_locked_below_free(seed: int) -> None:
     assert np.all(modes.frequencies[:, :1] <= modes.locked_frequencies * (1 + 1e-9) + 1e-9)
     if all(len(linkage.joints) == 1 for linkage in machine.linkages):
         stiffness = np.einsum("njj->nj", poses.stiffness_matrix)
-        free = np.einsum(
-            "njj->nj", np.linalg.inv(poses.mass_matrix)
-        )  # 1/inertia with the other chambers vented
+        # 1/inertia with the other chambers vented
+        free = np.einsum("njj->nj", np.linalg.inv(poses.mass_matrix))
         index = [linkage.joints[0] for linkage in machine.linkages]
         limit = np.sqrt(np.maximum(stiffness * free, 0))[:, index] / (2 * np.pi)
         assert np.all(modes.locked_frequencies <= limit * (1 + 1e-9) + 1e-9)
@@ -454,12 +451,8 @@ def test_dunkerley_bounds_the_lowest_mode_from_below(machine: ad.Machine) -> Non
 
 # ------------------------------------------------------------------------------------ scaling laws
 
-AIRLESS = (
-    "paper_1dof",
-    "excavator_20t",
-    "four_bar_right",
-    "branched",
-)  # with air β depends on the pressure itself
+# with air β depends on the pressure itself
+AIRLESS = "paper_1dof", "excavator_20t", "four_bar_right", "branched"
 
 
 def oil_frequencies(machine: ad.Machine, q: np.ndarray) -> np.ndarray:

@@ -9,8 +9,13 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from armdesign.hydraulics.actuator import STEEL_MODULUS, euler_safety
-from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
+from armdesign.hydraulics.buckling import (
+    STEEL_MODULUS,
+    euler_load,
+    euler_safety,
+    second_moment,
+    stepped_load,
+)
 
 ROD = math.pi * 0.07**4 / 64
 
@@ -44,6 +49,14 @@ def test_second_moment_and_euler() -> None:
     assert second_moment(0.1, 0.08) == pytest.approx(math.pi / 64 * (0.1**4 - 0.08**4), rel=1e-14)
     load = euler_load(ROD, 2.0) / (300e5 * math.pi / 4 * 0.1**2)
     assert load == pytest.approx(euler_safety(0.1, 0.07, 2.0, 300e5), rel=1e-14)
+
+
+def test_euler_safety_by_hand() -> None:
+    """π² 210e9 I/L² over p A for a 50 mm rod in a 100 mm bore at 100 bar."""
+    load = math.pi**2 * 210e9 * (math.pi * 0.05**4 / 64) / 2.0**2
+    assert euler_safety(0.1, 0.05, 2.0, 100e5) == pytest.approx(
+        load / (100e5 * math.pi * 0.05**2), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("split", [0.1, 0.5, 0.8])

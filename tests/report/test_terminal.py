@@ -11,10 +11,10 @@ import pytest
 from matplotlib.text import Text
 
 import armdesign as ad
+from armdesign import plots
 from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_together
 from armdesign.machine import scaffold
 from armdesign.output import show, tell
-from armdesign.plots import drawing as plots
 from armdesign.report.sheet import Sheet, html
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -201,5 +201,5 @@ def test_a_title_counts_the_joints_that_are_not_drawn(links: int, words: str) ->
     """Two are drawn."""
     machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
     found = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
-    assert found.plot().get_title() == f"worst over {words}"
+    assert found.plot().get_title() == f"lowest over {words}"
     assert plots.holding_pressure(found).get_title() == f"largest over {words}"

@@ -12,7 +12,7 @@ import pytest
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.valve import Friction
+from armdesign.hydraulics.friction import Friction
 from armdesign.report.maps import map_sheets
 from armdesign.simulation.identification.ringdown import identify_decay
 from armdesign.simulation.linearization import linearize

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from armdesign import Machine
-from armdesign.hydraulics.valve import Friction, Valve
+from armdesign.hydraulics.friction import Friction
+from armdesign.hydraulics.valve import Valve
 
 VALVE = Valve(rated_flow=2e-3, rated_drop=35e5, natural_frequency=30.0, damping_ratio=0.8)
 

@@ -24,8 +24,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints
 from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
 from armdesign.design.bound.intervals import Interval
-from armdesign.hydraulics.actuator import Fluid
-from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 
 BATCH = 1500  # boxes branched at a time
 TRIALS = 200  # middles of boxes tried as designs

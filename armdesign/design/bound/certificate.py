@@ -24,9 +24,10 @@ from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import SLACK, limits
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.search.semidefinite import contradicted
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 
 ROUNDS, AIRY = (
     6,

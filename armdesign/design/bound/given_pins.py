@@ -20,8 +20,9 @@ from armdesign.design.search.semidefinite import (
     padded,
     programme,
 )
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 
 ROUNDS = 6  # of programmes with more poses each
 JOINING = 8  # poses at a time

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.case_poses import CasePoses, case_poses
+from armdesign.design.catalogue.scaled_poses import ScaledPoses, scaled_poses
 from armdesign.design.catalogue.separable import AllowedSizes
 from armdesign.design.catalogue.separable_bound import separable_bound
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.search.semidefinite import contradicted
-from armdesign.design.search.sequential_sdp import hertz
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 from armdesign.machine.machine import Machine
 
 FIRST_DEPTH, DEEPER = (
@@ -65,7 +65,7 @@ def select(allowed: AllowedSizes, bands: Bands | None = None) -> SizeSelection:
     placed = allowed.judge.placed
     soft = bands.oil(placed, softest=True)
     cylinders = tuple(tuple(bands.softest(c) for c in sizes) for sizes in allowed.cylinders)
-    poses, reference = case_poses(soft, allowed.judge.workspace, bands.masses(placed))
+    poses, reference = scaled_poses(soft, allowed.judge.workspace, bands.masses(placed))
     tree = BranchAndBound(replace(allowed, cylinders=cylinders), poses, soft)
     best, bound, combination = tree.best()
     chosen = [sizes[o] for sizes, o in zip(allowed.cylinders, combination, strict=True)]
@@ -85,7 +85,7 @@ class BranchAndBound:
         medium: the machine whose oil and supply count.
     """
 
-    def __init__(self, allowed: AllowedSizes, poses: CasePoses, medium: Machine) -> None:
+    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, medium: Machine) -> None:
         self._allowed, self._poses, self._medium = allowed, poses, medium
         self.bound, rows = separable_bound(allowed, poses, medium)
         self._low = poses[rows]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.case_poses import CasePoses
+from armdesign.design.catalogue.scaled_poses import ScaledPoses
 from armdesign.design.catalogue.separable import AllowedSizes
 from armdesign.design.search.semidefinite import certificate, programme
 from armdesign.errors import InfeasibleError
@@ -50,7 +50,7 @@ class SeparableBound:
 
 
 def separable_bound(
-    allowed: AllowedSizes, poses: CasePoses, medium: Machine
+    allowed: AllowedSizes, poses: ScaledPoses, medium: Machine
 ) -> tuple[SeparableBound, Array]:
     """The best bound of a few programmes of few sizes at few poses each, and the poses that mattered."""
     order = np.argsort(poses.lowest)
@@ -63,7 +63,7 @@ def separable_bound(
 class _Mixtures:
     """Programmes over mixtures of sizes at some poses."""
 
-    def __init__(self, allowed: AllowedSizes, poses: CasePoses, medium: Machine) -> None:
+    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, medium: Machine) -> None:
         self._allowed, self._poses = allowed, poses
         self._oil = poses.oil(allowed.cylinders, medium)
 

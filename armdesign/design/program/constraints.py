@@ -20,7 +20,7 @@ from armdesign.design.requirements.candidate import Condition, frame_of
 from armdesign.design.requirements.lifting import unloaded
 from armdesign.design.requirements.relative import conditions, rod_area_factor, static_loads_held
 from armdesign.errors import InfeasibleError
-from armdesign.hydraulics.actuator import euler_safety
+from armdesign.hydraulics.buckling import euler_safety
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses

@@ -8,7 +8,6 @@ masses) by a complex step.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,11 +16,12 @@ import numpy as np
 
 from armdesign.arrays import Array, remembered
 from armdesign.design.program.design_vector import STEP, DesignSpace, Geometry
-from armdesign.design.program.fixed_pins import Still, inverse_root, lowest
+from armdesign.design.program.fixed_pins import Still, lowest
 from armdesign.design.program.moving_masses import Loads, summed
 from armdesign.design.requirements.settings import Requirements
-from armdesign.frequency.bands import Bands, scaled_links
-from armdesign.hydraulics.actuator import stiffness
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.modes import inverse_cholesky
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
@@ -75,18 +75,15 @@ class Problem(DesignSpace):
 
     def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
         """Pairs of a pose and a load case at shares of the payload's and of the links' masses."""
-        rigid, parts = self.workspace.rigid, []
-        for k, ((load, links), payload) in enumerate(
-            itertools.product(masses, self.machine.payloads)
-        ):
-            case = self.bare.with_payload(payload.name)
-            pose = np.flatnonzero(case.holds(rigid))
-            case = dataclasses.replace(
-                case, payload=dataclasses.replace(payload, mass=load * payload.mass)
-            )
-            parts.append(
-                (pose, np.full(len(pose), k), *case.loaded(scaled_links(rigid[pose], links)))
-            )
+        cases = [
+            case
+            for payload_share, link_share in masses
+            for case in load_cases(self.bare, self.workspace, payload_share, link_share)
+        ]
+        parts = [
+            (case.indices, np.full(case.exists.sum(), k), *case.machine.loaded(case.rigid))
+            for k, case in enumerate(cases)
+        ]
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def __len__(self) -> int:
@@ -202,7 +199,7 @@ class Problem(DesignSpace):
 
     def lightness(self, x: Array, rows: Array) -> Array:
         """L⁻¹M L⁻ᵀ (n, nq, nq) of rows without the own masses that depend on x, in the frame of M = L Lᵀ at x."""
-        lower = inverse_root(self.loads(x, self.rows, rows)[0])
+        lower = inverse_cholesky(self.loads(x, self.rows, rows)[0])
         return np.asarray(lower @ self.rows.mass[rows] @ np.swapaxes(lower, 1, 2))
 
     def held_forces(self, x: Array) -> Array:
@@ -235,7 +232,7 @@ class Problem(DesignSpace):
                 forces,
             )
         matrix, mass, forces = self._assembled(x, rows)
-        lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass)
+        lower = self._inverse_cholesky[rows] if self.own is None else inverse_cholesky(mass)
         return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
 
     @cached_property
@@ -258,7 +255,7 @@ class Problem(DesignSpace):
     @cached_property
     def _inverse_cholesky(self) -> Array:
         """L⁻¹ of M = L Lᵀ for every row, where no x moves M: scales each matrix inequality."""
-        return inverse_root(self.rows.mass)
+        return inverse_cholesky(self.rows.mass)
 
     @cached_property
     def _fixed(self) -> Geometry | None:
@@ -311,7 +308,9 @@ class Problem(DesignSpace):
         forces = static_forces(arm, gravity, areas[:, None, :, 0])
         ends = closed[:, None], stroke[:, None]
         stepped = self._stiffness(length, arm, curve, *ends, areas[:, None], forces) + pull
-        lower = self._inverse_cholesky[rows] if self.own is None else inverse_root(mass[0].real)
+        lower = (
+            self._inverse_cholesky[rows] if self.own is None else inverse_cholesky(mass[0].real)
+        )
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stepped[0].real @ turned, lower @ (stepped.imag / STEP) @ turned
 
@@ -329,7 +328,7 @@ class Problem(DesignSpace):
             lower = self._inverse_cholesky[rows]
         else:
             there = mass if about is None else self.loads(about, self.rows, rows)[0]
-            matrix, lower = matrix - squared * (mass - there), inverse_root(there)
+            matrix, lower = matrix - squared * (mass - there), inverse_cholesky(there)
         return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
 
     def chord_matrices(
@@ -407,11 +406,14 @@ class Problem(DesignSpace):
                     cap_dead_volume=actuator.cap_dead_volume * a1 / old[0],
                     annulus_dead_volume=actuator.annulus_dead_volume * a2 / old[1],
                 )
-            extension = length[..., i] - closed[..., i]
-            pressures = supply.return_pressure, actuator.relief(supply)
             oil.append(
-                stiffness(
-                    actuator, a1, a2, extension, stroke[..., i], forces[..., i], fluid, *pressures
+                actuator.stiffness(
+                    length[..., i] - closed[..., i],
+                    forces[..., i],
+                    fluid,
+                    supply,
+                    areas=(a1, a2),
+                    stroke=stroke[..., i],
                 )
             )
         return np.stack(oil, axis=-1)

@@ -32,8 +32,3 @@ def lowest(scaled: Array) -> Array:
     """Lowest eigenvalues (n,) of L⁻¹K L⁻ᵀ, 0 where a matrix is not finite; overwrites those."""
     scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
     return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
-
-
-def inverse_root(mass: Array) -> Array:
-    """L⁻¹ (n, nq, nq) of M = L Lᵀ."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(mass)))

@@ -24,7 +24,8 @@ from armdesign.design.requirements.lifting import LiftPose, liftable
 from armdesign.design.requirements.polygons import clearance, depth
 from armdesign.design.requirements.settings import Clearance, Speed
 from armdesign.errors import ArmDesignError
-from armdesign.hydraulics.actuator import barrel_outer, estimated_mass
+from armdesign.hydraulics.barrel import barrel_outer
+from armdesign.hydraulics.cylinder_mass import estimated_mass
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses

@@ -13,6 +13,7 @@ from armdesign.design.requirements.absolute import estimated_masses
 from armdesign.design.requirements.candidate import Built, Condition, Frame, Resized, frame_of
 from armdesign.design.requirements.relative import conditions, guaranteed, static_loads_held
 from armdesign.design.requirements.settings import Requirements
+from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.units import Units
@@ -151,9 +152,8 @@ def _judged(
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
     """Largest push and largest pull that each actuator must hold, all poses and load cases (nc,) [N, N m, ≥ 0]."""
     push = pull = np.zeros(len(machine.actuators))
-    for payload in machine.payloads:
-        case = machine.with_payload(payload.name)
-        forces = case.evaluate(workspace.rigid[case.holds(workspace.rigid)]).cylinder_forces
+    for case in load_cases(machine, workspace):
+        forces = case.evaluate().cylinder_forces
         push = np.maximum(push, forces.max(axis=0, initial=0.0))
         pull = np.maximum(pull, -forces.min(axis=0, initial=0.0))
     return push, pull

@@ -9,7 +9,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.settings import Lift
 from armdesign.errors import ArmDesignError
-from armdesign.hydraulics.actuator import holding_force
+from armdesign.hydraulics.chamber_pressures import holding_force
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import Payload
 from armdesign.machine.poses import static_forces

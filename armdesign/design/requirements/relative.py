@@ -22,8 +22,9 @@ from armdesign.design.requirements.candidate import (
     diameters,
     peak,
 )
-from armdesign.hydraulics.actuator import STEEL_MODULUS, barrel_outer, holding_force, kind
-from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
+from armdesign.hydraulics.barrel import barrel_outer
+from armdesign.hydraulics.buckling import STEEL_MODULUS, euler_load, second_moment, stepped_load
+from armdesign.hydraulics.chamber_pressures import holding_force
 from armdesign.mechanism.linkage import BARS, PINS
 
 ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
@@ -216,7 +217,7 @@ def static_loads_held(new: Candidate, frame: Frame, forces: Array) -> Iterator[C
         holds, loaded = held.real > 0, used.real > 0
         ratio = np.where(holds, used / np.where(holds, held, 1.0), np.where(loaded, np.inf, 0.0))
         scale = supply.pressure * float(frame.old.areas[0, i, 0])
-        words = f"static load of the {actuator.name} {kind(actuator)} over what the supply gives"
+        words = f"static load of the {actuator.name} {actuator.kind} over what the supply gives"
         yield bounded(
             f"holding.{actuator.name}", words, "", ratio, share,
             room=(share * held - used) / scale, easing=share * held / scale, setting="holding_share",

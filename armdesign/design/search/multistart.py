@@ -13,9 +13,10 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import least_moved_pins
-from armdesign.design.search.sequential_sdp import NEARLY, Search, hertz
+from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

@@ -24,8 +24,8 @@ from armdesign.design.search.file_changes import changes_of, pin_changes
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands, worst_within
-from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
@@ -128,13 +128,7 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
     workspace = problem.workspace
     if problem.bands != Bands():
         return worst_within(machine, workspace, problem.bands).frequency
-    cases = [machine.with_payload(payload.name) for payload in machine.payloads]
-    held = [(case, workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
-    return min(
-        float(lowest_frequency(case.evaluate(rigid)).min())
-        for case, rigid in held
-        if len(rigid) > 0
-    )
+    return worst_frequency(machine, workspace).frequency
 
 
 def _hardly_gained(search: Search) -> bool:

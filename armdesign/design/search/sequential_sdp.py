@@ -279,8 +279,3 @@ def _nearest_limits(at: Limits, box: Box, count: int) -> Array:
     reach = np.minimum(at.jacobian * box[0], at.jacobian * box[1]).sum(axis=1)
     lowest = at.values + reach
     return np.sort(np.argsort(lowest)[: min(count, len(lowest))])
-
-
-def hertz(squared: float) -> float:
-    """Frequency [Hz] of ω² [rad²/s²]."""
-    return math.sqrt(max(squared, 0.0)) / (2 * math.pi)

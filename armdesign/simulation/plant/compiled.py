@@ -2,7 +2,7 @@
 
 A right-hand side asked for ten thousand times costs numpy fifty small arrays each time; as machine
 code it costs as much as its arithmetic. What is compiled reads as plain Python, loops over cases
-and cylinders included. The laws of ``fluid`` and ``valve`` serve both worlds as they are.
+and cylinders included. The laws of ``fluid``, ``friction`` and ``valve`` serve both worlds as they are.
 
 Compiled code is kept in files that each hold one function for one set of argument types, sealed
 with a digest: a file that is damaged, half written or cannot be read is left aside, and the
@@ -31,13 +31,13 @@ from numba.extending import register_jitable
 from armdesign import units
 from armdesign import user_folders as folders
 from armdesign.errors import printable
-from armdesign.hydraulics import fluid, valve
+from armdesign.hydraulics import fluid, friction, valve
 
 F = TypeVar("F", bound=Callable[..., object])
 
 HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation
 
-for module in (fluid, valve):
+for module in (fluid, friction, valve):
     for law in vars(module).values():
         if isinstance(law, FunctionType) and law.__module__ == module.__name__:
             register_jitable(law)
@@ -127,7 +127,7 @@ def _folders() -> tuple[tuple[Path, ...], Path | None]:
     Their name says all that may be compiled, so that what is in them cannot be older than any of
     it.
     """
-    sources = [Path(module.__file__ or "") for module in (fluid, units, valve)] + sorted(
+    sources = [Path(module.__file__ or "") for module in (fluid, friction, units, valve)] + sorted(
         HERE.rglob("*.py")
     )
     name = f"compiled-{hashlib.sha256(b''.join(source.read_bytes() for source in sources)).hexdigest()[:12]}"

@@ -7,13 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.actuator import (
-    BELOW_RELIEF,
-    Actuator,
-    Motor,
-    Supply,
-    preloaded_pressures,
-)
+from armdesign.hydraulics.actuator import Actuator, Motor
+from armdesign.hydraulics.chamber_pressures import BELOW_RELIEF, preloaded_pressures
+from armdesign.hydraulics.supply import Supply
 from armdesign.simulation.plant.balance import balance
 from armdesign.units import bar, kN
 

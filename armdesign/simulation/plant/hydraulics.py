@@ -20,17 +20,10 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.actuator import Actuator, kind
+from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.fluid import bulk_modulus
-from armdesign.hydraulics.valve import (
-    RELIEF_SHARE,
-    Friction,
-    Valve,
-    edge_opening,
-    friction_force,
-    in_series,
-    orifice_flow,
-)
+from armdesign.hydraulics.friction import Friction, friction_force
+from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import compiled
 from armdesign.units import bar
@@ -149,7 +142,7 @@ def _set_holding(row: Any, actuator: Actuator) -> None:
 
 def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
     if actuator.valve is None:
-        part = f"{machine.name}: {kind(actuator)}.{actuator.name}.valve"
+        part = f"{machine.name}: {actuator.kind}.{actuator.name}.valve"
         raise SimulationError(
             part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
         )

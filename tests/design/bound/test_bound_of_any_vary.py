@@ -24,7 +24,8 @@ from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound
 from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from armdesign.report.designs import design_sheets
 from tests.design.designs import problem_of
 from tests.machines import named
@@ -151,9 +152,8 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     assert found is not None
     assert wide is not None
     assert found.held == ()
-    assert (
-        hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    )  # measured, rounded up
+    # measured, rounded up
+    assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
     assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * bound.CLOSE)
 
 

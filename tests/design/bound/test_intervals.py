@@ -18,7 +18,6 @@ from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.program.dynamics import Problem
-from armdesign.hydraulics.actuator import stiffness
 from armdesign.mechanism.joint_ranges import sweep
 
 ROUNDING = 1e-9  # what bound.py allows for
@@ -209,12 +208,12 @@ def test_shares_hold_stiffness(
     area = np.array([old.bore_area, old.annulus_area]) * random.uniform(0.5, 1.1, (5, 2))
     weight, gravity = random.uniform(0, 1, len(angles)), random.normal(size=len(angles)) * 1e4
     price, values = random.normal(size=2) * 1e6, []
-    out, back = exact.length - exact.length.min(), machine.supply.return_pressure
-    for a1, a2 in area:
-        k = stiffness(old, a1, a2, out, stroke, 0.0, machine.fluid, back)
-        values.append(
-            weight @ (k * arm**2 - gravity / arm * curve) - price @ np.array([a1, a2]) * stroke
+    out = exact.length - exact.length.min()
+    for areas in area:
+        k = old.stiffness(
+            out, 0.0, machine.fluid, machine.supply, areas=tuple(areas), stroke=stroke
         )
+        values.append(weight @ (k * arm**2 - gravity / arm * curve) - price @ areas * stroke)
     share = Share(
         shape=shape,
         limits=limits,
@@ -249,7 +248,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
     )
     dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
     share = Share(
-        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2), dead=dead,
+        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2),
+        dead=dead,
         hoses=np.zeros(2),
     )  # fmt: skip
     volume = (
@@ -257,9 +257,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
-    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (
-        shape.high - shape.low
-    )  # off the telescope's axis
+    # off the telescope's axis
+    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
         return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -21,9 +20,11 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.variables import chosen, key_of
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import least_moved_pins
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.frequency.modes import hertz
 from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
+from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, Function, Joint, build, named
 
 SIZES = {
@@ -150,9 +151,8 @@ def test_a_bore_and_a_coordinate_by_scan() -> None:
     assert len(problem.start) == 5
     assert best > 1.02 * problem.frequencies(problem.start).min()
     assert search.squared > best * (1 - 1e-6)
-    assert search.squared == pytest.approx(
-        best, rel=0.01
-    )  # the scan's steps are 0.2 % of the area, 2.5 % of the box
+    # the scan's steps are 0.2 % of the area, 2.5 % of the box
+    assert search.squared == pytest.approx(best, rel=0.01)
 
 
 def test_bound_of_a_bore_alone() -> None:
@@ -418,9 +418,8 @@ def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> flo
     grid.
     """
     names, every = [c.name for c in problem.machine.cylinders], np.arange(len(problem))
-    own = np.zeros(
-        (2, len(grid), len(grid))
-    )  # lowest ω² of one arm, 0 where one of its own limits forbids it
+    # lowest ω² of one arm, 0 where one of its own limits forbids it
+    own = np.zeros((2, len(grid), len(grid)))
     for i, name in enumerate(names):
         for k, cap in enumerate(grid):
             for j, annulus in enumerate(grid):
@@ -432,9 +431,8 @@ def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> flo
                     own[i, k, j] = problem.scaled(x, every)[:, i, i].min()
     reachable = np.maximum.accumulate(np.maximum.accumulate(own[1], axis=0), axis=1)
     oil = problem.areas_today * np.array([[c.stroke] for c in problem.machine.cylinders])
-    left = (
-        1 + (1 - grid)[:, None] * oil[0] / oil[1]
-    )  # share of today's that the second arm may have, of either side
+    # share of today's that the second arm may have, of either side
+    left = 1 + (1 - grid)[:, None] * oil[0] / oil[1]
     most = np.searchsorted(grid, left + 1e-12, side="right") - 1
     pairs = [
         (k, j)

@@ -18,9 +18,10 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.search import multistart as module
 from armdesign.design.search.multistart import follow, multistart
 from armdesign.design.search.semidefinite import programme
-from armdesign.design.search.sequential_sdp import Search, hertz
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.errors import InfeasibleError
+from armdesign.frequency.modes import hertz
 from armdesign.report.designs import _starts, design_sheets
 from tests.design.designs import problem_of
 from tests.machines import named

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,14 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.frequency.bands import scaled_links
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CasePoses:
+class ScaledPoses:
     """Poses with a load case, in the frame of L⁻¹, M = L Lᵀ, over a reference ω².
 
     Attributes:
@@ -34,15 +34,15 @@ class CasePoses:
     rest: Array
     lowest: Array
 
-    def __getitem__(self, rows: Array) -> CasePoses:
-        return CasePoses(**{name: value[rows] for name, value in vars(self).items()})
+    def __getitem__(self, rows: Array) -> ScaledPoses:
+        return ScaledPoses(**{name: value[rows] for name, value in vars(self).items()})
 
     def __len__(self) -> int:
         return len(self.lowest)
 
-    def joined(self, other: CasePoses) -> CasePoses:
+    def joined(self, other: ScaledPoses) -> ScaledPoses:
         """These poses and others."""
-        return CasePoses(
+        return ScaledPoses(
             **{
                 name: np.concatenate([value, getattr(other, name)])
                 for name, value in vars(self).items()
@@ -62,37 +62,27 @@ class CasePoses:
         fluid, supply = medium.fluid, medium.supply
         return [
             np.stack(
-                [
-                    c.stiffness(
-                        self.extension[:, i],
-                        self.force[:, i],
-                        fluid,
-                        supply.return_pressure,
-                        c.relief(supply),
-                    )
-                    for c in sizes
-                ]
+                [c.stiffness(self.extension[:, i], self.force[:, i], fluid, supply) for c in sizes]
             )
             for i, sizes in enumerate(cylinders)
         ]
 
 
-def case_poses(
+def scaled_poses(
     machine: Machine, workspace: Workspace, masses: Sequence[tuple[float, float]]
-) -> tuple[CasePoses, float]:
+) -> tuple[ScaledPoses, float]:
     """Every pose and load case at shares of payload and link mass, and the ω² that they are measured by."""
     nc = len(machine.cylinders)
     closed = np.array([c.closed_length for c in machine.cylinders])
     parts = []
-    for payload, (load, links) in itertools.product(machine.payloads, masses):
-        case = machine.with_payload(payload.name)
-        rigid = scaled_links(workspace.rigid[case.holds(workspace.rigid)], links)
-        poses = replace(case, payload=replace(payload, mass=load * payload.mass)).evaluate(rigid)
-        inverse = np.linalg.inv(np.linalg.cholesky(poses.mass_matrix))
+    cases = (case for shares in masses for case in load_cases(machine, workspace, *shares))
+    for case in cases:
+        poses = case.evaluate()
+        inverse = inverse_cholesky(poses.mass_matrix)
         turned = np.swapaxes(inverse, 1, 2)
         arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]
         of_oil = np.swapaxes(arms, 1, 2) @ (arms * oil[:, :, None])
-        part = CasePoses(
+        part = ScaledPoses(
             extension=poses.lengths[:, :nc] - closed,
             force=poses.cylinder_forces[:, :nc],
             arm=arms @ turned,

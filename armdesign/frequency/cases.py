@@ -1,0 +1,103 @@
+"""Every load case over a workspace: the one loop over load cases, each at the poses where it exists.
+
+Maps, bands, requirements and designs ask about "all poses and load cases"; all of them loop here.
+What a load case is stands elsewhere: its data in ``machine.parts.Payload``, at which poses it
+exists in ``Machine.holds``, what it adds to inertia and gravity in ``Machine.loaded``. A new kind
+of load case changes these three and nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+from armdesign.machine.poses import Poses
+from armdesign.mechanism.arm import RigidPoses
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CasePoses:
+    """A load case and the poses of a workspace at which it exists.
+
+    Attributes:
+        machine: the machine with this load case at work.
+        workspace: all poses, also those at which the load case does not exist.
+        exists: whether the load case exists at each pose of the workspace (n,).
+        link_share: factor on all masses and inertias of the bare links.
+    """
+
+    machine: Machine
+    workspace: Workspace
+    exists: Flags
+    link_share: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Name of the load case."""
+        return self.machine.payload.name
+
+    @property
+    def indices(self) -> Array:
+        """Indices of its poses in the workspace (m,)."""
+        return np.flatnonzero(self.exists)
+
+    @property
+    def rigid(self) -> RigidPoses:
+        """The bare links at its poses (m)."""
+        return scaled_links(self.workspace.rigid[self.exists], self.link_share)
+
+    def evaluate(self) -> Poses:
+        """Everything at its poses (m), without the checks of ``Machine.at``."""
+        return self.machine.evaluate(self.rigid)
+
+
+def load_cases(
+    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
+) -> Iterator[CasePoses]:
+    """Every load case of a machine, in the order of its file, with the poses at which it exists.
+
+    Args:
+        machine: the machine.
+        workspace: the poses.
+        payload_share: factor on the mass of every load case.
+        link_share: factor on all masses and inertias of the bare links.
+    """
+    for payload in machine.payloads:
+        loaded = replace(payload, mass=payload_share * payload.mass)
+        yield CasePoses(
+            machine=replace(machine, payload=loaded),
+            workspace=workspace,
+            exists=workspace.holds(payload),
+            link_share=link_share,
+        )
+
+
+def in_chunks(
+    cases: Sequence[CasePoses], what: str
+) -> Iterator[tuple[CasePoses, Array, RigidPoses]]:
+    """The load cases of one workspace at their poses, chunk by chunk: case, indices, bare links.
+
+    Each chunk of the workspace is computed once for all load cases; none of a large workspace is
+    kept in memory. ``what`` names the work in the progress bar.
+    """
+    for rows, rigid in cases[0].workspace.parts(what):
+        for case in cases:
+            chosen = np.flatnonzero(case.exists[rows])
+            yield case, rows.start + chosen, scaled_links(rigid[chosen], case.link_share)
+
+
+def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:
+    """The bare links with all masses and inertias times a share: M, g and ∂g/∂q are linear in them."""
+    if share == 1.0:
+        return rigid
+    return replace(
+        rigid,
+        mass_matrix=share * rigid.mass_matrix,
+        gravity_torque=share * rigid.gravity_torque,
+        gravity_stiffness=share * rigid.gravity_stiffness,
+    )

@@ -1,0 +1,176 @@
+"""The worst frequency over all poses and load cases: on the poses of a workspace, and between them.
+
+``worst_frequency`` takes the lowest of the poses as they are; ``refined`` starts a local search
+from the lowest of them, and finds the worst pose off the grid too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
+from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
+from armdesign.frequency.workspace import Workspace, onto_pitch_limit, tipping_joints
+from armdesign.machine.machine import Machine
+
+STARTS = 4  # local searches per load case
+
+
+class Worst(NamedTuple):
+    """The lowest coupled natural frequency [Hz] of some poses, its load case and its pose (nq,)."""
+
+    frequency: float
+    payload: str
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class WorstPose:
+    """Where the lowest coupled natural frequency [Hz] of a map is, off the grid.
+
+    Attributes:
+        q: joint positions (nq,) [rad, m].
+        payload: name of the load case.
+        frequency: lowest coupled natural frequency there [Hz].
+        cylinder: the cylinder or motor with the largest share of that mode's oil-spring energy.
+        tool: position of the tool (3,) [m].
+        joints: names of the coordinates.
+    """
+
+    q: Array
+    payload: str
+    frequency: float
+    cylinder: str
+    tool: Array
+    joints: tuple[str, ...]
+
+
+def worst_frequency(
+    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
+) -> Worst:
+    """The worst frequency over the workspace's poses and all load cases, where and with which load.
+
+    Args:
+        machine: the machine.
+        workspace: the poses; the worst is taken among them, not between them.
+        payload_share: factor on the mass of every load case.
+        link_share: factor on all masses and inertias of the bare links.
+
+    Raises:
+        PoseError: a pose that this machine cannot take.
+    """
+    lowest_of_chunks = []
+    cases = list(load_cases(machine, workspace, payload_share, link_share))
+    for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
+        if len(indices) > 0:
+            frequency = lowest_frequency(case.machine.at(rigid))
+            lowest = int(frequency.argmin())
+            q = workspace.q[indices[lowest]]
+            lowest_of_chunks.append(Worst(float(frequency[lowest]), case.name, q))
+    return min(lowest_of_chunks, key=lambda worst: worst.frequency)
+
+
+def refined(case: CasePoses, frequency: Array) -> WorstPose:
+    """The worst pose of a load case between its poses too, from their lowest frequencies (m,) [Hz].
+
+    Local searches start from the lowest poses; the lowest pose of all is taken.
+    """
+    machine, workspace, q = case.machine, case.workspace, case.workspace.q[case.exists]
+    best_q, best = q[frequency.argmin()], float(frequency.min())
+    for start in _distinct_minima(workspace, q, frequency):
+        found = _descend(machine, workspace, start)
+        if found is not None:
+            value = float(lowest_frequency(machine.at(found))[0])
+            if value < best:
+                best_q, best = found, value
+    poses = machine.at(best_q)
+    share = energy_shares(poses, natural_modes(poses))[0, 0]
+    return WorstPose(
+        q=best_q,
+        payload=machine.payload.name,
+        frequency=best,
+        cylinder=machine.actuators[int(share.argmax())].name,
+        tool=poses.tool[0],
+        joints=machine.joints,
+    )
+
+
+def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[Array]:
+    """Up to ``STARTS`` of the lowest poses that are a fifth of a joint range or more apart."""
+    span = np.ptp(workspace.ranges, axis=1)
+    lowest = q[np.argsort(frequency)[: max(200, len(q) // 20)]]
+    chosen: list[Array] = []
+    while len(lowest) > 0 and len(chosen) < STARTS:
+        chosen.append(lowest[0])
+        lowest = lowest[np.abs((lowest - lowest[0]) / span).max(axis=1) > 0.2]
+    return chosen
+
+
+def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | None:
+    """Local minimum of the lowest frequency inside the workspace (SLSQP), or None where it leaves the workspace."""
+    from scipy.optimize import minimize
+
+    low, high = workspace.ranges.T
+    span = high - low
+    payload, nq = machine.payload, len(low)
+
+    def value(x: Array) -> float:
+        return float(lowest_frequency(machine.evaluate(machine.rigid_poses(low + x * span)))[0])
+
+    def gradient(x: Array) -> Array:
+        ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
+        f = lowest_frequency(machine.evaluate(machine.rigid_poses(low + ends * span)))
+        return (f[:nq] - f[nq:]) / (ends[:nq] - ends[nq:]).diagonal()
+
+    def room(x: Array) -> Array:
+        rigid = machine.arm.kinematics((low + x * span)[None])
+        stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
+        tip = -machine.pitch_excess(rigid, payload) if payload.pitch else np.empty(0)
+        return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
+
+    constrained = payload.pitch is not None or any(len(k.joints) > 1 for k in machine.linkages)
+    result = minimize(
+        value,
+        (start - low) / span,
+        jac=gradient,
+        bounds=[(0.0, 1.0)] * nq,
+        constraints=[{"type": "ineq", "fun": room}] if constrained else [],
+        method="SLSQP",
+        options={"maxiter": 60, "ftol": 1e-10},
+    )
+    return _inside(machine, workspace, np.clip(low + result.x * span, low, high))
+
+
+def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
+    """The pose, put back exactly onto a pitch limit that it oversteps by a hair.
+
+    None if it is not in the workspace.
+    """
+    rigid = machine.arm.kinematics(q[None])
+    payload = machine.payload
+    if not machine.holds(rigid)[0] and machine.pitch_excess(rigid, payload)[0] < 1e-3:
+        moved = [
+            onto_pitch_limit(machine, payload, q[None], joint, limit)
+            for joint in tipping_joints(machine, payload)
+            for limit in payload.pitch or ()
+        ]
+        near = [
+            p
+            for p in np.concatenate(moved)
+            if np.abs(p - q).max() < 2e-3 and _in_box(p, workspace)
+        ]
+        q = near[0] if near else q
+    within = _in_box(q, workspace) and bool(machine.holds(q)[0])
+    # ends of stroke are those of the machine whose workspace it is
+    return (
+        q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
+    )
+
+
+def _in_box(q: Array, workspace: Workspace) -> bool:
+    low, high = workspace.ranges.T
+    return bool(np.all((q >= low) & (q <= high)))

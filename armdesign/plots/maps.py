@@ -1,0 +1,232 @@
+"""Frequencies and static pressures over a workspace: over two joints, or by place of the tool."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.frequency.workspace import nearest
+from armdesign.plots.canvas import (
+    COLOURS,
+    CYLINDER,
+    INK,
+    MARK,
+    figure,
+    joint_label,
+    joint_values,
+    literal,
+)
+
+if TYPE_CHECKING:
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.worst_frequency import WorstPose
+    from armdesign.machine.machine import Machine
+
+FREQUENCY = "lowest coupled natural frequency [Hz]"
+PRESSURE = "largest static pressure / supply pressure"
+
+
+@literal
+def frequency_map(
+    frequencies: FrequencyMap, ax: Any = None, plane: str = "joints", **limits: float
+) -> Any:
+    """Lowest coupled frequency over two joints, or over reach and height, its worst pose marked.
+
+    Args:
+        frequencies: the map.
+        ax: axes to draw into; new ones if None.
+        plane: "joints" (the first two, slewing apart; a machine with one joint gets curves) or
+            "reach".
+        limits: ``vmin`` and ``vmax`` [Hz] of the colours, so that two maps share one scale.
+
+    Returns:
+        The axes.
+    """
+    ax = figure()[1][0] if ax is None else ax
+    machine, worst = frequencies.machine, frequencies.worst
+    drawn = drawn_joints(machine)
+    if plane == "reach":
+        reach_map = frequencies.reach_map()
+        heatmap(ax, reach_map.reach, reach_map.height, reach_map.frequency, limits)
+        silhouette(ax, machine, worst)
+        ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
+        ax.set_title("lowest over all poses that bring the tool there", fontsize=10)
+    elif len(drawn) == 1:
+        _frequency_curves(ax, frequencies)
+        ax.set_title("natural frequencies over the joint", fontsize=10)
+    else:
+        heatmap(ax, *_labelled_plane(ax, frequencies), limits)
+        ax.set_title(f"lowest over {_others(machine)}", fontsize=10)
+        x, y = (float(joint_values(machine.arm.joints[j], worst.q[j])) for j in drawn)
+        mark(ax, x, y, worst.frequency)
+    return ax
+
+
+@literal
+def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any:
+    """Figure of maps in a row on one colour scale, each under its label and worst frequency."""
+    fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
+    for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):
+        frequencies.plot(ax, plane=plane)
+        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
+    meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
+    ends = [mesh.get_clim() for mesh in meshes]
+    for mesh in meshes:  # a machine with one joint has curves instead
+        mesh.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
+    return fig
+
+
+@literal
+def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
+    """Largest static chamber pressure of all cylinders over the supply's; returns the axes.
+
+    Above one the pump cannot hold the load there. A machine with one joint gets a curve per load
+    case.
+    """
+    ax = figure()[1][0] if ax is None else ax
+    share = frequencies.holding_pressures.max(axis=1)
+    if len(drawn_joints(frequencies.machine)) == 1:
+        _pressure_curves(ax, frequencies, share)
+        return ax
+    x, y, negative = _labelled_plane(ax, frequencies, -share)
+    heatmap(ax, x, y, -negative, {"vmin": 0.0}, PRESSURE, "YlOrRd")
+    if np.nanmax(-negative) > 1:
+        ax.contour(x, y, -negative.T, levels=[1.0], colors=[MARK])
+    ax.set_title(f"largest over {_others(frequencies.machine)}", fontsize=10)
+    return ax
+
+
+def heatmap(
+    ax: Any,
+    x: Array,
+    y: Array,
+    values: Array,
+    limits: Mapping[str, float],
+    label: str = FREQUENCY,
+    colours: str = COLOURS,
+) -> None:
+    """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
+    mesh = ax.pcolormesh(
+        x, y, values.T, cmap=colours, shading="nearest", rasterized=True, **limits
+    )
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    ax.set_facecolor("white")
+
+
+def mark(ax: Any, x: float, y: float, frequency: float) -> None:
+    """Mark the worst pose: a ring and its frequency, written on the side where there is room."""
+    ax.plot(x, y, "o", ms=10, mfc="none", mec="white", mew=3.5, zorder=5)
+    ax.plot(x, y, "o", ms=10, mfc="none", mec=MARK, mew=2, zorder=6)
+    right, top = x > sum(ax.get_xlim()) / 2, y > sum(ax.get_ylim()) / 2
+    ax.annotate(
+        f"{frequency:.3f} Hz",
+        (x, y),
+        xytext=(-12 if right else 12, -12 if top else 12),
+        textcoords="offset points",
+        ha="right" if right else "left",
+        va="top" if top else "bottom",
+        color=INK,
+        bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": MARK, "alpha": 0.9},
+        zorder=7,
+    )
+
+
+def joint_plane(
+    frequencies: FrequencyMap, values: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Least value on the grid of the two ``drawn_joints``: positions of both [rad, m], (n1, n2).
+
+    ``values`` is one number for each row of the map's frame; the lowest coupled frequency [Hz] if
+    None.
+    """
+    drawn, frame = drawn_joints(frequencies.machine), frequencies.frame
+    axes = [frequencies.workspace.axes[j] for j in drawn]
+    names = [frequencies.machine.joints[j] for j in drawn]
+    cells = tuple(
+        nearest(axis, frame[name].to_numpy()) for axis, name in zip(axes, names, strict=True)
+    )
+    least = np.full([len(axis) for axis in axes], np.inf)
+    np.minimum.at(least, cells, frame["f1_hz"].to_numpy() if values is None else values)
+    return axes[0], axes[1], np.where(np.isinf(least), np.nan, least)
+
+
+def drawn_joints(machine: Machine) -> list[int]:
+    """Indices of the joints that a picture shows: the first two that do not slew the whole arm.
+
+    One index if there is but one such joint.
+    """
+    return [j for j in range(len(machine.joints)) if j not in machine.idle_joints][:2] or [0]
+
+
+def _labelled_plane(
+    ax: Any, frequencies: FrequencyMap, values: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """The ``joint_plane`` in the units of the axes, which are labelled."""
+    x, y, least = joint_plane(frequencies, values)
+    first, second = (frequencies.machine.arm.joints[j] for j in drawn_joints(frequencies.machine))
+    ax.set(xlabel=joint_label(first), ylabel=joint_label(second))
+    return joint_values(first, x), joint_values(second, y), least
+
+
+def _others(machine: Machine) -> str:
+    """What a picture over the drawn joints does not show."""
+    shown = len(drawn_joints(machine))
+    return "all loads" if len(machine.joints) == shown else "all other joints and loads"
+
+
+def _frequency_curves(ax: Any, frequencies: FrequencyMap) -> None:
+    """Coupled and rigid-load frequency per load case of a machine with one joint."""
+    (index,) = drawn_joints(frequencies.machine)
+    joint, worst, top = frequencies.machine.arm.joints[index], frequencies.worst, 0.0
+    for payload, rows in frequencies.frame.groupby("payload", sort=False):
+        rows = rows.sort_values(joint.name)
+        q = joint_values(joint, rows[joint.name].to_numpy())
+        ax.plot(q, rows["f1_hz"], label=f"{payload}: coupled")
+        top = max(top, 2.5 * rows["f1_hz"].max())
+        for actuator in frequencies.machine.actuators:
+            label = f"{payload}: {actuator.name}, rigid load"
+            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], "--", lw=1, label=label)
+    ax.set(xlabel=joint_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
+    ax.legend(frameon=False)
+    mark(ax, float(joint_values(joint, worst.q[index])), worst.frequency, worst.frequency)
+
+
+def _pressure_curves(ax: Any, frequencies: FrequencyMap, share: Array) -> None:
+    """Static over supply pressure (rows of the frame,) per load case, with one joint."""
+    (index,) = drawn_joints(frequencies.machine)
+    joint, frame = frequencies.machine.arm.joints[index], frequencies.frame
+    q, payload = frame[joint.name].to_numpy(), frame["payload"].to_numpy()
+    for name in frequencies.worst_of:
+        rows = np.flatnonzero(payload == name)
+        rows = rows[np.argsort(q[rows])]
+        ax.plot(joint_values(joint, q[rows]), share[rows], label=name)
+    ax.axhline(1.0, color=MARK, lw=1, ls="--")
+    ax.set(xlabel=joint_label(joint), ylabel=PRESSURE, ylim=(0, None))
+    ax.legend(frameon=False)
+
+
+def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
+    """The arm at its worst pose, seen from the side: links as lines, cylinders as bars."""
+    arm, poses = machine.arm, machine.arm.kinematics(worst.q[None])
+    azimuth = math.atan2(worst.tool[1], worst.tool[0])
+    forward = np.array([math.cos(azimuth), math.sin(azimuth)])
+    forward = forward * math.copysign(1.0, float(forward @ arm.heading(worst.q[None])[0]))
+
+    def draw(points: Sequence[Array], **style: Any) -> None:
+        places = np.array(points).reshape(-1, 3)
+        ax.plot(places[:, :2] @ forward, places[:, 2], "-", solid_capstyle="round", **style)
+
+    line = [*(poses.translation[0, j] for j in arm.chain(machine.tool.link)), worst.tool]
+    draw(line, color="white", lw=6, zorder=3)
+    draw(line, color=INK, lw=3, zorder=4)
+    for linkage in machine.linkages:
+        base, rod_end, *bars = (pin[0] for pin in linkage.pins(poses))
+        draw([base, rod_end], color=CYLINDER, lw=4, zorder=4)
+        draw(bars, color=INK, lw=1.5, zorder=4)
+    mark(ax, float(worst.tool[:2] @ forward), worst.tool[2], worst.frequency)

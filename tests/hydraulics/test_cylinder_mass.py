@@ -1,0 +1,36 @@
+"""Estimated mass of a cylinder: by hand, derivatives, limit of the wall."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from numpy.testing import assert_allclose
+
+from armdesign.errors import ArmDesignError
+from armdesign.hydraulics.barrel import barrel_ratio
+from armdesign.hydraulics.cylinder_mass import estimated_mass
+from armdesign.units import MPa, bar
+
+
+def test_mass_by_hand() -> None:
+    """By hand, 120/85 mm × 1260 mm at 350 bar: k² = 236.67/166.67 = 1.42, so D_a² = 0.020448 m².
+
+    Barrel 0.006048 · 1.38, bottom 0.020448 · 0.06, rings 0.007175 · 0.12, rod 0.007225 · 1.38
+    [m³], × 7850 π/4 kg/m³.
+    """
+    volume = 0.006048 * 1.38 + 0.020448 * 0.06 + 0.007175 * 0.12 + 0.007225 * 1.38
+    assert_allclose(
+        estimated_mass(0.12, 0.085, 1.26, 350 * bar), 7850 * math.pi / 4 * volume, rtol=1e-6
+    )
+
+
+def test_mass_derivatives_and_limit() -> None:
+    """Complex step against the derivative by hand: a longer stroke adds tube wall and rod, nothing
+    else.
+    """
+    step = estimated_mass(0.12, 0.085, 1.26 + 1e-30j, 350 * bar).imag / 1e-30
+    wall = 0.12**2 * (barrel_ratio(350 * bar) ** 2 - 1)
+    assert_allclose(step, 7850 * math.pi / 4 * (wall + 0.085**2), rtol=1e-12)
+    with pytest.raises(ArmDesignError, match="no steel barrel carries 118"):
+        estimated_mass(0.12, 0.085, 1.26, 118.4 * MPa)
