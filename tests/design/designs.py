@@ -116,15 +116,12 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
             sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]
         cylinders.append(_weighed(replace(cylinder, **sizes), cylinder))
-        new, old = problem.linkages(x)[i].four_bar, problem.machine.linkages[i].four_bar
-        if new and old:
-            bars = {
-                "rocker_mass": new.rocker / old.rocker,
-                "coupler_mass": new.coupler / old.coupler,
-            }
-            cylinders[i] = replace(
-                cylinders[i], **{name: getattr(cylinder, name) * k for name, k in bars.items()}
-            )
+        new, old = problem.linkages(x)[i], problem.machine.linkages[i]
+        bars = {
+            bar: mass * getattr(new, bar) / getattr(old, bar)
+            for bar, mass in cylinder.linkage_masses
+        }
+        cylinders[i] = replace(cylinders[i], linkage_masses=tuple(bars.items()))
     return replace(
         problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x))
     )

@@ -9,9 +9,8 @@ from typing import Any
 from armdesign.arrays import Array
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.moving_masses import weighed
-from armdesign.design.program.variables import SIZES, key_of
+from armdesign.design.program.variables import SIZES
 from armdesign.design.search.drawing_grid import GRID
-from armdesign.mechanism.linkage import BARS
 from armdesign.units import litre, mm
 
 
@@ -45,7 +44,7 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
                 linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
             )
             at = [_rounded(value / mm, before / mm, limit) for value, before in pairs]
-            changes[f"{name}.{key_of(place)}"] = at[0] if place in BARS else at
+            changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.ranges[i]
         if poses is None:
@@ -93,7 +92,6 @@ def _with_masses(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
     new, changes = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
     for i, names in problem.own.bars.items():
         for name in names:
-            key = f"four_bar.{name}" if name in BARS else name
-            mass = getattr(new.cylinders[i], f"{name}_mass")
-            changes[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
+            key, mass = new.linkages[i].mass_key_of(name), new.cylinders[i].masses[name]
+            changes[f"cylinder.{new.cylinders[i].name}.{key}"] = round(mass, 3)
     return changes

@@ -89,7 +89,14 @@ def only_rocker() -> Machine:
     alone.
     """
     cylinders = [
-        replace(c, barrel_mass=0.0, rod_mass=0.0, coupler_mass=0.0)
+        replace(
+            c,
+            barrel_mass=0.0,
+            rod_mass=0.0,
+            linkage_masses=tuple(
+                (bar, 0.0 if bar == "coupler" else mass) for bar, mass in c.linkage_masses
+            ),
+        )
         for c in bars("triple").cylinders
     ]
     return replace(bars("triple"), cylinders=tuple(cylinders))

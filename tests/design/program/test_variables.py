@@ -17,12 +17,13 @@ from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.bound.given_pins import bound_of_areas
 from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.program.variables import chosen, key_of
+from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
-from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
+from armdesign.mechanism.linkage.direct import Direct
+from armdesign.mechanism.linkage.four_bar import FourBar
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
 from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, Function, Joint, build, named
@@ -207,7 +208,15 @@ def test_derivatives_by_every_variable(name: str) -> None:
     """
     digging = {"odd": ("fold", "tilt"), "excavator": ("stick", "bucket")}[name]
     problem = problem_of(name, EVERYTHING, digging=digging)
-    assert {v.pin for v in problem.variables} == {None, *PINS, *BARS}
+    assert {v.pin for v in problem.variables} == {
+        None,
+        "rod_end",
+        "base",
+        "pivot",
+        "lug",
+        "rocker",
+        "coupler",
+    }
     x, rows, holding = (
         some_x(problem, 3, 0.03),
         np.arange(0, len(problem), 37),
@@ -267,16 +276,19 @@ def test_a_free_four_bar_is_worth_more() -> None:
     less = ad.optimize(design.today, design.workspace, starts=1)
     assert design.unrounded > 1.01 * less.unrounded
     assert min(design.slacks.values()) >= 0
-    assert {f"pin_box.bucket.{place}" for place in ("base", *OF_FOUR_BAR)} <= design.slacks.keys()
+    assert {
+        f"pin_box.bucket.{place}" for place in ("base", "pivot", "lug", "rocker", "coupler")
+    } <= design.slacks.keys()
     assert "transmission.bucket" in design.prices
     bars = design.machine.section.cylinder["bucket"].four_bar
     assert bars is not None
     for number in (bars.rocker_mm, bars.coupler_mm, *bars.pivot.at_mm, *bars.lug.at_mm):
         assert number == round(number, 1)
-    new, old = design.machine.linkages[2].four_bar, design.today.linkages[2].four_bar
-    assert new is not None
+    new, old = design.machine.linkages[2], design.today.linkages[2]
+    assert isinstance(new, FourBar)
+    assert isinstance(old, FourBar)
     assert new != old
-    assert (new.pivot.at[1], new.lug.at[1], new.side) == (old.pivot.at[1], old.lug.at[1], old.side)
+    assert (new.pivot.at[1], new.lug.at[1], new.knee) == (old.pivot.at[1], old.lug.at[1], old.knee)
     assert (design.machine.ranges[:, 0] <= design.today.ranges[:, 0] + 1e-9).all()
     assert (design.machine.ranges[:, 1] >= design.today.ranges[:, 1] - 1e-9).all()
     assert design.after.frame["f1_hz"].min() > 0.997 * design.unrounded
@@ -461,11 +473,12 @@ def test_the_kink_is_the_optimum_along_every_direction() -> None:
 
 
 def test_keys_of_places() -> None:
-    assert [key_of(p) for p in ("base", "lug", "rocker")] == [
+    assert [FourBar.key_of(p) for p in ("base", "lug", "rocker")] == [
         "base.at_mm",
         "four_bar.lug.at_mm",
         "four_bar.rocker_mm",
     ]
+    assert Direct.key_of("rod_end") == "rod_end.at_mm"
 
 
 @pytest.mark.parametrize("name", ["double", "excavator_20t"])
