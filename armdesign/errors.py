@@ -33,11 +33,10 @@ class ArmDesignError(Exception):
         table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
 
-    table = ""
-
     def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
         super().__init__()
         self.part, self.problem, self.remedy = part, problem, remedy
+        self.table = ""
         self.tell_line(line)
 
     def tell_line(self, line: int | None) -> None:
