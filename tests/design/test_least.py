@@ -231,7 +231,7 @@ def test_no_combination_is_enough() -> None:
             double(), workspace_of("double"), WIDE, frequency=9, vary=("areas",), catalogue=SIZES
         )
     with pytest.raises(
-        InfeasibleError, match=r"no sizes of the catalogue meet oil.*; nor thrust"
+        InfeasibleError, match=r"no sizes of the catalogue meet oil.*, nor thrust"
     ) as error:
         ad.least(
             double(), workspace_of("double"), frequency=1, vary=("areas",), catalogue=[(0.2, 0.1)]
