@@ -65,12 +65,12 @@ class Problem(DesignSpace):
     @cached_property
     def rows(self) -> Rows:
         """Every pair of a pose and a load case that exists there, at all masses that the bands ask to try."""
-        return self._rows(self.bands.masses(self.machine))
+        return self._rows(self.bands.mass_shares(self.machine))
 
     @cached_property
     def held(self) -> Rows:
         """Those at the masses of the file, which requirements are judged at."""
-        masses = self.bands.masses(self.machine)
+        masses = self.bands.mass_shares(self.machine)
         return self.rows if masses == [(1.0, 1.0)] else self._rows([(1.0, 1.0)])
 
     def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
@@ -131,7 +131,7 @@ class Problem(DesignSpace):
     @cached_property
     def _soft(self) -> Machine:
         """Today's machine with the softest oil of the bands."""
-        return self.bands.oil(self.machine, softest=True)
+        return self.bands.with_oil(self.machine, softest=True)
 
     @cached_property
     def bare(self) -> Machine:
