@@ -1,5 +1,4 @@
-"""Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and
-printed.
+"""Our simulation against Exudyn's on the common plant: measured time for equal accuracy.
 
 Run on an otherwise idle machine: ``python -m benchmarks.against_exudyn``. Both run in this process
 on one core, the best of five each. The plant is the 20 t machine without its four-bar (Exudyn's
@@ -14,10 +13,8 @@ from __future__ import annotations
 
 import os
 
-os.environ |= {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}  # before numpy starts its threads
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 os.environ |= {"EXUDYN_MODULE": "fast"}
 
 import time
@@ -36,10 +33,8 @@ from tests.exudyn.test_valve_driven import step_response
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
-SOLVERS = {
-    "ExplicitMidpoint": (4, 10, 40, 100),
-    "RK44": (2, 4, 10, 30),
-}  # Exudyn's steps per record
+# Exudyn's steps per record
+SOLVERS = {"ExplicitMidpoint": (4, 10, 40, 100), "RK44": (2, 4, 10, 30)}
 FINEST = 200
 SHARES = (1.0,), tuple(np.linspace(0.3, 1.0, 8).tolist())  # of the steps: a single run, a batch
 
@@ -127,9 +122,7 @@ def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, 
 
 
 def main() -> None:
-    """Measure and print everything: our time against the fastest solver's at our error, between
-    its steps.
-    """
+    """Measure and print our time and that of the fastest solver at our error."""
     machine = named("direct_bucket")
     for shares in SHARES:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")

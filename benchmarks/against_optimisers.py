@@ -19,10 +19,8 @@ from __future__ import annotations
 
 import os
 
-os.environ |= {
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-}  # before numpy starts its threads
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import math
 import sys
@@ -57,11 +55,8 @@ MACHINES = (
     "patu_boom",
     "paper_1dof",
 )
-LEAST = {
-    "excavator_20t": 0.36,
-    "mini_excavator_2t": 0.35,
-    "excavator_12t": 0.08,
-}  # gain that is asked for
+# gain that is asked for
+LEAST = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}
 # slack by which the check of a built machine may be missed: it looks at finer joint ranges
 FEASIBLE = 1e-4
 RIVALS = 20  # times our processor time that each rival has
@@ -71,10 +66,8 @@ ALIKE = 1e-4  # of a frequency: what searches that stop at 1e-5 of ω² may diff
 CLOSE = 1e-3  # of a frequency: what counts as reached besides all of it
 PRICE = 5.0  # of ω² (relative) per unit of missed requirement
 FEW, MORE = 150, 12  # poses that a rival starts with, and that join at each look
-LOWEST, ROUNDS = (
-    20,
-    10,
-)  # rows that join a programme of SLSQP at each round, and rounds from one start
+# rows that join a programme of SLSQP at each round, and rounds from one start
+LOWEST, ROUNDS = 20, 10
 METHODS = {
     "evolution": "differential evolution",
     "adaptation": "CMA-ES",
@@ -86,10 +79,9 @@ LOOKS = 40  # looks at the whole workspace in the time that rivals have
 
 @dataclass(frozen=True, eq=False)
 class Plain(Stepped):
-    """The design at x as a candidate without derivatives; every linkage is evaluated once, on all
-    ``poses``.
+    """The design at x as a candidate without derivatives; each linkage is evaluated once.
 
-    Those are the workspace's and after them each cylinder's over its joint's range.
+    The poses are the workspace's and after them each cylinder's over its joint's range.
     """
 
     poses: RigidPoses
@@ -159,9 +151,7 @@ class Judge:
         )
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
-        """Lowest ω² (n,) [rad²/s²] and static forces (n, nc) [N] of all rows, and what each
-        requirement misses, ≥ 0.
-        """
+        """Lowest ω² (n,) [rad²/s²] and forces (n, nc) [N] of rows, and violations ≥ 0."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return self._at(x)
 
@@ -185,20 +175,16 @@ class Judge:
 
 @dataclass(eq=False)
 class Task:
-    """A problem as a rival sees it, the clock, and what it found: designs that meet all on the
-    whole workspace.
-    """
+    """A problem as a rival sees it, the clock, and the allowed designs that the rival found."""
 
     problem: Problem
     seconds: float  # processor time that it has
     goal: float = math.inf  # frequency [Hz] at which it may stop
     poses: Array = field(init=False)
-    trace: list[tuple[float, float, Array]] = field(
-        default_factory=list
-    )  # seconds, frequency [Hz], x of each record
-    hopes: list[tuple[float, Array]] = field(
-        default_factory=list
-    )  # merits and designs found since the last look
+    # seconds, frequency [Hz], x of each record
+    trace: list[tuple[float, float, Array]] = field(default_factory=list)
+    # merits and designs found since the last look
+    hopes: list[tuple[float, Array]] = field(default_factory=list)
     evaluations: int = 0
     looked: float = 0.0
 
@@ -308,9 +294,7 @@ class Task:
 
 
 def evolution(task: Task) -> None:
-    """Scipy's differential evolution with an exact penalty, its population kept while poses
-    join.
-    """
+    """Differential evolution with an exact penalty; its population stays while poses join."""
     size = len(task.u(task.problem.start))
     population, round_ = None, 0
     while not task.over:
@@ -333,8 +317,9 @@ def evolution(task: Task) -> None:
 
 
 def adaptation(task: Task) -> None:
-    """CMA-ES with an exact penalty; restarts with twice the population, from today's, from the
-    best, from anywhere.
+    """CMA-ES with an exact penalty.
+
+    It restarts with twice the population, from today's, from the best, from anywhere.
     """
     size, round_ = 4 + int(3 * math.log(len(task.u(task.problem.start)))), 0
     while not task.over:
@@ -356,9 +341,7 @@ def adaptation(task: Task) -> None:
 
 
 def programming(task: Task) -> None:
-    """SLSQP from today's machine and from drawn ones: maximise t below the two lowest ω² of the
-    lowest poses.
-    """
+    """SLSQP from many starts: maximise t below the two lowest ω² of the lowest poses."""
     u = task.u(task.problem.start)
     while not task.over:
         kept = np.empty(0, dtype=int)
@@ -435,8 +418,9 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method found, judged as a machine; ``frequency`` [Hz] on the workspace's poses,
-    ``refined`` off them.
+    """What a method found, judged as a machine.
+
+    ``frequency`` [Hz] is on the workspace's poses, ``refined`` off them.
     """
 
     method: str

@@ -1,5 +1,4 @@
-"""Figures the main job must reach on excavator_20t, measured here and printed beside their
-targets.
+"""Figures that the main job must reach on excavator_20t, measured beside their targets.
 
 Run on an otherwise idle machine: ``python -m benchmarks.main_job``. Times are the best of three in
 this process.
@@ -49,9 +48,8 @@ def main() -> None:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    ad.size_cylinders(
-        machine, workspace
-    )  # imports and first compilations are not part of the figures
+    # imports and first compilations are not part of the figures
+    ad.size_cylinders(machine, workspace)
 
     seconds, design = best_of(lambda: ad.optimize(machine, workspace))
     lowest = min(design.before.frame["f1_hz"])

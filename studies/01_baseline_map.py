@@ -1,7 +1,7 @@
 """Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
 
-At 0.910 Hz the 20 t excavator, boom up and full bucket curled; on every machine its lowest
-cylinder limits ≥ 86 %.
+At 0.910 Hz the 20 t excavator, boom up, full bucket curled; its lowest cylinder limits ≥ 86 %
+on every machine.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ OUT = Path("out") / "01_baseline_map"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes
-    coarse grids.
-    """
+    """Worst pose, median, limiting cylinder of every machine, and the maps; ``fast``: coarse."""
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -44,9 +42,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with every machine's map, figures of it and of the static
-    pressures.
-    """
+    """Print the table; save it with every machine's map and static pressures drawn."""
     from armdesign import plots
 
     table, maps = run()

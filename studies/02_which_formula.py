@@ -1,7 +1,7 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
-The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up to +5
-%, at worst +36 %.
+The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up
+to +5 %, at worst +36 %.
 """
 
 from __future__ import annotations
@@ -20,17 +20,13 @@ FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static loa
 
 
 def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
-    """What a formula says of every pose, its lowest over the cylinders, over the lowest coupled
-    frequency.
-    """
+    """Lowest frequency of a formula over the lowest coupled one, pose by pose."""
     names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
     return found.frame[names].min(axis=1) / found.frame["f1_hz"]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Median and worst ratio of both formulas on every machine, and the maps; ``fast`` takes
-    coarse grids.
-    """
+    """Median and worst ratios on every machine, and the maps; ``fast`` takes coarse grids."""
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -56,9 +52,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table, save it with the share of joint space in which each formula is off by how
-    much.
-    """
+    """Print the table; save it with each formula's error over the share of joint space."""
     from armdesign import plots
 
     table, maps = run()
@@ -68,12 +62,8 @@ def main() -> None:
     fig, axes = plots.figure(len(FORMULAS), 6.0, 4.2)
     for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
         for name, found in maps.items():
-            percents = np.linspace(0, 100, 501)
-            ax.plot(
-                percents,
-                percentiles(ratios(found, formula).to_numpy(), found.weights, percents),
-                label=name,
-            )
+            percents, values = np.linspace(0, 100, 501), ratios(found, formula).to_numpy()
+            ax.plot(percents, percentiles(values, found.weights, percents), label=name)
         ax.set(xlabel="share of joint space [%]", title=title)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("formula / lowest coupled frequency")

@@ -1,5 +1,4 @@
-"""How far do new bores and rods alone, with all pins where they are, raise every machine's lowest
-frequency?
+"""How far do new bores and rods alone, with all pins kept, raise each machine's lowest frequency?
 
 By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is
 found by 0.9 %.
@@ -18,9 +17,7 @@ OUT = Path("out") / "03_areas_only"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Gain of new sizes on every machine, and what no sizes exceed; ``fast`` takes coarse
-    grids.
-    """
+    """Gain of new sizes on every machine, and what no sizes exceed; ``fast``: coarse grids."""
     designs = {}
     for name in shipped():
         machine = ad.load(name)

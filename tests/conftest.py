@@ -22,9 +22,8 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("house")
-signal.signal(
-    signal.SIGINT, signal.default_int_handler
-)  # a background job of a shell has it ignored
+# a background job of a shell has it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHIPPED = tuple(shipped())
 EVERY = (

@@ -469,9 +469,8 @@ class Reference:
                 break
             best = np.nanargmin(values)
             found.append(self._zoom(function, values[best], q[best], spacing, ranges, payload))
-            values = np.where(
-                (abs(q - q[best]) <= 3 * spacing).all(axis=1), np.inf, values
-            )  # next start: elsewhere
+            # next start: elsewhere
+            values = np.where((abs(q - q[best]) <= 3 * spacing).all(axis=1), np.inf, values)
         return min(found, key=lambda pair: pair[0])
 
     def _zoom(self, function, value, best, spacing, ranges, payload):

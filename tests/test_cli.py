@@ -24,12 +24,8 @@ from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 
-COMMANDS = [
-    "map",
-    "optimize",
-    "validate",
-    "design",
-]  # all take MACHINE, --out, --points and --units
+# all take MACHINE, --out, --points and --units
+COMMANDS = ["map", "optimize", "validate", "design"]
 OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
@@ -628,9 +624,8 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     process.communicate(timeout=30)
     assert list((tmp_path / "out").iterdir())
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
-    )  # even one that is refused later
+    # even one that is refused later
+    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
     assert main(["map", "none.toml"], monkeypatch) == 2
     assert not list((tmp_path / "out").iterdir())
 

@@ -33,9 +33,8 @@ def test_paper_validation_finds_its_headline() -> None:
     assert found is not None
     table, measured = module.run(fast=True)
     linear = table["linear"][["static_11", "joint_42_as_printed"]]
-    assert linear.to_list() == pytest.approx(
-        [float(found[1]), float(found[2])], abs=0.05
-    )  # the printed digits
+    # the printed digits
+    assert linear.to_list() == pytest.approx([float(found[1]), float(found[2])], abs=0.05)
     off = abs(measured.identified / measured.computed["joint_exact"] - 1)
     assert 100 * off.max() <= float(found[3])
 
@@ -47,14 +46,12 @@ def test_baseline_map_finds_its_headline() -> None:
     table, maps = module.run(fast=True)
     assert len(maps) >= 6
     assert table.index[0] == "excavator_20t"  # sorted: the lowest of all
-    assert table["worst_hz"].iloc[0] == pytest.approx(
-        float(found[1]), abs=5e-4
-    )  # the printed digits; refined
+    # the printed digits; refined
+    assert table["worst_hz"].iloc[0] == pytest.approx(float(found[1]), abs=5e-4)
     assert list(table["cylinder"]) == list(table["most_often"])
     assert set(table["cylinder"]) == {"boom", "lift"}
-    assert 100 * table["share"].min() == pytest.approx(
-        float(found[2]), abs=4
-    )  # a coarse grid counts edges more
+    # a coarse grid counts edges more
+    assert 100 * table["share"].min() == pytest.approx(float(found[2]), abs=4)
 
 
 def test_which_formula_finds_its_headline() -> None:
@@ -85,9 +82,8 @@ def test_areas_only_finds_its_headline() -> None:
     table = module.run(fast=True)[0]
     assert table.index[0] == "loader_crane"
     found = [100 * table["gain"].max(), 100 * table["gain"]["excavator_20t"]]
-    assert found == pytest.approx(
-        printed[:2], abs=0.1
-    )  # one decimal is printed; refined between poses
+    # one decimal is printed; refined between poses
+    assert found == pytest.approx(printed[:2], abs=0.1)
     assert table["gain"][["paper_1dof", "patu_boom"]].abs().max() < 1e-9
     assert 100 * table["gap"].max() <= printed[2]
 
@@ -102,9 +98,8 @@ def test_robust_finds_its_headline() -> None:
     robust, today = (float(n) for n in re.findall(r"\(([\d.]+) against ([\d.]+) Hz\)", words)[0])
     table = module.run(fast=True)[0]
     least, file = table["least_hz"], table["file_hz"]
-    assert [least["for the bands"], least["today"]] == pytest.approx(
-        [robust, today], abs=0.01
-    )  # two digits; coarse
+    # two digits; coarse
+    assert [least["for the bands"], least["today"]] == pytest.approx([robust, today], abs=0.01)
     assert least["for the bands"] / least["today"] - 1 == pytest.approx(gain, abs=0.015)
     assert 1 - file["for the bands"] / file["for the file"] == pytest.approx(cost, abs=0.01)
     assert least["for the file"] / least["today"] - 1 < 0.16
@@ -121,9 +116,8 @@ def test_speed_frequency_finds_its_headline() -> None:
     assert 100 * (table["all bores, dead volumes too"] - 1).abs().max() <= within
     assert 100 * (table["all bores, dead volumes fixed", 1.2] - 1) == pytest.approx(fixed, abs=0.5)
     found = [table["cylinders", 1.0], table["pins too", 1.0]]
-    assert found == pytest.approx(
-        printed, abs=0.02
-    )  # squares of gains that a coarse grid has within 0.5 %
+    # squares of gains that a coarse grid has within 0.5 %
+    assert found == pytest.approx(printed, abs=0.02)
 
 
 def test_nonlinear_proof_finds_its_headline() -> None:

@@ -24,7 +24,7 @@ from armdesign.machine.machine import Machine, place_in_urdf
 from armdesign.machine.range_causes import LARGEST_ARM, TURN, Cause, cause_of
 from armdesign.machine.schema import unit_of
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.urdf import Joint
 from armdesign.mechanism.urdf_faults import line_of, numbers, parse
 from armdesign.units import deg, mm

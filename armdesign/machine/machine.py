@@ -34,7 +34,8 @@ from armdesign.machine.schema import schema as schema_text
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
-from armdesign.mechanism.linkage import Gear, Linkage, Pin
+from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
+from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf_faults import line_of, parse
 
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
@@ -317,7 +318,7 @@ class Machine:
         return parts.idle_cylinders(self.section, self.arm) | motors
 
     @cached_property
-    def drives(self) -> tuple[Linkage | Gear, ...]:
+    def drives(self) -> tuple[Drive, ...]:
         """How each actuator moves the joints."""
         return (
             *self.linkages,
@@ -461,7 +462,7 @@ class Machine:
         """Links, payload at work and bars: what moves in a simulation."""
         load = self.payload
         points = self.bar_points if self.has_bars else None
-        return LoadedArm(self.arm, load.link, load.at, load.mass, points, self.cylinders)
+        return LoadedArm(self.arm, load.link, load.at, load.mass, points)
 
     @property
     def has_bars(self) -> bool:
@@ -523,7 +524,7 @@ class Machine:
                 where = self._pose_text(poses.q[open_][0])
                 raise PoseError(
                     part,
-                    f"its four-bar does not close at {where}",
+                    f"its {linkage.title} does not close at {where}",
                     f"stay in the range of {self._range_text(linkage)}",
                 )
             out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (
@@ -673,7 +674,7 @@ def faults_of(machine: Machine) -> Iterator[MachineFileError]:
                 "no joint lies between its pins",
                 "put its pins on links that move to each other",
             )
-        elif linkage.four_bar is not None and (fault := _fault_of_four_bar(where, linkage)):
+        elif fault := linkage.fault(where):
             sound = False
             yield fault
     for motor in machine.motors:
@@ -749,27 +750,3 @@ def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | No
     )
     element = joint.find({"axis": "axis", "limits": "limit"}[cause.path])
     return f"{source}: joint {name}", line_of(joint if element is None else element)
-
-
-def _fault_of_four_bar(where: str, linkage: Linkage) -> MachineFileError | None:
-    bars, arm = linkage.four_bar, linkage.arm
-    assert bars is not None
-    path = arm.path(bars.pivot.link, bars.lug.link)
-    if not path and arm.frozen_between([bars.pivot.link, bars.lug.link]):
-        return None  # it stands still: its knee is a pin of the pivot's link
-    if len(path) != 1 or not arm.joints[path[0][0]].revolute:
-        return MachineFileError(
-            f"{where}.four_bar",
-            "pivot and lug are not on the two links of one revolute joint",
-            "place them so",
-        )
-    j = path[0][0]
-    zero = arm.kinematics(np.zeros((1, len(arm.joints))))
-    normal = arm.link_rotation(zero, bars.pivot.link)[0, :, 1]
-    if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
-        return MachineFileError(
-            f"{where}.four_bar",
-            f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
-            "a four-bar lies in its link's x–z plane",
-        )
-    return None

@@ -45,6 +45,7 @@ from armdesign.machine.schema import (
     bounds,
     unit_of,
 )
+from armdesign.mechanism.linkage.kinds import KINDS
 
 MENDING = 8  # passes in which tables that stand in for others are filled
 COLUMNS = (
@@ -596,9 +597,11 @@ def _check_cylinder(path: str, cylinder: CylinderSection, refuse: Any) -> None:
             f"{cylinder.rod_mm:g} mm does not fit the bore",
             f"give a rod in (0, {cylinder.bore_mm:g}) mm",
         )
-    if (cylinder.rod_end is None) == (cylinder.four_bar is None):
-        given = "neither rod_end nor" if cylinder.rod_end is None else "both rod_end and"
-        refuse(f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them")
+    keys = [kind.key for kind in KINDS]
+    given = [key for key in keys if getattr(cylinder, key) is not None]
+    if len(given) != 1:
+        words = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(keys)}"
+        refuse(f"{path}.{keys[0]}", f"{words} given", "give exactly one of them")
     _check_hoses(path, cylinder.hose, cylinder.dead_volume_l, refuse)
     _check_friction(
         f"{path}.friction", cylinder.friction.static_N, cylinder.friction.coulomb_N, "N", refuse

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.actuator import Cylinder, Motor
@@ -19,11 +20,13 @@ from armdesign.machine.schema import (
     MachineSection,
     MotorSection,
     PinSection,
+    Section,
     SupplySection,
     ValveSection,
 )
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.linkage import FourBar, Linkage, Pin
+from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 
@@ -81,22 +84,38 @@ def pin(section: PinSection) -> Pin:
 
 
 def linkage(section: CylinderSection, arm: Arm) -> Linkage:
-    """The pins of a cylinder, its four-bar if it has one."""
-    bars, four_bar = section.four_bar, None
-    if bars is not None:
-        four_bar = FourBar(
-            pivot=pin(bars.pivot),
-            lug=pin(bars.lug),
-            rocker=bars.rocker_mm * mm,
-            coupler=bars.coupler_mm * mm,
-            side=1 if bars.knee == "left" else -1,
-        )
-    return Linkage(
-        base=pin(section.base),
-        rod_end=pin(section.rod_end) if section.rod_end else None,
-        four_bar=four_bar,
-        arm=arm,
+    """The linkage of a cylinder."""
+    kind, table = _kind(section)
+    own = {kind.key: pin(table)} if isinstance(table, PinSection) else _lengths(table)
+    return kind(base=pin(section.base), arm=arm, **own)
+
+
+def _kind(section: CylinderSection) -> tuple[type[Linkage], Section]:
+    """The kind of a cylinder's linkage, and its table."""
+    return next(
+        (kind, table) for kind in KINDS if (table := getattr(section, kind.key)) is not None
     )
+
+
+def _lengths(section: Section) -> dict[str, Any]:
+    """A linkage's table without its masses: pins, lengths [m] and words by name."""
+    values: dict[str, Any] = {}
+    for key, value in section:
+        if isinstance(value, PinSection):
+            values[key] = pin(value)
+        elif key.endswith("_mm"):
+            values[key.removesuffix("_mm")] = value * mm
+        elif not key.endswith("_kg"):
+            values[key] = value
+    return values
+
+
+def _pin_sections(section: CylinderSection) -> dict[str, PinSection]:
+    """Every pin of a cylinder by its key path."""
+    kind, table = _kind(section)
+    inner = {f"{kind.key}.{key}": value for key, value in table}
+    tables = {"base": section.base, kind.key: table, **inner}
+    return {key: value for key, value in tables.items() if isinstance(value, PinSection)}
 
 
 def _valve(section: ValveSection) -> Valve:
@@ -128,7 +147,7 @@ def _load_holding(section: LoadHoldingSection) -> LoadHolding:
 
 def cylinder(name: str, section: CylinderSection) -> Cylinder:
     """The hydraulics of a cylinder, with valve and friction."""
-    friction = section.friction
+    friction, (kind, table) = section.friction, _kind(section)
     return Cylinder(
         name=name,
         count=section.count,
@@ -145,8 +164,7 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
         barrel_mass=section.barrel_kg,
         rod_mass=section.rod_kg,
         barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
-        rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
-        coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
+        linkage_masses=tuple((bar, getattr(table, f"{bar}_kg")) for bar in kind.bar_names),
         valve=_valve(section.valve) if section.valve else None,
         load_holding=_load_holding(section.load_holding) if section.load_holding else None,
         friction=Friction(
@@ -163,7 +181,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
     found = {}
     for name, table in section.cylinder.items():
         made = linkage(table, arm)
-        between = arm.frozen_between(at.link for at in made.all_pins)
+        between = arm.frozen_between(at.link for at in made.pins)
         if between and not made.joints:
             found[name] = sorted(between, key=arm.movable_joints.index)
     return found
@@ -212,12 +230,8 @@ def unknown_links(
         for name, clearance in asked.clearance.items()
     }
     for name, cylinder in section.cylinder.items():
-        bars = cylinder.four_bar
-        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
-        pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
-        named |= {
-            f"cylinder.{name}.{key}": pin.link for key, pin in pins.items() if pin is not None
-        }
+        pins = _pin_sections(cylinder)
+        named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items()}
     outlined = [link for link in asked.outline if link not in links]
     return [
         MachineFileError(

@@ -119,10 +119,7 @@ class Mechanism:
     def of(cls, machine: Machine, load_mass: Any, link_length: Any) -> Mechanism:
         """That of ``paper_1dof`` or a variant of it, under loads that need not be the machine's."""
         cylinder, linkage = machine.cylinders[0], machine.linkages[0]
-        assert (
-            linkage.rod_end is not None
-        )  # for the type checker: it sits on the link, not on a knee
-        base, rod_end = np.array(linkage.base.at), np.array(linkage.rod_end.at)
+        base, rod_end = (np.array(linkage.place(pin)) for pin in ("base", "rod_end"))
         cap, annulus = cylinder.volumes(
             machine.at(np.zeros(1)).lengths[0, 0] - cylinder.closed_length
         )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armdesign.design.pareto import Pareto
     from armdesign.frequency.workspace import Workspace
     from armdesign.machine.machine import Machine
-    from armdesign.mechanism.linkage import Pin
+    from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where none has a price
 
@@ -176,7 +176,7 @@ def _sizes(design: Design, units: Units) -> Sheet:
                     label,
                     *dimensions(cylinder, units),
                     _pin(linkage.base, units),
-                    _pin(linkage.rod_end, units),
+                    _pin(linkage.pin("rod_end"), units) or linkage.rod_end_words,
                 )
             )
     return Sheet(
@@ -197,10 +197,8 @@ def _sizes(design: Design, units: Units) -> Sheet:
 
 
 def _pin(pin: Pin | None, units: Units) -> str:
-    """Its x and z."""
-    return (
-        f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else "on the knee"
-    )
+    """Its x and z; nothing where there is none."""
+    return f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else ""
 
 
 def _binding(design: Design, units: Units) -> Sheet:

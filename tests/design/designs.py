@@ -52,8 +52,8 @@ def odd() -> Machine:
     compliance.
     """
     tilt = Function(
-        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
-        knee="right", extra=SOFT,
+        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
+        lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=SOFT,
     )  # fmt: skip
     return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
 
@@ -116,15 +116,12 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
             sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]
         cylinders.append(_weighed(replace(cylinder, **sizes), cylinder))
-        new, old = problem.linkages(x)[i].four_bar, problem.machine.linkages[i].four_bar
-        if new and old:
-            bars = {
-                "rocker_mass": new.rocker / old.rocker,
-                "coupler_mass": new.coupler / old.coupler,
-            }
-            cylinders[i] = replace(
-                cylinders[i], **{name: getattr(cylinder, name) * k for name, k in bars.items()}
-            )
+        new, old = problem.linkages(x)[i], problem.machine.linkages[i]
+        bars = {
+            bar: mass * getattr(new, bar) / getattr(old, bar)
+            for bar, mass in cylinder.linkage_masses
+        }
+        cylinders[i] = replace(cylinders[i], linkage_masses=tuple(bars.items()))
     return replace(
         problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x))
     )

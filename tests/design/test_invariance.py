@@ -18,10 +18,8 @@ from armdesign.design.program.dynamics import Problem
 from armdesign.design.search.sequential_sdp import Search
 from tests.machines import random_machine, scaled
 
-SEEDS = [
-    11,
-    24,
-]  # three and two joints, slides among them; without air, whose atmosphere has no scale
+# three and two joints, slides among them; without air, whose atmosphere has no scale
+SEEDS = [11, 24]
 
 
 def problem_on(machine: Machine, **settings: Any) -> Problem:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_catalogue import enumerated
 
 import armdesign as ad
 from armdesign import plots
@@ -17,6 +16,7 @@ from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
 from armdesign.units import mm
 from tests import machines
+from tests.design.catalogue.test_catalogue import enumerated
 from tests.design.designs import MACHINES, workspace_of
 
 

@@ -154,9 +154,8 @@ def test_lines_that_did_not_change_again_say_nothing_of_their_past(design: ad.De
     )
     text, after = varied.machine.text, tomllib.loads(varied.machine.text)
     assert after["cylinder"]["stick"] == before["cylinder"]["stick"]
-    assert re.search(
-        r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text
-    )  # it had changed before
+    # it had changed before
+    assert re.search(r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text)
     changed = sum(
         flat(varied.machine.section)[path] != value
         for path, value in flat(design.machine.section).items()

@@ -129,9 +129,8 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
     assert design.selection is not None
     assert design.selection.bound == design.selection.frequency
     assert design.bound == pytest.approx(wanted, rel=1e-9)
-    assert design.band_after.low.frequency == pytest.approx(
-        wanted, rel=1e-7
-    )  # its file has 1e-6 mm
+    # its file has 1e-6 mm
+    assert design.band_after.low.frequency == pytest.approx(wanted, rel=1e-7)
 
 
 def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
@@ -145,9 +144,8 @@ def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     assert min(robust.slacks.values()) >= -1e-9
     chosen = np.array([(c.bore, c.rod) for c in robust.machine.cylinders]) / 5e-3
     assert_allclose(chosen, np.rint(chosen), rtol=0, atol=1e-9)
-    assert robust.band_after.low.frequency == pytest.approx(
-        robust.unrounded, rel=3e-3
-    )  # pins on the 0.1 mm grid
+    # pins on the 0.1 mm grid
+    assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=3e-3)
 
 
 def test_trade_off_for_bands() -> None:

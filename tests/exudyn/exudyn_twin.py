@@ -47,7 +47,7 @@ from tests.exudyn.exudyn_tree import GROUND, Array, Seat, Tree
 # [Pa] of the pressures in a state of first order, so that all its numbers are of one order
 UNIT = 1e7
 Valves = Callable[[float, Array], Iterable[tuple[float, float]]]
-"""Openings −1…1 of the cap's and the annulus' port of every cylinder at a time [s] and pressures (nc, 2) [Pa]."""
+"""Openings −1…1 of the ports (cap, annulus) of every cylinder at time [s] and pressures [Pa]."""
 
 
 @dataclass(frozen=True)
@@ -252,10 +252,8 @@ def _settings(step: float, duration: float) -> exudyn.SimulationSettings:
     time.endTime = step * time.numberOfSteps
     time.explicit.computeEndOfStepAccelerations = False
     time.automaticStepSize, time.newton.useModifiedNewton = False, False
-    time.newton.relativeTolerance, time.newton.absoluteTolerance = (
-        1e-10,
-        1e-12,
-    )  # small vibrations need small residuals
+    # small vibrations need small residuals
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = 1e-10, 1e-12
     settings.solution.file.write = False
     return settings
 

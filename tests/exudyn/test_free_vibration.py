@@ -25,10 +25,8 @@ from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, common, holding_pressur
 ONE_JOINT = ("paper_1dof", "patu_boom")
 DIRECT = (*ONE_JOINT, "direct_bucket", "spatial", "crossing", "branched", "random_3", "random_8")
 FOUR_BARS = ("excavator_20t", "excavator_12t", "mini_excavator_2t", "loader_crane")
-LOOPS = (
-    *FOUR_BARS,
-    "heavy_bars",
-)  # the last: the 20 t machine whose cylinders, rocker and coupler all weigh
+# the last: the 20 t machine whose cylinders, rocker and coupler all weigh
+LOOPS = *FOUR_BARS, "heavy_bars"
 # [kg] in place of the shipped machines' massless rocker, which Exudyn's solver finds singular
 ROCKER = 95.0
 
@@ -39,7 +37,7 @@ def named(name: str) -> Machine:
     if name in FOUR_BARS:
         pairs = zip(machine.cylinders, machine.linkages, strict=True)
         machine = machine.replace(
-            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.four_bar}
+            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.bar_names}
         )
     return common(machine.with_payload(machine.payloads[-1].name))
 
@@ -63,9 +61,8 @@ def poles(machine: Machine, pose: np.ndarray) -> np.ndarray:
     pressures, nq = holding_pressures(machine, pose), len(pose)
     twin = Twin(machine, pose, pressures)
     rest = np.concatenate([pose, np.zeros(nq), pressures.ravel() / UNIT])[None]
-    np.testing.assert_allclose(
-        twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10
-    )  # [rad/s²]: it does hold the load
+    # [rad/s²]: it does hold the load
+    np.testing.assert_allclose(twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10)
     found = np.linalg.eigvals(difference(twin.rates, rest)[0])
     return found[np.argsort(found.imag)[-nq:]]
 

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from test_free_vibration import named
 
 import armdesign as ad
 from armdesign import Machine
 from armdesign.hydraulics.valve import LAMINAR_DROP, Valve
 from tests.exudyn.exudyn_twin import Twin, Valves
+from tests.exudyn.test_free_vibration import named
 
 DURATION, RATE = 0.5, 100.0  # [s], records per second to compare
 COUNTS = (10, 20, 40)  # Exudyn's steps per record

@@ -58,9 +58,8 @@ def test_grid_ends_where_the_end_margin_begins(name: str, margin: float) -> None
         if len(linkage.joints) == 1:
             joint = linkage.joints[0]
             for side in (0, 1):
-                if (
-                    abs(space.ranges[joint, side] - machine.arm.limits[joint, side]) > 1e-6
-                ):  # not cut by the URDF
+                # not cut by the URDF
+                if abs(space.ranges[joint, side] - machine.arm.limits[joint, side]) > 1e-6:
                     q = machine.ranges.mean(axis=1)
                     q[joint] = space.ranges[joint, side]
                     shared = [
@@ -239,9 +238,8 @@ def test_sobol_poses_fill_the_ranges_and_lie_on_their_edges(name: str) -> None:
         assert len(space) >= 600
         assert np.all((space.q == low).any(axis=0) & (space.q == high).any(axis=0))
         middle = (space.q[:600] - low) / (high - low)
-        assert_allclose(
-            middle.mean(axis=0), 0.5, atol=0.01
-        )  # chance alone would leave 0.29/√600 = 0.012
+        # chance alone would leave 0.29/√600 = 0.012
+        assert_allclose(middle.mean(axis=0), 0.5, atol=0.01)
     for payload in machine.payloads:
         if payload.pitch is not None:
             excess = machine.pitch_excess(machine.arm.kinematics(space.q), payload)
@@ -506,10 +504,8 @@ def test_percentiles_and_shares_are_those_of_random_poses(name: str, kind: str) 
     found = ad.frequency_map(machine, space)
     low, high = machine.range_within(space.end_margin).T
     q = low + np.random.default_rng(8).random((12_000, len(low))) * (high - low)
-    limits, margin = (
-        [],
-        0.04 if kind == "reach_plane" else 0.015,
-    )  # a cell at the rim loses what misses its middle
+    # a cell at the rim loses what misses its middle
+    limits, margin = [], 0.04 if kind == "reach_plane" else 0.015
     for payload in machine.payloads:
         case = machine.with_payload(payload.name)
         poses = case.at(q[case.holds(q)])
@@ -744,9 +740,8 @@ def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
             for axis, at in zip((reach.reach, reach.height), spot, strict=True)
         )
         middle = np.array([reach.reach[i], reach.height[k]])
-        near = q[
-            np.abs(place - middle).max(axis=1) < size
-        ]  # and around them, until they fill the cell
+        # and around them, until they fill the cell
+        near = q[np.abs(place - middle).max(axis=1) < size]
         near = np.clip(near + rng.normal(0, 0.02, (500, *near.shape)), low, high).reshape(-1, 3)[
             :10_000
         ]
@@ -777,9 +772,8 @@ def test_the_reach_plane_holds_the_worst_way_to_each_cell() -> None:
     foot, elbow = (still.translation[0, j, [0, 2]] for j in (0, 1))
     tool = machine.arm.point(still, machine.tool.link, np.array(machine.tool.at))[:, [0, 2]]
     upper, lower = np.linalg.norm(elbow - foot), np.linalg.norm(tool - elbow, axis=1)
-    bent = np.arctan2(*(tool - elbow).T[::-1]) - np.arctan2(
-        *(elbow - foot)[::-1]
-    )  # of the stick against the boom at 0
+    # of the stick against the boom at 0
+    bent = np.arctan2(*(tool - elbow).T[::-1]) - np.arctan2(*(elbow - foot)[::-1])
     cells = np.argwhere(np.isfinite(found.frequency))
     for i, k in cells[:: len(cells) // 12]:
         to = np.array([found.reach[i], found.height[k]]) - foot
@@ -813,9 +807,8 @@ def test_places_out_of_reach_are_blank() -> None:
     assert np.isfinite(values).sum() > 0.3 * values.size
     machine = machines.named("crossing")
     stroke = machine.section.cylinder["long"].stroke_mm
-    machine = machine.replace(
-        {"cylinder.long.stroke_mm": 0.58 * stroke}
-    )  # the one across both joints now stops them
+    # the one across both joints now stops them
+    machine = machine.replace({"cylinder.long.stroke_mm": 0.58 * stroke})
     found = ad.frequency_map(machine, ad.Workspace.grid(machine, 9))
     _, _, cells = plots.joint_plane(found)
     assert np.isnan(cells).any()

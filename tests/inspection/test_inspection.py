@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_bad_input import URDF, damaged
 
 import armdesign as ad
 from armdesign.inspection.file_faults import problems
@@ -21,6 +20,7 @@ from armdesign.report.inspections import check_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import main
+from tests.machine.test_bad_input import URDF, damaged
 
 EXCAVATOR = machines.named("excavator_20t")
 

@@ -170,12 +170,8 @@ def test_a_misspelt_key_is_named_and_the_right_one_offered(path: str) -> None:
     text = toml(_renamed(path, f"{leaf[:1]}z{leaf[1:]}"))
     message = outcome(text, use="")
     named = path.split(".")
-    if len(named) == 2 and named[0] in (
-        "cylinder",
-        "motor",
-        "payload",
-        "frozen",
-    ):  # names of the author's own
+    # names of the author's own
+    if len(named) == 2 and named[0] in ("cylinder", "motor", "payload", "frozen"):
         return
     wrong = f"{leaf[:1]}z{leaf[1:]}"
     assert f"{wrong}: unknown key" in message

@@ -57,9 +57,8 @@ def assert_found(text: str) -> None:
 def test_shipped_files(name: str) -> None:
     text = machines.named(name).text
     assert_found(text)
-    for number, line in enumerate(
-        text.split("\n"), 1
-    ):  # independent: every plain "key = value" line of these files
+    # independent: every plain "key = value" line of these files
+    for number, line in enumerate(text.split("\n"), 1):
         match = re.match(r"(\w+)\s*=", line)
         if match:
             assert number in {

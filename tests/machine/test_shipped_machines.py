@@ -49,22 +49,17 @@ class Facts:
     mass: float  # of all links
     moment_arms: dict[str, tuple[float, float]]  # smallest and largest over the range
     dead_lengths: dict[str, float]
-    pressures: dict[
-        str, tuple[float, float]
-    ]  # largest static cap and annulus pressure under full payload, any pitch
+    # largest static cap and annulus pressure under full payload, any pitch
+    pressures: dict[str, tuple[float, float]]
     reach: float
     height: float
     depth: float
     reach_at_ground: float | None = None
-    empty: tuple[float, float, float] = (
-        0,
-        0,
-        0,
-    )  # lowest frequency: 5 %, 50 %, 95 % of the joint box
+    # lowest frequency: 5 %, 50 %, 95 % of the joint box
+    empty: tuple[float, float, float] = 0, 0, 0
     full: tuple[float, float, float] = (0, 0, 0)
-    digging: dict[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # force [kN] and best joint angle [deg]
+    # force [kN] and best joint angle [deg]
+    digging: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 FACTS = {  # second, but for the masses: sums of the sources' masses, by hand
@@ -217,9 +212,8 @@ def digging(name: str) -> dict[str, tuple[float, float]]:
         poses = machine.at(sweep(machine, joint, 8001))
         arms = np.abs(poses.moment_arms[:, i, joint])
         q[joint] = poses.q[arms.argmax(), joint]
-        pivot = machine.arm.point(
-            machine.arm.kinematics(q[None]), cylinder, np.zeros(3)
-        )  # the link's own joint
+        # the link's own joint
+        pivot = machine.arm.point(machine.arm.kinematics(q[None]), cylinder, np.zeros(3))
         distance = float(np.linalg.norm(machine.at(q).tool - pivot))
         force = machine.supply.pressure * machine.cylinders[i].bore_area * arms.max() / distance
         found[cylinder] = (force / 1e3, math.degrees(q[joint]))
@@ -297,9 +291,8 @@ def test_paper_triangle() -> None:
     assert_allclose(poses.extensions[0, 0], 0.5, rtol=0, atol=1e-7)
     assert_allclose(abs(poses.moment_arms[0, 0, 0]), d1 * a1 / middle, rtol=1e-12)
     assert machine.cylinders[0].stroke == pytest.approx(stroke)
-    assert_allclose(
-        poses.gravity_torque[0, 0], machine.payload.mass * 9.81 * 1.0, rtol=1e-3
-    )  # l2 = 1 m, any g
+    # l2 = 1 m, any g
+    assert_allclose(poses.gravity_torque[0, 0], machine.payload.mass * 9.81 * 1.0, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -342,9 +335,8 @@ def test_reach_height_depth(name: str) -> None:
     assert tool[:, 0].max() == pytest.approx(facts.reach, abs=0.011)
     assert tool[:, 2].max() == pytest.approx(facts.height, abs=0.011)
     assert -tool[:, 2].min() == pytest.approx(facts.depth, abs=0.011)
-    if (
-        facts.reach_at_ground is not None
-    ):  # there a band of samples near the ground, which reaches up to 1 % further
+    # there a band of samples near the ground, which reaches up to 1 % further
+    if facts.reach_at_ground is not None:
         assert reach_at_ground(name) == pytest.approx(facts.reach_at_ground, rel=0.01)
 
 
@@ -437,8 +429,8 @@ def test_what_the_choice_of_the_coupler_costs() -> None:
     extension; in per cent.
     """
     machine = machines.named("loader_crane")
-    bars = {c.name: (c.rocker_mass, c.coupler_mass) for c in machine.cylinders if c.moving_masses}
-    assert bars == {"tilt": (11.524, 0.0)}
+    bars = {c.name: dict(c.linkage_masses) for c in machine.cylinders if c.moving_masses}
+    assert bars == {"tilt": {"rocker": 11.524, "coupler": 0.0}}
     beside = machine.replace({"cylinder.tilt.four_bar.coupler_kg": 7.9})
     urdf = machine.urdf_text.replace('mass value="58.63"', 'mass value="50.73"')
     instead = Machine.from_text(beside.text, urdf, machine.source)

@@ -111,9 +111,8 @@ def test_published_worked_example() -> None:
     found = formulas.rigid_load_asymmetric(
         mass=1000 * pound, bulk_modulus=180e3 * psi, **areas, **volumes
     )
-    assert_allclose(
-        found, 77.03, atol=0.005
-    )  # four figures: the source's unit constants are not given
+    # four figures: the source's unit constants are not given
+    assert_allclose(found, 77.03, atol=0.005)
 
 
 def test_eq_11_by_hand() -> None:
@@ -250,9 +249,8 @@ def test_transfer_function_is_the_linearised_nonlinear_model() -> None:
     """
     model = Nonlinear(250, 0.9)
     rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
-    scale = np.array(
-        [1.0, 1.0, 1e6, 1e-3]
-    )  # one step suits all when the pressure is counted in MPa
+    # one step suits all when the pressure is counted in MPa
+    scale = np.array([1.0, 1.0, 1e6, 1e-3])
     slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
     A, B = slopes[:, :3], slopes[:, 3]
     terms = formulas.transfer_function(
@@ -490,6 +488,5 @@ def test_places_without_a_moment_arm() -> None:
     ):
         formulas.static_force(**PINS, load_mass=1.0, link_length=1.0, angle=[1.0, math.pi])
     near = formulas.cylinder_length(link_pin_distance=0.3, base_pin_distance=0.3, angle=1e-9)
-    assert near == pytest.approx(
-        0.3e-9, rel=1e-12
-    )  # a chord is radius × angle; 1 − cos of it would be 0
+    # a chord is radius × angle; 1 − cos of it would be 0
+    assert near == pytest.approx(0.3e-9, rel=1e-12)

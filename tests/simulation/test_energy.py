@@ -103,9 +103,8 @@ def test_closed_and_undamped_nothing_comes_or_goes(excavator: Machine) -> None:
     """Lapped valves, shut again: the arm rings, but neither gains nor loses."""
     lapped = {f"cylinder.{c.name}.valve.overlap_percent": 2.0 for c in excavator.cylinders}
     commands = {"boom": pulse(-0.03), "bucket": pulse(0.03)}
-    run = simulate(
-        excavator.replace(lapped), WORST, commands, duration=2.0, preloaded=True
-    )  # far from cavitation
+    # far from cavitation
+    run = simulate(excavator.replace(lapped), WORST, commands, duration=2.0, preloaded=True)
     assert run.events == ()
     rings = run.time > 1.0
     exchanged = np.ptp(run.energy[rings])
@@ -210,6 +209,5 @@ def test_viscous_friction_dissipates_force_times_speed() -> None:
     run = simulate(machine, [0.0], {"lift": pulse(0.05, 0.2)}, duration=1.0, rate=1000)
     late = run.time >= 0.5
     lost = np.trapezoid(2e4 * run.speeds[late, 0] ** 2, run.time[late])
-    assert run.dissipated[-1] - run.dissipated[late][0] == pytest.approx(
-        lost, rel=0.02
-    )  # the valve still shuts a little
+    # the valve still shuts a little
+    assert run.dissipated[-1] - run.dissipated[late][0] == pytest.approx(lost, rel=0.02)

@@ -56,9 +56,8 @@ def test_multisine_has_its_lines_and_a_low_crest() -> None:
     np.testing.assert_allclose(height[20:65], 0.3 / math.sqrt(45), rtol=1e-9)
     np.testing.assert_allclose(u[:800], u[800:], atol=1e-12)
     assert np.sqrt(np.mean(u**2)) == pytest.approx(0.3 / math.sqrt(2))
-    assert np.abs(u).max() < 2 * np.sqrt(
-        np.mean(u**2)
-    )  # Schroeder (1970): crest factors of 1.7 to 1.9
+    # Schroeder (1970): crest factors of 1.7 to 1.9
+    assert np.abs(u).max() < 2 * np.sqrt(np.mean(u**2))
     assert sine(-0.1) == sine(80.0) == 0
     with pytest.raises(SimulationError, match=r"no line from 1\.001 to 1\.01 Hz"):
         Multisine(amplitude=1, start=1.001, stop=1.01, period=10.0)
@@ -82,9 +81,8 @@ def test_settled_multisine_gives_the_exact_response() -> None:
     late = time >= 80
     found = frequency_response(time[late], u[late], y[late], BAND, 20.0, periodic=True)
     np.testing.assert_allclose(found.frequency, sine.lines)
-    np.testing.assert_allclose(
-        found.response, exact(1.03, 0.05, sine.lines), rtol=2e-3
-    )  # lsim's straight lines
+    # lsim's straight lines
+    np.testing.assert_allclose(found.response, exact(1.03, 0.05, sine.lines), rtol=2e-3)
     np.testing.assert_allclose(found.coherence, 1, atol=1e-9)
     fit = found.fit()
     assert fit.natural_frequencies == pytest.approx([1.03], rel=1e-4)
@@ -101,9 +99,8 @@ def test_coherence_is_the_share_explained() -> None:
     y = 2 * u + 2 * random.normal(size=len(time))
     found = frequency_response(time, u, y, (5.0, 45.0), 2.0)
     assert found.coherence.mean() == pytest.approx(0.5, abs=0.02)
-    spread = np.sqrt(
-        np.mean(np.abs(found.response - 2) ** 2) / 2
-    )  # of each of both parts, and of the modulus
+    # of each of both parts, and of the modulus
+    spread = np.sqrt(np.mean(np.abs(found.response - 2) ** 2) / 2)
     assert np.median(found.deviations) == pytest.approx(spread, rel=0.1)
     with pytest.raises(SimulationError, match="less than two segments"):
         frequency_response(time, u, y, (5.0, 45.0), 300.0)
@@ -272,9 +269,8 @@ def test_plant_rings_in_its_linear_modes(
 ) -> None:
     """All modes from one pulse of one valve, without damping: oil shut in."""
     one, run = rung[name]
-    late = (
-        run.time > 2 / 10 + 0.2 / one.frequencies.max()
-    )  # the spools are shut again: 10 Hz, ζ = 0.8
+    # the spools are shut again: 10 Hz, ζ = 0.8
+    late = run.time > 2 / 10 + 0.2 / one.frequencies.max()
     found = identify_decay(run.time[late], run.speeds[late], modes=modes)
     linear = linearize(one.machine, one.pose)
     assert found.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)

@@ -181,9 +181,8 @@ def test_underlap_and_leakage_rest(excavator: Machine, air: float) -> None:
     spool = plant.split(rest)[4]
     rates = plant.derivative(rest[None], spool[None])[0]
     assert np.abs(rates).max() < 1e-6
-    assert (
-        plant.pressures(rest[None]).min() > 50 * bar
-    )  # the flow's, not the load's: no chamber at return pressure
+    # the flow's, not the load's: no chamber at return pressure
+    assert plant.pressures(rest[None]).min() > 50 * bar
     held = simulate(
         machine, WORST, lambda _: spool.tolist(), duration=60.0, rate=1, tolerance=1e-7
     )

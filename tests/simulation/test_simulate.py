@@ -150,9 +150,8 @@ def test_slow_loop_brings_the_piston_back(excavator: Machine) -> None:
     assert away[1] < 0.2 * away[0]
     own, valve = held.time > 1.5, excavator.cylinders[0].valve
     assert valve is not None
-    lag = (
-        valve.damping_ratio / np.pi / valve.natural_frequency
-    )  # what the loop commands, the spool follows
+    # what the loop commands, the spool follows
+    lag = valve.damping_ratio / np.pi / valve.natural_frequency
     expected = held.spool[own, 0] + lag * np.gradient(held.spool[own, 0], held.time[1])
     assert np.abs(held.command[own, 0] - expected).max() < 0.02 * np.abs(expected).max()
 

@@ -220,9 +220,8 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert found.worst_deviation == np.inf
     assert len(found.frame) == 3
     ordered = [column for column in found.frame.columns if column in COLUMNS]
-    assert ordered == [
-        column for column in COLUMNS if column in ordered
-    ]  # though the first row is a failure
+    # though the first row is a failure
+    assert ordered == [column for column in COLUMNS if column in ordered]
     assert ordered.index("identified_hz") < ordered.index("amplitude")
     assert "to hold the load, supply is 60 bar" in found.frame["remark"].iloc[0]
     assert list(np.isnan(found.frame["identified_hz"])) == [True, False, False]
@@ -235,9 +234,8 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs
-    assert verdict([nothing]).endswith(
-        "agree, 4 failed"
-    )  # two poses before, one in either of its runs
+    # two poses before, one in either of its runs
+    assert verdict([nothing]).endswith("agree, 4 failed")
     assert len(nothing.plot().axes) == 1
     with pytest.raises(
         SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"
@@ -276,9 +274,8 @@ def test_deviation_vanishes_with_amplitude() -> None:
 
 def test_paper_machine() -> None:
     run = validate(ad.load("paper_1dof"), [0.0]).runs[0]
-    assert run.linear_frequency == pytest.approx(
-        10.7676, abs=1e-4
-    )  # THEORY §5, eigenvalue of the exact formula
+    # THEORY §5, eigenvalue of the exact formula
+    assert run.linear_frequency == pytest.approx(10.7676, abs=1e-4)
     assert abs(run.deviation) < 1e-3
 
 
@@ -339,9 +336,8 @@ def test_wide_underlap() -> None:
             abs(run.identified_frequency - run.frequency_at_rest)
             < 3 * run.fit.frequency_deviations[0]
         )
-    for run in validate(
-        machine, WORST, cylinders=["boom"], amplitude=1e-4
-    ).runs:  # the edges bend the flow no more
+    # the edges bend the flow no more
+    for run in validate(machine, WORST, cylinders=["boom"], amplitude=1e-4).runs:
         assert run.remark == "leaks"
         assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=2e-3)
 
@@ -361,9 +357,8 @@ def test_creep() -> None:
     changes: dict[str, object] = {
         f"cylinder.boom.load_holding.{key}": value for key, value in held.items()
     }
-    machine = machine.replace(
-        changes | {"cylinder.boom.valve.relief_bar": 360.0}
-    )  # p1 = p2 would need 370 bar
+    # p1 = p2 would need 370 bar
+    machine = machine.replace(changes | {"cylinder.boom.valve.relief_bar": 360.0})
     assert Experiment.of(machine, np.array(WORST), 0, 0).creeps
     assert {run.remark for run in validate(machine, WORST, cylinders=["boom"]).runs} == {"creep"}
 

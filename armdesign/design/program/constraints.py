@@ -24,7 +24,7 @@ from armdesign.hydraulics.buckling import euler_safety
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.linkage import OF_FOUR_BAR, Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 SLACK = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -97,10 +97,9 @@ class Stepped:
         """See ``Candidate``."""
         poses, moves = self.problem.ranges[i], self.problem.moves(i)
         assert poses is not None
-        of_four_bar = {index: move for index, move in moves.items() if move[0] in OF_FOUR_BAR}
-        cosine, slopes = self.linkages[i].transmission(poses, list(of_four_bar.values()))
+        cosine, slopes = self.linkages[i].transmission(poses, list(moves.values()))
         stepped = np.tile(cosine.astype(complex), (len(self.x), 1))
-        for index, slope in zip(of_four_bar, slopes, strict=True):
+        for index, slope in zip(moves, slopes, strict=True):
             stepped[index] += 1j * STEP * slope * self.problem.box
         return stepped
 
@@ -111,13 +110,10 @@ class Stepped:
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """See ``Candidate``."""
         ends = np.tile(
-            np.stack(self.linkages[i].pins(rigid)[:2])[:, None].astype(complex),
-            (1, len(self.x), 1, 1),
+            np.stack(self.linkages[i].ends(rigid))[:, None].astype(complex), (1, len(self.x), 1, 1)
         )
         for index in self.problem.moves(i):
-            ends[:, index] = np.stack(
-                self.problem.variant(self.linkages[i], index).pins(rigid)[:2]
-            )
+            ends[:, index] = np.stack(self.problem.variant(self.linkages[i], index).ends(rigid))
         return ends[0], ends[1]
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:

@@ -24,7 +24,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage import OF_FOUR_BAR, Actuation, Linkage, Move
+from armdesign.mechanism.linkage.base import Actuation, Linkage, Move
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
@@ -123,8 +123,13 @@ class DesignSpace:
 
     @cached_property
     def bends(self) -> bool:
-        """Whether something of a four-bar moves."""
-        return any(v.pin in OF_FOUR_BAR for v in self.variables)
+        """Whether a rod end moves by more than a pin of its link: by places of the linkage's own."""
+        return any(self.moved_within(i) for i in self.moving)
+
+    def moved_within(self, i: int) -> bool:
+        """Whether something of cylinder ``i``'s linkage moves beside its base and rod-end pins."""
+        own = self.machine.linkages[i].own_places
+        return any(place in own for place, _ in self.moves(i).values())
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
@@ -205,13 +210,13 @@ class DesignSpace:
         """The bars that weigh and depend on x; None where none does."""
         bars = {}
         for i, cylinder in enumerate(self.machine.cylinders):
-            places = {place for place, _ in self.moves(i).values()}
-            follows = {
-                "barrel": bool(places) or any(self.resized[i]),
-                "rocker": bool(places & set(OF_FOUR_BAR)),
-            }
-            follows |= {"rod": follows["barrel"], "coupler": follows["rocker"]}
-            if names := [name for name in cylinder.moving_masses if follows[name]]:
+            sized, within = bool(self.moves(i)) or any(self.resized[i]), self.moved_within(i)
+            of_linkage = self.machine.linkages[i].bar_names
+            if names := [
+                name
+                for name in cylinder.moving_masses
+                if (within if name in of_linkage else sized)
+            ]:
                 bars[i] = names
         return OwnMasses(self.machine, bars) if bars else None
 

@@ -18,7 +18,7 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses, of_points, points_of_bar
-from armdesign.mechanism.linkage import BARS, Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 Loads: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 
@@ -40,20 +40,19 @@ def masses(
         "barrel": areas[..., 0] / cylinder.bore_area * longer,
         "rod": (areas[..., 0] - areas[..., 1]) / rod * longer,
     }
-    if linkage.four_bar is not None and new.four_bar is not None:
-        shares |= {
-            bar: getattr(new.four_bar, bar) / getattr(linkage.four_bar, bar) for bar in BARS
-        }
+    shares |= {bar: getattr(new, bar) / getattr(linkage, bar) for bar in linkage.bar_names}
     return {name: mass * shares[name] for name, mass in cylinder.moving_masses.items()}
 
 
 def with_masses(cylinder: Cylinder, found: Mapping[str, Any]) -> Cylinder:
     """A cylinder with bars of other masses [kg], all parallel cylinders together."""
-    counts = {"barrel": cylinder.count, "rod": cylinder.count}
-    changes: dict[str, Any] = {
-        f"{name}_mass": float(mass) / counts.get(name, 1) for name, mass in found.items()
+    bars = tuple((bar, float(found.get(bar, mass))) for bar, mass in cylinder.linkage_masses)
+    own: dict[str, Any] = {
+        f"{name}_mass": float(found[name]) / cylinder.count
+        for name in ("barrel", "rod")
+        if name in found
     }
-    return replace(cylinder, **changes)
+    return replace(cylinder, linkage_masses=bars, **own)
 
 
 def weighed(new: Machine, today: Machine) -> Machine:

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.linkage import BARS, PINS
-from armdesign.mechanism.linkage import key_of as key_of  # the key of a place is asked for here
+from armdesign.mechanism.linkage.kinds import KINDS
 
 WORDS = {
     "areas": ("bore_mm", "rod_mm"),
     "pins": ("base", "rod_end"),
-    "linkages": ("base", "rod_end", "four_bar"),
+    "linkages": ("base", *(kind.key for kind in KINDS)),
 }
 SIZES = ("bore_mm", "rod_mm")
 IN_PLANE = (0, 2)
@@ -110,7 +109,7 @@ def _known(machine: Machine) -> dict[str, set[str]]:
     for i, cylinder in enumerate(machine.cylinders):
         plain = {f"cylinder.{cylinder.name}.{key}": True for key in SIZES}
         for path, (place, axis) in _coordinates(machine, i).items():
-            plain[path] = place in BARS or axis in IN_PLANE
+            plain[path] = place in machine.linkages[i].bar_names or axis in IN_PLANE
         for path, by_default in plain.items():
             parts = path.split(".")
             for count in range(2, len(parts) + 1):
@@ -129,11 +128,9 @@ def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
     if len(linkage.joints) != 1:
         return {}
     found: dict[str, tuple[str, int]] = {}
-    for place in (*PINS, *BARS):
-        path = f"cylinder.{name}.{key_of(place)}"
-        if linkage.place(place) is None:
-            continue
-        if place in BARS:
+    for place in linkage.places:
+        path = f"cylinder.{name}.{linkage.key_of(place)}"
+        if place in linkage.bar_names:
             found[path] = (place, 0)
         else:
             found |= {f"{path}.{axis}": (place, axis) for axis in range(3)}
@@ -149,11 +146,7 @@ def _unknown(machine: Machine, word: str, known: list[str]) -> ArmDesignError:
                 f"vary {word}", problem, "vary another one, or make the joint a coordinate"
             )
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
-        places = [
-            f"cylinder.{cylinder.name}.{key_of(place)}"
-            for place in (*PINS, *BARS)
-            if linkage.place(place)
-        ]
+        places = [f"cylinder.{cylinder.name}.{linkage.key_of(place)}" for place in linkage.places]
         if len(linkage.joints) > 1 and any(
             f"{path}.".startswith(f"{word}.") or word.startswith(path) for path in places
         ):

@@ -11,7 +11,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.dynamics import Problem
-from armdesign.mechanism.linkage import PINS
 
 ANGLES = 400  # tried between the pins as found and the least move, where the box is in the way
 
@@ -79,8 +78,7 @@ def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
 def _pins(problem: Problem, i: int) -> list[tuple[str, str]]:
     """Link and name of every pin of a cylinder's linkage."""
     linkage = problem.machine.linkages[i]
-    held = {name: linkage.pin(name) for name in PINS}
-    return [(pin.link, name) for name, pin in held.items() if pin is not None]
+    return [(pin.link, name) for pin, name in zip(linkage.pins, linkage.pin_names, strict=True)]
 
 
 def _levers(problem: Problem, x: Array, i: int, centres: Array, mirrored: Array) -> Array:

@@ -18,7 +18,7 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import size_in_mm
 from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.moving_masses import weighed
-from armdesign.design.program.variables import SIZES, key_of
+from armdesign.design.program.variables import SIZES
 from armdesign.design.requirements.check import Check, check, meets, static_loads
 from armdesign.design.search.elastic import Elastic
 from armdesign.design.search.grid import GRID, diameters, neighbours
@@ -28,7 +28,6 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.linkage import BARS
 from armdesign.units import litre, mm
 
 DEPTH = 2e-3  # share of its limit by which a machine keeps inside where rounding is hard
@@ -340,7 +339,7 @@ def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
                 linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
             )
             at = [_within(value / mm, before / mm, limit) for value, before in pairs]
-            changes[f"{name}.{key_of(place)}"] = at[0] if place in BARS else at
+            changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.ranges[i]
         if poses is None:
@@ -389,7 +388,6 @@ def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
     new, found = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
     for i, names in problem.own.bars.items():
         for name in names:
-            key = f"four_bar.{name}" if name in BARS else name
-            mass = getattr(new.cylinders[i], f"{name}_mass")
-            found[f"cylinder.{new.cylinders[i].name}.{key}_kg"] = round(mass, 3)
+            key, mass = new.linkages[i].mass_key_of(name), new.cylinders[i].masses[name]
+            found[f"cylinder.{new.cylinders[i].name}.{key}"] = round(mass, 3)
     return found

@@ -150,9 +150,8 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     assert found is not None
     assert wide is not None
     assert found.held == ()
-    assert (
-        hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    )  # measured, rounded up
+    # measured, rounded up
+    assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
     assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * bound.CLOSE)
 
 

@@ -22,9 +22,8 @@ from armdesign.frequency.modes import hertz
 from tests.design.designs import as_machine, problem_of, solved, workspace_of
 from tests.machines import BOOM, FOLD, LIFT, STICK, build, named, redundant
 
-TOLERANCE = (
-    2 * CLOSE
-)  # of ω² between two bounds of nested problems: rounds end that far from the best prices
+# of ω² between two bounds of nested problems: rounds end that far from the best prices
+TOLERANCE = 2 * CLOSE
 
 
 @cache
@@ -109,9 +108,8 @@ def brute_force(problem: Problem) -> float:
         case.gravity_stiffness[:, 0, 0],
     )
     ends = np.linspace(*machine.ranges[0], 61)
-    at_rest = np.array(
-        [-0.5, 0.0, 0.0, 0.15]
-    )  # base x, z; rod pin x, z from the joint (the machine's file)
+    # base x, z; rod pin x, z from the joint (the machine's file)
+    at_rest = np.array([-0.5, 0.0, 0.0, 0.15])
     factor = ((c.bore_area - c.annulus_area) / c.open_length) ** 2 / c.bore_area
 
     def geometry(pins: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -339,9 +337,8 @@ def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None
     assert found is not None
     reached = [hertz(problem.frequencies(x).min()) for x in feasible_designs(problem, 30)]
     assert max([*reached, hertz(search.squared)]) <= found.frequency
-    assert (
-        found.frequency < hertz(search.squared) * 1.12
-    )  # measured, rounded up: 10 % of it is duality's
+    # measured, rounded up: 10 % of it is duality's
+    assert found.frequency < hertz(search.squared) * 1.12
     airless = replace(problem, machine=build([BOOM], [LIFT]))
     without = upper_bound(airless, search.x, search.rows)
     assert without is not None
@@ -352,7 +349,8 @@ def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
     """Air's β over boxes of pins and volumes is never below that of a machine in them, by its own
     static pressures.
     """
-    machine = build([BOOM], [replace(LIFT, extra="hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }")],
+    hose = "hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"
+    machine = build([BOOM], [replace(LIFT, extra=hose)],
                     air_percent=1.0)  # fmt: skip
     problem = Problem(
         machine=machine,
@@ -366,7 +364,6 @@ def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
     (most,) = dual.branched(prices, COARSE)
     for x in [search.x, *feasible_designs(problem, 20)]:
         squared = problem.frequencies(x, prices.rows)
-        weighted = prices.trace @ (
-            squared / dual.reference
-        )  # one joint: Σ ⟨Z, L⁻¹K L⁻ᵀ⟩ is the weighted mean
+        # one joint: Σ ⟨Z, L⁻¹K L⁻ᵀ⟩ is the weighted mean
+        weighted = prices.trace @ (squared / dual.reference)
         assert weighted <= prices.constant + most.upper + 1e-9

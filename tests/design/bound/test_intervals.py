@@ -248,7 +248,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
     )
     dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
     share = Share(
-        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2), dead=dead,
+        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2),
+        dead=dead,
         hoses=np.zeros(2),
     )  # fmt: skip
     volume = (
@@ -256,9 +257,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
-    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (
-        shape.high - shape.low
-    )  # off the telescope's axis
+    # off the telescope's axis
+    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
         return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_explicit_requirements import EVERYTHING
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -27,6 +26,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz, lowest_frequency
 from armdesign.units import mm
 from tests.design.designs import MACHINES, double, single, workspace_of
+from tests.design.requirements.test_absolute import EVERYTHING
 from tests.machines import named
 
 LOOSE = Requirements(oil_total_share=1.0, oil_each_share=1.6, thrust_share=1.6, holding_share=3.0)
@@ -83,7 +83,8 @@ def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]
 
 
 SMALL = {
-    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4, "random_7": 3,
+    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4,
+    "random_7": 3,
     "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
     "mini_excavator_2t": 3, "loader_crane": 2, "patu_boom": 7,
 }  # fmt: skip
@@ -346,15 +347,12 @@ def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
             catalogue=[(120 * mm, 80 * mm)],
             starts=1,
         )
-    assert {one.name for one in error.value.conflict} == {
-        "thrust.lift",
-        "thrust.fold",
-    }  # each by itself
+    # each by itself
+    assert {one.name for one in error.value.conflict} == {"thrust.lift", "thrust.fold"}
     for one in error.value.conflict:
         least = one.limit * (1.44 / 1.1 - 1)
-        assert (
-            least <= one.together <= 1.001 * least
-        )  # with a little for rounding, see ``refusal.MORE``
+        # with a little for rounding, see ``refusal.MORE``
+        assert least <= one.together <= 1.001 * least
 
 
 def test_pins_follow_the_chosen_sizes() -> None:
@@ -376,9 +374,8 @@ def test_pins_follow_the_chosen_sizes() -> None:
     assert not free.catalogue
     assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
     assert both.bound >= free.unrounded
-    assert not any(
-        gain for name, gain in both.worth.items() if name.startswith("thrust")
-    )  # of sizes that do not move
+    # of sizes that do not move
+    assert not any(gain for name, gain in both.worth.items() if name.startswith("thrust"))
 
 
 # -------------------------------------------------------------------------------------- what fails
@@ -523,7 +520,8 @@ def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_hang_on_them() -
 def test_named_catalogues() -> None:
     """THEORY §7: the public pairs of ISO 3320 sizes, and sizes of makers of excavators."""
     pairs = {(round(b / mm), round(r / mm)) for b, r in sizes_of("iso")}
-    public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110), (180, 110), (200, 140),
+    public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110),
+              (180, 110), (200, 140),
               (250, 180), (320, 220)}  # fmt: skip
     assert public <= pairs
     bores = {round(b / mm) for b, _ in sizes_of("5mm")}

@@ -65,9 +65,8 @@ def test_rows_are_the_load_cases_where_they_exist() -> None:
     held = machine.holds(q, machine.payloads[1])
     assert 0 < held.sum() < len(q)
     assert len(problem) == len(q) + held.sum()
-    tilt = (
-        np.degrees(q.sum(axis=1)) % 360
-    )  # planar: the bucket's pitch is the sum of the joint angles
+    # planar: the bucket's pitch is the sum of the joint angles
+    tilt = np.degrees(q.sum(axis=1)) % 360
     assert np.all((tilt[held] > 119.999) & (tilt[held] < 240.001))
 
 
@@ -78,9 +77,8 @@ def test_derivatives_of_stiffness(name: str, proportional: bool) -> None:
     problem = problem_of(name, proportional=proportional)
     x = some_x(problem, 3)
     rows = np.linspace(0, len(problem) - 1, 5).astype(int)
-    assert (
-        len(x) == 2 * 3 + 2 * 4 + 2
-    )  # three bores and annuli, four pin coordinates of two cylinders, two of one
+    # three bores and annuli, four pin coordinates of two cylinders, two of one
+    assert len(x) == 2 * 3 + 2 * 4 + 2
     expected = slopes(lambda y: problem.matrices(y, rows)[0], x)
     actual = problem.matrices(x, rows)[1]
     for v in range(len(x)):

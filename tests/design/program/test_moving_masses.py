@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
@@ -26,6 +25,7 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
 from tests.design.designs import as_machine, solved, some_x
+from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, Function, Joint, build, named
 
 
@@ -39,8 +39,8 @@ def bars(name: str, share: float = 1.0) -> Machine:
     if name == "double":
         return build([BOOM, STICK], [lift, fold])
     tilt = Function(
-        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
-        knee="right", extra=f"count = 2\n{heavy}",
+        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
+        lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=f"count = 2\n{heavy}",
     )  # fmt: skip
     machine = build([BOOM, STICK, BUCKET], [lift, fold, tilt])
     four_bar = {"rocker_kg": 40 * share, "coupler_kg": 30 * share}
@@ -87,7 +87,14 @@ def only_rocker() -> Machine:
     alone.
     """
     cylinders = [
-        replace(c, barrel_mass=0.0, rod_mass=0.0, coupler_mass=0.0)
+        replace(
+            c,
+            barrel_mass=0.0,
+            rod_mass=0.0,
+            linkage_masses=tuple(
+                (bar, 0.0 if bar == "coupler" else mass) for bar, mass in c.linkage_masses
+            ),
+        )
         for c in bars("triple").cylinders
     ]
     return replace(bars("triple"), cylinders=tuple(cylinders))
@@ -178,9 +185,8 @@ def test_only_what_follows_x_is_moved() -> None:
     assert own("cylinder.tilt.four_bar.rocker_mm") == {2: [*both, "rocker", "coupler"]}
     assert own("cylinder.fold.rod_mm") == {1: both}
     assert posed(named("excavator_20t"), ("areas", "pins")).own is None
-    assert (
-        posed(named("loader_crane"), ("areas", "pins")).own is None
-    )  # its rocker weighs, but stays
+    # its rocker weighs, but stays
+    assert posed(named("loader_crane"), ("areas", "pins")).own is None
 
 
 # ------------------------------------------------------------------------------------- closed form
@@ -244,9 +250,8 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     bound = search.upper_bound()
     assert bound is not None
     assert bound >= hertz(search.squared)
-    assert bound < hertz(search.squared) * (
-        1.001 if rises else 1.2
-    )  # Euler's rod is replaced by its chord
+    # Euler's rod is replaced by its chord
+    assert bound < hertz(search.squared) * (1.001 if rises else 1.2)
 
 
 # ------------------------------------------------------------------------------------- brute force
@@ -375,8 +380,10 @@ def test_the_stand_in_changes_sign_at_the_optimum(proportional: bool) -> None:
     )
     search = solved(problem)
     everywhere = np.arange(len(problem))
-    lowest = [np.linalg.eigvalsh(problem.scaled(search.x, everywhere, problem.start, lam))[:, 0].min() - lam
-              for lam in search.squared * np.array([1 - 1e-6, 1 + 1e-6])]  # fmt: skip
+    lowest = []
+    for lam in search.squared * np.array([1 - 1e-6, 1 + 1e-6]):
+        scaled = problem.scaled(search.x, everywhere, problem.start, lam)
+        lowest.append(np.linalg.eigvalsh(scaled)[:, 0].min() - lam)
     assert lowest[0] > 0 > lowest[1]
 
 
@@ -449,7 +456,7 @@ def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
     assert min(design.slacks.values()) >= -1e-9
     assert design.after.frame["f1_hz"].min() == pytest.approx(design.unrounded, rel=5e-3)
 
-    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without them."""
+    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, both ways."""
 
 
 # -------------------------------------------------------------------- the bound for pins and areas

@@ -11,19 +11,20 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes, true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.program.constraints import limits
 from armdesign.design.program.dynamics import Problem
-from armdesign.design.program.variables import chosen, key_of
+from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import settled
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
-from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS
+from armdesign.mechanism.linkage.direct import Direct
+from armdesign.mechanism.linkage.four_bar import FourBar
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
+from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, Function, Joint, build, named
 
 SIZES = {
@@ -150,9 +151,8 @@ def test_a_bore_and_a_coordinate_by_scan() -> None:
     assert len(problem.start) == 5
     assert best > 1.02 * problem.frequencies(problem.start).min()
     assert search.squared > best * (1 - 1e-6)
-    assert search.squared == pytest.approx(
-        best, rel=0.01
-    )  # the scan's steps are 0.2 % of the area, 2.5 % of the box
+    # the scan's steps are 0.2 % of the area, 2.5 % of the box
+    assert search.squared == pytest.approx(best, rel=0.01)
 
 
 def test_bound_of_a_bore_alone() -> None:
@@ -207,7 +207,15 @@ def test_derivatives_by_every_variable(name: str) -> None:
     """
     digging = {"odd": ("fold", "tilt"), "excavator": ("stick", "bucket")}[name]
     problem = problem_of(name, EVERYTHING, digging=digging)
-    assert {v.pin for v in problem.variables} == {None, *PINS, *BARS}
+    assert {v.pin for v in problem.variables} == {
+        None,
+        "rod_end",
+        "base",
+        "pivot",
+        "lug",
+        "rocker",
+        "coupler",
+    }
     x, rows, holding = (
         some_x(problem, 3, 0.03),
         np.arange(0, len(problem), 37),
@@ -267,16 +275,19 @@ def test_a_free_four_bar_is_worth_more() -> None:
     less = ad.optimize(design.today, design.workspace, starts=1)
     assert design.unrounded > 1.01 * less.unrounded
     assert min(design.slacks.values()) >= 0
-    assert {f"pin_box.bucket.{place}" for place in ("base", *OF_FOUR_BAR)} <= design.slacks.keys()
+    assert {
+        f"pin_box.bucket.{place}" for place in ("base", "pivot", "lug", "rocker", "coupler")
+    } <= design.slacks.keys()
     assert "transmission.bucket" in design.worth
     bars = design.machine.section.cylinder["bucket"].four_bar
     assert bars is not None
     for number in (bars.rocker_mm, bars.coupler_mm, *bars.pivot.at_mm, *bars.lug.at_mm):
         assert number == round(number, 1)
-    new, old = design.machine.linkages[2].four_bar, design.today.linkages[2].four_bar
-    assert new is not None
+    new, old = design.machine.linkages[2], design.today.linkages[2]
+    assert isinstance(new, FourBar)
+    assert isinstance(old, FourBar)
     assert new != old
-    assert (new.pivot.at[1], new.lug.at[1], new.side) == (old.pivot.at[1], old.lug.at[1], old.side)
+    assert (new.pivot.at[1], new.lug.at[1], new.knee) == (old.pivot.at[1], old.lug.at[1], old.knee)
     assert (design.machine.ranges[:, 0] <= design.today.ranges[:, 0] + 1e-9).all()
     assert (design.machine.ranges[:, 1] >= design.today.ranges[:, 1] - 1e-9).all()
     assert design.after.frame["f1_hz"].min() > 0.997 * design.unrounded
@@ -418,9 +429,8 @@ def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> flo
     grid.
     """
     names, every = [c.name for c in problem.machine.cylinders], np.arange(len(problem))
-    own = np.zeros(
-        (2, len(grid), len(grid))
-    )  # lowest ω² of one arm, 0 where one of its own limits forbids it
+    # lowest ω² of one arm, 0 where one of its own limits forbids it
+    own = np.zeros((2, len(grid), len(grid)))
     for i, name in enumerate(names):
         for k, cap in enumerate(grid):
             for j, annulus in enumerate(grid):
@@ -432,9 +442,8 @@ def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> flo
                     own[i, k, j] = problem.scaled(x, every)[:, i, i].min()
     reachable = np.maximum.accumulate(np.maximum.accumulate(own[1], axis=0), axis=1)
     oil = problem.areas_today * np.array([[c.stroke] for c in problem.machine.cylinders])
-    left = (
-        1 + (1 - grid)[:, None] * oil[0] / oil[1]
-    )  # share of today's that the second arm may have, of either side
+    # share of today's that the second arm may have, of either side
+    left = 1 + (1 - grid)[:, None] * oil[0] / oil[1]
     most = np.searchsorted(grid, left + 1e-12, side="right") - 1
     pairs = [
         (k, j)
@@ -463,11 +472,12 @@ def test_the_kink_is_the_optimum_along_every_direction() -> None:
 
 
 def test_keys_of_places() -> None:
-    assert [key_of(p) for p in ("base", "lug", "rocker")] == [
+    assert [FourBar.key_of(p) for p in ("base", "lug", "rocker")] == [
         "base.at_mm",
         "four_bar.lug.at_mm",
         "four_bar.rocker_mm",
     ]
+    assert Direct.key_of("rod_end") == "rod_end.at_mm"
 
 
 @pytest.mark.parametrize("name", ["double", "excavator_20t"])

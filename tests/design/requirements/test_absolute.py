@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import slopes
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
@@ -27,6 +26,7 @@ from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_loa
 from armdesign.hydraulics.cylinder_mass import estimated_mass
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, some_x, workspace_of
+from tests.design.program.test_dynamics import slopes
 from tests.machines import named
 from tests.reference_planar import Reference
 
@@ -113,9 +113,8 @@ def test_speed_is_swept_volume_over_stroke_time() -> None:
             )
             mean, every = (own(speeds=(speed,))["speed.s"] for speed in (at_mean, at_every))
             assert mean.value == pytest.approx(area * abs(length[-1] - length[0]) / time, rel=1e-6)
-            assert every.value == pytest.approx(
-                area * abs(rate) * np.abs(arm).max(), rel=1e-4
-            )  # 181 poses
+            # 181 poses
+            assert every.value == pytest.approx(area * abs(rate) * np.abs(arm).max(), rel=1e-4)
             assert (mean.limit, mean.unit) == (pytest.approx(FLOW), "m³/s")
             assert mean.slack == pytest.approx(1 - mean.value / FLOW, rel=1e-9)
 
@@ -558,9 +557,11 @@ BAD_SETTINGS = [
     ({"lifts": (replace(FRONT, joints={}),)}, "leaves these joints free: boom, stick, bucket"),
     ({"lifts": (replace(FRONT, height=None),)}, "only one of reach and height"),
     ({"lifts": (replace(FRONT, reach=20.0),)}, "no pose in the joint ranges"),
-    ({"lifts": (replace(POSED, joints={"boom": 0.3, "stick": -1.5, "bucket": 2.0}),)}, "no pose in the joint ranges"),
+    ({"lifts": (replace(POSED, joints={"boom": 0.3, "stick": -1.5, "bucket": 2.0}),)},
+     "no pose in the joint ranges"),
     ({"digging_force": {"thumb": 1.0}}, r'digging_force: no cylinder "thumb"'),
-    ({"clearances": (replace(EVERYTHING["clearances"][0], link="moon"),)}, r'clearance.plate: no link "moon"'),
+    ({"clearances": (replace(EVERYTHING["clearances"][0], link="moon"),)},
+     r'clearance.plate: no link "moon"'),
     ({"pin_boxes": {"boom": {"lug": 0.1}}}, r'pin_boxes.boom: no pin "lug"'),
 ]  # fmt: skip
 

@@ -37,12 +37,10 @@ def test_clearance_by_hand() -> None:
     assert clearance(np.array([2.0, 3.0]), np.array([3.0, 2.0]), SQUARE) == pytest.approx(
         np.sqrt(0.5)
     )  # a corner
-    assert clearance(np.array([1.0, 1.0]), np.array([1.0, 1.5]), SQUARE) == pytest.approx(
-        -0.5
-    )  # wholly inside
-    assert clearance(np.array([1.0, 1.7]), np.array([1.0, 9.0]), SQUARE) == pytest.approx(
-        -0.3
-    )  # an end inside
+    # wholly inside
+    assert clearance(np.array([1.0, 1.0]), np.array([1.0, 1.5]), SQUARE) == pytest.approx(-0.5)
+    # an end inside
+    assert clearance(np.array([1.0, 1.7]), np.array([1.0, 9.0]), SQUARE) == pytest.approx(-0.3)
 
 
 def test_clearance_against_dense_sampling() -> None:

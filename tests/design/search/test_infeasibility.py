@@ -79,9 +79,8 @@ def test_one_against_the_pin_box() -> None:
         assert poses is not None
         most = max(most, float(np.abs(linkage.actuation(poses).moment_arm[:, 0]).min()))
     assert only.name == "moment_arm.lift"
-    assert only.together == pytest.approx(
-        only.limit - most, rel=0.02
-    )  # the dead length may hold it back
+    # the dead length may hold it back
+    assert only.together == pytest.approx(only.limit - most, rel=0.02)
     assert only.together >= (only.limit - most) * (1 - 1e-6)
 
 
@@ -98,9 +97,8 @@ def test_two_by_hand() -> None:
     error = refused("single", ("areas",), **TWO)
     thrust, digging = error.conflict
     assert (thrust.name, digging.name) == ("thrust.lift", "digging.lift")
-    assert thrust.together / thrust.limit == pytest.approx(
-        0.971**2 / 0.9 - 1, rel=1e-4
-    )  # six digits of a setting
+    # six digits of a setting
+    assert thrust.together / thrust.limit == pytest.approx(0.971**2 / 0.9 - 1, rel=1e-4)
     assert digging.together / digging.limit == pytest.approx(1 - 0.971**2 / 0.99, rel=1e-4)
     assert thrust.alone == pytest.approx(thrust.limit * (0.995**2 / 0.9 - 1), rel=1e-4)
     assert digging.alone == pytest.approx(digging.limit * (1 - 0.948**2 / 0.99), rel=1e-4)
@@ -141,9 +139,8 @@ def test_three_by_hand() -> None:
     )
     swept = np.array([c.bore_area * c.stroke for c in MACHINES["double"]().cylinders])
     for name, own in zip(("digging.lift", "digging.fold"), swept, strict=True):
-        share = (
-            0.09 * swept.sum() / own / 0.99
-        )  # of its limit: all of the oil that lacks, from one bore
+        # of its limit: all of the oil that lacks, from one bore
+        share = 0.09 * swept.sum() / own / 0.99
         assert found[name].alone == pytest.approx(share * found[name].limit, rel=0.02)
 
 
@@ -191,9 +188,8 @@ def test_two_conflicts_at_once() -> None:
     ]
     for c in error.conflict:
         share = 1 - 1 / 1.1 if c.name.startswith("moment_arm") else 0.09 / 1.89
-        assert c.together / c.limit == pytest.approx(
-            share, rel=0.02
-        )  # what rounding takes: 0.1 % of an area
+        # what rounding takes: 0.1 % of an area
+        assert c.together / c.limit == pytest.approx(share, rel=0.02)
     assert "no design meets moment_arm.lift" in str(error)
     assert "; nor moment_arm.fold" in str(error)
     assert "besides" not in str(error)
@@ -228,7 +224,8 @@ ASKED: dict[str, Callable[[Machine, np.random.Generator], dict[str, Any]]] = {
         "speeds": (Speed(name="go", cylinders={m.cylinders[0].name: random.uniform(0.5, 0.6)}),)
     },
     "lift": lambda m, random: {
-        "lifts": (Lift(name="up", mass=random.uniform(3e3, 6e3), joints=dict.fromkeys(m.joints, 0.0)),)
+        "lifts": (Lift(name="up", mass=random.uniform(3e3, 6e3),
+                       joints=dict.fromkeys(m.joints, 0.0)),)
     },
 }  # fmt: skip
 RANDOM = [  # those of the first seeds that are in conflict

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 from numpy.testing import assert_allclose
-from test_codesign import excavator_design
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.requirements.check import check
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, workspace_of
+from tests.design.search.test_sequential_sdp import excavator_design
 from tests.machines import named
 
 

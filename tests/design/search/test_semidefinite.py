@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_problem import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
@@ -20,6 +19,7 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
+from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 
 STEEL = 210e9  # [Pa]
@@ -144,9 +144,8 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
     )
     search = solved(problem)
     modes = np.linalg.eigvalsh(problem.scaled(search.x, np.arange(len(problem)))) / search.squared
-    assert_allclose(
-        modes.min(axis=0), [1, 1], rtol=1e-6
-    )  # at some pose both are at the lowest of all
+    # at some pose both are at the lowest of all
+    assert_allclose(modes.min(axis=0), [1, 1], rtol=1e-6)
     gain = search.squared / problem.lowest_today
     if vary == ("areas",):
         assert gain == pytest.approx(4 / 3, rel=1e-6)
@@ -228,7 +227,8 @@ def test_any_multipliers_give_a_bound(name: str) -> None:
         root = random.normal(size=base.shape)
         step = Step(
             change=nothing, value=math.nan, violation=0.0,
-            multipliers=random.exponential(size=len(linear.values)) * random.choice([0.0, 0.01, 1.0]),
+            multipliers=random.exponential(size=len(linear.values))
+                * random.choice([0.0, 0.01, 1.0]),
             low_multipliers=nothing, high_multipliers=nothing,
             weights=root @ np.swapaxes(root, 1, 2) * random.exponential(size=(len(base), 1, 1)),
         )  # fmt: skip

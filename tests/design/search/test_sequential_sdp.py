@@ -15,7 +15,6 @@ import cma
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
-from test_problem import true_frequencies
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
@@ -26,6 +25,7 @@ from armdesign.design.requirements.settings import Lift, Speed
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, as_machine, double, problem_of, solved, workspace_of
+from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 from tests.reference_planar import Reference
 
@@ -76,10 +76,8 @@ def test_never_worse_than_a_global_method(
     problem = problem_of(name)
     areas = np.array([v.pin is None for v in problem.variables])
     low, high = problem.bounds
-    low, high = (
-        np.where(areas, 0.5, low),
-        np.where(areas, 1.5, high),
-    )  # no wider than any good design needs
+    # no wider than any good design needs
+    low, high = np.where(areas, 0.5, low), np.where(areas, 1.5, high)
     found = method(problem, low, high, generations)
     search = solved(problem, 1e-6)
     assert search.violation < 1e-7
@@ -158,10 +156,8 @@ def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
     assert [
         name for name, (_, _, met) in judged.items() if not met and not name.startswith("digging ")
     ] == []
-    for name in (
-        "stick",
-        "bucket",
-    ):  # the force at the tooth depends on where the bucket stands: within 2 %
+    # the force at the tooth depends on where the bucket stands: within 2 %
+    for name in ("stick", "bucket"):
         value, limit, _ = judged[f"digging {name}"]
         assert value > limit - 0.02
 

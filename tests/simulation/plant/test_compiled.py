@@ -219,7 +219,7 @@ def test_a_folder_of_somebody_else_is_refused(kept: Path) -> None:
 
 TRY = """
 import os, sys
-from armdesign.simulation import compiled as door
+from armdesign.simulation.plant import compiled as door
 import numba
 numba.njit(lambda x: x)(1.0)  # what numba imports late it may not be able to as another user
 user, *types = map(int, sys.argv[1:])
@@ -286,7 +286,7 @@ def test_with_numba_switched_off() -> None:
     words = [
         sys.executable,
         "-c",
-        "from armdesign.simulation.vectors import dot; print(dot((1, 2, 3), (4, 5, 6)))",
+        "from armdesign.simulation.plant.vectors import dot; print(dot((1, 2, 3), (4, 5, 6)))",
     ]
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     run = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)

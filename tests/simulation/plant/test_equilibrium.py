@@ -133,13 +133,11 @@ def test_preload_stays_below_the_relief(excavator: Machine) -> None:
             assert boom.bore_area * cap - boom.annulus_area * annulus == pytest.approx(force)
             assert max(cap, annulus) <= 0.95 * relief * bar * (1 + 1e-12)
             assert min(cap, annulus) >= 5 * bar
-        lower = (
-            boom.bore_area * 0.95 * relief * bar - force
-        ) / boom.annulus_area  # the cap at 95 % of its relief
+        # the cap at 95 % of its relief
+        lower = (boom.bore_area * 0.95 * relief * bar - force) / boom.annulus_area
         assert min(started(machine, LIGHT)[0]) == pytest.approx(min(preload * bar, lower))
-    np.testing.assert_allclose(
-        started(excavator, LIGHT, True).sum(axis=1), 355 * bar
-    )  # no relief in reach
+    # no relief in reach
+    np.testing.assert_allclose(started(excavator, LIGHT, True).sum(axis=1), 355 * bar)
     slack = valves(excavator, preload_bar=80.0)
     np.testing.assert_allclose(started(slack, LIGHT, False).min(axis=1), 5 * bar)
 
