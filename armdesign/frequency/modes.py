@@ -83,8 +83,8 @@ def lowest_frequency(poses: Poses) -> Array:
 def energy_shares(poses: Poses, modes: Modes) -> Array:
     """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc).
 
-    The energy of cylinder i is k_i (r_i·v)². The cylinder with the largest share in the lowest mode
-    is the one that limits the pose.
+    The energy of cylinder i is k_i (r_i·v)². The cylinder with the largest share in the lowest
+    mode limits the pose.
     """
     energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
     return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
