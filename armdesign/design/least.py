@@ -28,7 +28,7 @@ from armdesign.design.catalogue.alternation import (
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes, sizes_of
 from armdesign.design.design import Design
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
@@ -115,7 +115,7 @@ def least(
     least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
     if catalogue is not None:
         refuse_fixed_sizes(problem)
-        if not problem.moving:
+        if not problem.vector.moving:
             search, selection = least_amount.with_given_pins(sizes_of(catalogue))
             return Design.of(search, Starts((selection.frequency,)), selection, command=command)
     search, outcomes = least_amount.under_today(starts, seed, workers)
@@ -200,7 +200,9 @@ class LeastAmount:
             else:
                 low, below = guess, other.bound
         search, selection = self._select(self._used(selection), sizes)
-        return search, replace(selection, below=below if self.problem.own is None else math.inf)
+        return search, replace(
+            selection, below=below if self.problem.vector.moving_masses is None else math.inf
+        )
 
     def rounded(self, search: Search, outcomes: Starts, command: str) -> Design:
         """The rounded design, under a little more where rounding costs too much."""

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import relaxation
+from armdesign.design.program.convex_relaxation import convex_relaxation
 from armdesign.design.search.semidefinite import (
     bound_of_moving_mass,
     certificate,
@@ -35,7 +35,7 @@ def bound_of_areas(search: Search) -> float | None:
     None where no bound is known.
     """
     try:
-        enclosed = relaxation(search.problem)
+        enclosed = convex_relaxation(search.problem)
     except InfeasibleError:  # by less than the search lets pass
         return None
     if enclosed is None:
@@ -52,12 +52,13 @@ def bound_of_areas(search: Search) -> float | None:
 def _lowest(search: Search, room: tuple[Array, ...], ends: tuple[Array, Array]) -> float:
     """The lowest bound on ω², over the search's reference, of a few programmes of few poses each."""
     problem, x, rows, bound = search.problem, search.x, search.rows, math.inf
-    squared = problem.frequencies(x, rows)
-    near = squared.min() if problem.own else 0.0
+    squared = problem.dynamics.omega_squared(x, rows)
+    near = squared.min() if problem.vector.moving_masses else 0.0
     base, slopes = (
-        part / search.reference for part in problem.chord_matrices(*ends, rows, x, near)
+        part / search.reference
+        for part in problem.dynamics.scaled_stiffness_chords(*ends, rows, x, near)
     )
-    light = problem.lightness(x, rows)
+    light = problem.dynamics.scaled_fixed_mass(x, rows)
     chosen = np.flatnonzero(np.isin(rows, search.active(squared)))
     for _ in range(ROUNDS):
         one = programme(len(chosen), base.shape[1], len(room[0]), len(ends[0]))

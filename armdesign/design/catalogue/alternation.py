@@ -13,7 +13,7 @@ from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
 from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered
 from armdesign.design.catalogue.slack_sums import TOLERANCE
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.sequential_sdp import MISSED, Search
@@ -35,8 +35,8 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, SizeSelectio
         InfeasibleError: no combination meets the requirements.
     """
     refuse_fixed_sizes(problem)
-    selection = _best_sizes(problem, problem.start, sizes)
-    search = _search_with(problem, problem.start, selection.sizes).run(trust=0.02, looks=1)
+    selection = _best_sizes(problem, problem.vector.start, sizes)
+    search = _search_with(problem, problem.vector.start, selection.sizes).run(trust=0.02, looks=1)
     return search, selection
 
 
@@ -79,8 +79,8 @@ def with_sizes(
     if start and _in_catalogue(problem, start[1], sizes):
         searches.append(run_to_end(_search_with(problem, *start), trust=0.1))
     try:
-        selection = _best_sizes(problem, problem.start, sizes)
-        of_today = _search_with(problem, problem.start, selection.sizes)
+        selection = _best_sizes(problem, problem.vector.start, sizes)
+        of_today = _search_with(problem, problem.vector.start, selection.sizes)
         searches.append(run_to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
@@ -98,7 +98,7 @@ def refuse_fixed_sizes(problem: Problem) -> None:
     Raises:
         ArmDesignError: none does.
     """
-    if not any(bore or rod for bore, rod in problem.resized):
+    if not any(bore or rod for bore, rod in problem.vector.resized):
         raise ArmDesignError(
             "catalogue", "has no use where sizes stay as they are", 'add "areas" to what varies'
         )
@@ -107,7 +107,7 @@ def refuse_fixed_sizes(problem: Problem) -> None:
 def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
     """Whether every cylinder has a size, and one that it is offered."""
     cylinders = problem.machine.cylinders
-    pairs = zip(cylinders, chosen, problem.resized, strict=False)  # motors have none
+    pairs = zip(cylinders, chosen, problem.vector.resized, strict=False)  # motors have none
     return len(chosen) == len(cylinders) and all(
         size in offered(c, sizes, *free) for c, size, free in pairs
     )
@@ -136,11 +136,11 @@ def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
 def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:
     """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
     cylinder = search.problem.machine.cylinders[i]
-    cap, annulus = search.problem.areas(search.x)[i]
+    cap, annulus = search.problem.vector.areas(search.x)[i]
     wanted = cylinder.bore * math.sqrt(search.x[2 * i])
     stoutness = math.sqrt(max(1 - annulus / cap, 0.0))
     rods: dict[float, list[float]] = {}
-    for bore, rod in offered(cylinder, sizes, *search.problem.resized[i]):
+    for bore, rod in offered(cylinder, sizes, *search.problem.vector.resized[i]):
         rods.setdefault(bore, []).append(rod)
     return tuple(
         (bore, rod)
@@ -196,16 +196,16 @@ def _rank(search: Search) -> tuple[bool, float]:
 def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:
     """The best sizes for the pins of x."""
     allowed = allowed_sizes(
-        problem.placed(x),
+        problem.vector.with_pins(x),
         problem.machine,
         problem.workspace,
         problem.requirements,
         sizes,
-        proportional=problem.proportional,
-        tolerance=MISSED if problem.moving else TOLERANCE,
-        free=problem.resized,
+        proportional=problem.dynamics.proportional,
+        tolerance=MISSED if problem.vector.moving else TOLERANCE,
+        free=problem.vector.resized,
     )
-    return select(allowed, problem.bands)
+    return select(allowed, problem.dynamics.bands)
 
 
 def _search_with(problem: Problem, x: Array, sizes: ChosenSizes) -> Search:

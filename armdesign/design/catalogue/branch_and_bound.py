@@ -63,9 +63,11 @@ def select(allowed: AllowedSizes, bands: Bands | None = None) -> SizeSelection:
     """
     bands = bands or Bands()
     placed = allowed.judge.placed
-    soft = bands.oil(placed, softest=True)
-    cylinders = tuple(tuple(bands.softest(c) for c in sizes) for sizes in allowed.cylinders)
-    poses, reference = scaled_poses(soft, allowed.judge.workspace, bands.masses(placed))
+    soft = bands.with_oil(placed, softest=True)
+    cylinders = tuple(
+        tuple(bands.with_largest_volumes(c) for c in sizes) for sizes in allowed.cylinders
+    )
+    poses, reference = scaled_poses(soft, allowed.judge.workspace, bands.mass_shares(placed))
     tree = BranchAndBound(replace(allowed, cylinders=cylinders), poses, soft)
     best, bound, combination = tree.best()
     chosen = [sizes[o] for sizes, o in zip(allowed.cylinders, combination, strict=True)]

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import conditions_at
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.trust_region import box_around
@@ -74,7 +74,7 @@ def marginal_prices(search: Search) -> dict[str, float]:
     multipliers[~np.any(at.jacobian[:, bounds[1] > bounds[0]] != 0, axis=1)] = 0.0
     gains: dict[str, float] = {}
     for name, gain in (
-        *zip(at.names, multipliers * at.relaxation * scale, strict=True),
+        *zip(at.names, multipliers * at.per_percent * scale, strict=True),
         *zip(
             _pin_boxes(search.problem),
             RELAXED * bounds[1] * _at_end(step, box) * scale,
@@ -96,7 +96,8 @@ def _pin_boxes(problem: Problem) -> list[str]:
     """Name of the pin box that bounds each entry of x; empty for areas."""
     cylinders = problem.machine.cylinders
     return [
-        f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else "" for v in problem.variables
+        f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else ""
+        for v in problem.vector.variables
     ]
 
 
@@ -104,7 +105,7 @@ def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
     """Relative gain in frequency that is found from an optimum with requirements relaxed by 1 %."""
     low, high = optimum.bounds
     more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
-    problem = optimum.problem.eased(dict.fromkeys(names, RELAXED))
+    problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))
     eased = optimum.of(problem, optimum.x, (low - more, high + more))
     eased.run(TRUST, max(FINE, ENOUGH * expected), looks=2)
     return math.sqrt(max(eased.squared / optimum.squared, 1.0)) - 1

@@ -15,8 +15,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import size_in_mm
-from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.moving_masses import weighed
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import Check, check, meets, static_loads
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.drawing_grid import diameters, neighbours
@@ -99,7 +99,7 @@ def inmost_machine(search: Search) -> CheckedMachine | None:
     None if it misses one even so.
     """
     problem = search.problem
-    tightened = problem.tightened(TIGHTENING if problem.moving else 0.0)
+    tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
     roles = Roles((elastic.names,), ())
     x = elastic.on_grid(elastic.solve(roles), roles).x
@@ -126,8 +126,8 @@ def nearest_misses(search: Search) -> list[Check]:
 def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
     workspace = problem.workspace
-    if problem.bands != Bands():
-        return worst_within(machine, workspace, problem.bands).frequency
+    if problem.dynamics.bands != Bands():
+        return worst_within(machine, workspace, problem.dynamics.bands).frequency
     return worst_frequency(machine, workspace).frequency
 
 
@@ -136,7 +136,7 @@ def _hardly_gained(search: Search) -> bool:
     problem = search.problem
     if problem.sizes:  # today's machine need not be in the catalogue
         return False
-    if search.squared > 1.02 * problem.lowest_today:
+    if search.squared > 1.02 * problem.dynamics.omega_squared_today:
         return False
     return CheckedMachine.of(problem.machine, problem).allowed
 
@@ -153,7 +153,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
     grid then miss a limit by is kept in reserve, and the pins are tuned once more.
     """
     problem = search.problem
-    if not problem.moving:
+    if not problem.vector.moving:
         return
     today, light, limits = problem.machine, _light_workspace(search), _with_box(problem)
     inside = problem.tightened(TIGHTENING)
@@ -181,7 +181,7 @@ def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Arr
     moves.
     """
     problem, (options, _) = search.problem, _options(search)
-    entries = slice(0, problem.areas_today.size)
+    entries = slice(0, problem.vector.areas_today.size)
     merit, designs = search.foreseen_merit(entries), {}
     merits: dict[SizesInRow, float] = {}
 
@@ -224,12 +224,12 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     problem = search.problem
     today, light, limits = problem.machine, _light_workspace(search), _with_box(problem)
     placed, loads = _placed(search, light)
-    low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:LOWEST]]
+    low = search.rows[np.argsort(problem.dynamics.omega_squared(search.x, search.rows))[:LOWEST]]
     tried = []
     for sizes in _nearest_sizes(search, COMBINATIONS):
         trial = _sized(problem, placed, sizes)
         x = _with_sizes(problem, search.x, trial.cylinders)
-        tried.append((float(problem.frequencies(x, low).min()), trial, sizes, x))
+        tried.append((float(problem.dynamics.omega_squared(x, low).min()), trial, sizes, x))
     tried.sort(key=lambda entry: -entry[0])
     passed = (
         changes_of(problem, search.x, sizes, x)
@@ -246,14 +246,16 @@ def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array,
     """
     changes = pin_changes(search.problem, search.x)
     placed = search.problem.machine.replace(changes) if changes else search.problem.machine
-    known = search.problem.own is None and len(placed.actuators) == len(placed.joints)
+    known = search.problem.vector.moving_masses is None and len(placed.actuators) == len(
+        placed.joints
+    )
     return placed, static_loads(placed, workspace) if known else None
 
 
 def _sized(problem: Problem, placed: Machine, sizes: Sequence[float]) -> Machine:
     """A machine with other bores and rods [mm], and the masses that go with them."""
     trial = replace(placed, cylinders=_resized(placed, sizes))
-    return trial if problem.own is None else weighed(trial, problem.machine)
+    return trial if problem.vector.moving_masses is None else weighed(trial, problem.machine)
 
 
 def _with_box(problem: Problem) -> Requirements:
@@ -264,9 +266,8 @@ def _with_box(problem: Problem) -> Requirements:
 
 def _light_workspace(search: Search) -> Workspace:
     """The workspace with only the poses of the largest static forces: enough for a first check."""
-    whole = search.problem.workspace
-    q = whole.q[np.unique(search.problem.held.pose[search.holding])]
-    return Workspace(q, whole.axes, whole.end_margin, whole.machine)
+    rows = search.problem.dynamics.nominal_rows.pose[search.holding]
+    return search.problem.workspace.subset(np.unique(rows))
 
 
 # ------------------------------------------------------------------------------------ sizes in rows
@@ -282,7 +283,9 @@ def _options(search: Search) -> tuple[list[list[float]], list[float]]:
         chosen = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
         return [[size] for size in chosen], chosen
     options, wanted = [], []
-    for i, free in enumerate(problem.resized[: len(problem.machine.cylinders)]):  # motors stay
+    for i, free in enumerate(
+        problem.vector.resized[: len(problem.machine.cylinders)]
+    ):  # motors stay
         real = diameters(problem, search.x, i)
         wanted += real
         options += [
@@ -316,5 +319,5 @@ def _resized(machine: Machine, sizes: Sequence[float]) -> tuple[Cylinder, ...]:
 def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Array:
     """The design x with the areas of cylinders."""
     areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
-    areas = areas / problem.areas_today[: len(cylinders)]
+    areas = areas / problem.vector.areas_today[: len(cylinders)]
     return np.concatenate([areas.ravel(), x[areas.size :]])

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import Limits, holding_rows, limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import Constraints, constraints_at, holding_rows
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step, padded, programme
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend, box_around
 from armdesign.errors import InfeasibleError
@@ -39,7 +39,7 @@ class Trial:
 
     x: Array
     squared: Array
-    limits: Limits
+    limits: Constraints
     merit: float
 
 
@@ -92,10 +92,10 @@ class Search:
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     squared: float = field(init=False, default=0.0)
-    limits: Limits = field(init=False)
+    limits: Constraints = field(init=False)
 
     def __post_init__(self) -> None:
-        self.reference = max(self.reference, self.problem.scale)
+        self.reference = max(self.reference, self.problem.dynamics.omega_squared_scale)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -105,7 +105,7 @@ class Search:
     @property
     def merit(self) -> float:
         """Lowest ω² over the problem's scale, less the penalty of missed requirements: for comparing searches."""
-        return self._merit(self.squared, self.limits, self.problem.scale)
+        return self._merit(self.squared, self.limits, self.problem.dynamics.omega_squared_scale)
 
     @property
     def violation(self) -> float:
@@ -127,7 +127,7 @@ class Search:
         self.look()
         for _ in range(looks):
             # prices keep pace with what is gained
-            self.reference = max(self.problem.scale, self.squared)
+            self.reference = max(self.problem.dynamics.omega_squared_scale, self.squared)
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
             self.look()
@@ -138,22 +138,24 @@ class Search:
 
     def refine(self, trust: float, tolerance: float) -> Search:
         """Improve ``x`` by the rows watched already: for a design that hardly moves."""
-        self.limits = limits(self.problem, self.x, self.holding)
+        self.limits = constraints_at(self.problem, self.x, self.holding)
         self._improve(trust, tolerance)
         return self
 
     @np.errstate(invalid="ignore", divide="ignore")
     def look(self) -> Search:
         """Watch the lowest and the most loaded poses of the whole workspace."""
-        squared, forces = self.problem.look(self.x)
+        squared, forces = self.problem.dynamics.omega_squared_and_forces(self.x)
         lowest = np.argsort(squared)[:MEMORY]
         spread = np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        known = forces if self.problem.held is self.problem.rows else None
+        known = (
+            forces if self.problem.dynamics.nominal_rows is self.problem.dynamics.rows else None
+        )
         loaded = holding_rows(self.problem, self.x, known)
         self.holding = np.union1d(self.holding, loaded).astype(int)
         self.squared = float(squared.min())
-        self.limits = limits(self.problem, self.x, self.holding)
+        self.limits = constraints_at(self.problem, self.x, self.holding)
         return self
 
     def at(self, x: Array, strictness: float | None = None) -> Search:
@@ -169,15 +171,17 @@ class Search:
 
     def trial(self, x: Array | None = None) -> Trial:
         """A design looked at on the watched rows; the search's own if None."""
-        at = self.limits if x is None else limits(self.problem, x, self.holding)
+        at = self.limits if x is None else constraints_at(self.problem, x, self.holding)
         x = self.x if x is None else x
-        squared = self.problem.frequencies(x, self.rows)
+        squared = self.problem.dynamics.omega_squared(x, self.rows)
         return Trial(x, squared, at, self._merit(float(squared.min()), at))
 
     def linearised(self, trial: Trial, rows: Array, box: Box) -> Linearised:
         """Stiffness of rows near a trial, and the limits that a step in the box could reach."""
         at = trial.limits
-        base, slopes = self.problem.matrices(trial.x, rows, float(trial.squared.min()))
+        base, slopes = self.problem.dynamics.scaled_stiffness_and_gradient(
+            trial.x, rows, float(trial.squared.min())
+        )
         kept = _nearest_limits(at, box, LIMITS)
         value, jacobian = padded(
             self.strictness * at.values[kept], self.strictness * at.jacobian[kept]
@@ -188,7 +192,7 @@ class Search:
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
-        place = self.problem.pose_of(self.rows)
+        place = self.problem.dynamics.row_coordinates(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
         for spacing in (0.05, 0.0):
             for index in np.argsort(squared):
@@ -238,15 +242,20 @@ class Search:
 
         If it disappoints, also the step corrected by what it met there.
 
-        Limits and stiffness bend: the programme is solved again with their values at the trial
+        Constraints and stiffness bend: the programme is solved again with their values at the trial
         (second-order correction), without which steps along a bent limit would have to be tiny.
         """
         none = replace(start, merit=-math.inf)
-        trial = self.trial(start.x + change) if self.problem.closes(start.x + change) else none
+        trial = (
+            self.trial(start.x + change) if self.problem.vector.closes(start.x + change) else none
+        )
         if trial.merit - start.merit > 0.1 * promised or trial is none:
             return trial
         squared = float(start.squared.min())
-        base = self.problem.scaled(trial.x, model.rows, start.x, squared) / self.reference
+        base = (
+            self.problem.dynamics.scaled_stiffness(trial.x, model.rows, start.x, squared)
+            / self.reference
+        )
         kept = self.strictness * trial.limits.values[model.kept]
         bent = replace(
             model,
@@ -258,20 +267,20 @@ class Search:
             again = start.x + bent.solve(box).change
         except InfeasibleError:  # the solver gave up: the first trial has to do
             return trial
-        corrected = self.trial(again) if self.problem.closes(again) else none
+        corrected = self.trial(again) if self.problem.vector.closes(again) else none
         return max(trial, corrected, key=lambda t: t.merit)
 
-    def _merit(self, squared: float, at: Limits, scale: float | None = None) -> float:
+    def _merit(self, squared: float, at: Constraints, scale: float | None = None) -> float:
         penalty = PENALTY * self.strictness * float(_missed(at).sum())
         return squared / (self.reference if scale is None else scale) - penalty
 
 
-def _missed(at: Limits) -> Array:
+def _missed(at: Constraints) -> Array:
     """What each requirement is missed by; infinite where that is not known."""
     return np.where(np.isnan(at.values), np.inf, np.maximum(-at.values, 0.0))
 
 
-def _nearest_limits(at: Limits, box: Box, count: int) -> Array:
+def _nearest_limits(at: Constraints, box: Box, count: int) -> Array:
     """The constraints that a step in the box could bring nearest to violation.
 
     Always the same number of them.

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import limits
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.sequential_sdp import ACTIVE, Search
 
 NEARBY = 0.3  # how far any entry of x may go in one round
@@ -38,9 +38,11 @@ def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
         if len(rows) == len(known) and not stopped:
             break
         x = _climbed(trial, rows)
-        if not search.problem.closes(x):
+        if not search.problem.vector.closes(x):
             break
-        stopped = search.problem.bends and bool(np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6))
+        stopped = search.problem.vector.moves_within and bool(
+            np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6)
+        )
         before, trial = trial.merit, trial.at(x)
         best = max(best, trial, key=lambda s: s.merit)
         if before <= trial.merit < before + tolerance:
@@ -50,7 +52,7 @@ def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
 
 def _lowest(search: Search) -> Array:
     """Of the rows watched the lowest, and the lowest that do not nearly coincide."""
-    squared = search.problem.frequencies(search.x, search.rows)
+    squared = search.problem.dynamics.omega_squared(search.x, search.rows)
     return np.union1d(search.rows[np.argsort(squared)[:ACTIVE]], search.active(squared))
 
 
@@ -61,7 +63,9 @@ def _climbed(search: Search, rows: Array) -> Array:
     programme = _Programme(search, rows)
     answer = minimize(
         lambda z: -z[-1],
-        np.append(search.x[programme.free], search.squared / search.problem.scale),
+        np.append(
+            search.x[programme.free], search.squared / search.problem.dynamics.omega_squared_scale
+        ),
         jac=lambda z: np.append(np.zeros(len(z) - 1), -1.0),
         bounds=[
             *zip(*(end[programme.free] for end in programme.bounds), strict=True),
@@ -97,7 +101,7 @@ class _Programme:
     def constraints(self, z: Array) -> tuple[Array, Array]:
         """Values ≥ 0 and their derivatives by z."""
         x = self.design(z)
-        if self._last and not self._search.problem.closes(x):  # a line search went too far
+        if self._last and not self._search.problem.vector.closes(x):  # a line search went too far
             return np.full_like(self._last[1], FAILED), self._last[2]
         if self._last is None or self._last[0] != z.tobytes():
             self._last = z.tobytes(), *self._constraints_at(x, float(z[-1]))
@@ -105,10 +109,12 @@ class _Programme:
 
     def _constraints_at(self, x: Array, t: float) -> tuple[Array, Array]:
         problem = self._search.problem
-        at = limits(problem, x, self._search.holding)
+        at = constraints_at(problem, x, self._search.holding)
         # where masses depend on x, slopes are exact for the ω² that bind
-        matrices = problem.matrices(x, self._rows, t * problem.scale)
-        base, slopes = (part / problem.scale for part in matrices)
+        matrices = problem.dynamics.scaled_stiffness_and_gradient(
+            x, self._rows, t * problem.dynamics.omega_squared_scale
+        )
+        base, slopes = (part / problem.dynamics.omega_squared_scale for part in matrices)
         squared, vectors = np.linalg.eigh(base)
         slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES]
         slope = slope.reshape(-1, len(x))

@@ -45,7 +45,7 @@ def require_feasible(search: Search) -> Search:
     search = restore_feasibility(search)
     if search.violation <= MISSED:
         return search
-    conflict = _Conflict.near(search, DRAWN_IN[0] if search.problem.moving else 0.0)
+    conflict = _Conflict.near(search, DRAWN_IN[0] if search.problem.vector.moving else 0.0)
     if conflict.exists:
         raise conflict.error("no design meets")
     return run_from_feasible(search, conflict.x)
@@ -53,7 +53,7 @@ def require_feasible(search: Search) -> Search:
 
 def not_written(search: Search) -> InfeasibleError:
     """The error where designs meet all requirements, but none was found that can be written."""
-    for share in DRAWN_IN if search.problem.moving else ():
+    for share in DRAWN_IN if search.problem.vector.moving else ():
         conflict = _Conflict.near(search, share)
         if conflict.exists:
             return conflict.error(f"no sizes and pins {GRID} meet")
