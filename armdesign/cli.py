@@ -329,14 +329,14 @@ def check(
     Writes nothing.
     """
     from armdesign.frequency.workspace import Workspace
-    from armdesign.inspection.file_faults import problems
+    from armdesign.inspection.file_faults import faults as faults_of
     from armdesign.inspection.inspection import inspect
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
     from armdesign.report.inspections import check_sheets
 
     counts = _counts(points)
     with progress("reading the file"):
-        faults = problems(machine, allow_outside=allow_outside)
+        faults = faults_of(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
@@ -362,7 +362,7 @@ def compare(
     one colour scale.
     """
     from armdesign import plots
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
     from armdesign.report import comparison
 
     with progress("mapping both machines"):
@@ -389,7 +389,8 @@ def new(
 
     It loads and maps at once; every number in it is a placeholder to be replaced.
     """
-    from armdesign.machine import scaffold, schema
+    from armdesign.machine import scaffold
+    from armdesign.machine.json_schema import json_schema
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out
@@ -403,7 +404,7 @@ def new(
     if not (
         folder / "machine.schema.json"
     ).exists():  # which editors read; several machines may share it
-        files["machine.schema.json"] = schema.schema()
+        files["machine.schema.json"] = json_schema()
     with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
@@ -502,7 +503,7 @@ def _model(machine: str, points: str, out: Path, allow_outside: bool) -> tuple[M
     What is wrong with the options is said before anything is computed.
     """
     from armdesign.frequency.workspace import Workspace
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
 
     counts = _counts(points)
     check_out(out)

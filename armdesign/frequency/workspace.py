@@ -17,8 +17,8 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, chunks, shown
 from armdesign.errors import ArmDesignError
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 
@@ -250,7 +250,7 @@ class Workspace:
                 self.rigid[rows] if len(self) <= KEPT else self.machine.rigid_poses(self.q[rows]),
             )
 
-    def holds(self, payload: Payload) -> Flags:
+    def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""
         arm, machine = self.machine.arm, self.machine
         if payload.pitch is None:
@@ -336,7 +336,7 @@ def _counts(machine: Machine, points: int | Sequence[int] | None) -> list[int]:
 
 
 def _on_pitch_limits(
-    machine: Machine, payload: Payload, others: Array, joint: int, axes: tuple[Array, ...]
+    machine: Machine, payload: LoadCase, others: Array, joint: int, axes: tuple[Array, ...]
 ) -> Array:
     """Poses with a joint turned until a load case's link is on its pitch limits, the other joints as given.
 
@@ -402,7 +402,7 @@ def _spread(
     return np.concatenate(parts)
 
 
-def _edges(grid: Workspace, count: int) -> Iterator[tuple[Array, Payload | None]]:
+def _edges(grid: Workspace, count: int) -> Iterator[tuple[Array, LoadCase | None]]:
     """Poses on the ends of joint ranges, and those turned onto pitch limits with the load case whose limits they are.
 
     ``count`` for each combination of ends; none where two joints or fewer move the tool.
@@ -436,7 +436,7 @@ def _ways(grid: Workspace, q: Array, cell: Array) -> tuple[Array, Array]:
 
 
 def _onto_middles(
-    grid: Workspace, starts: Array, origin: Array, size: float, payload: Payload | None = None
+    grid: Workspace, starts: Array, origin: Array, size: float, payload: LoadCase | None = None
 ) -> tuple[Array, Array, Array]:
     """Poses moved so that the tool is on the middle of its cell: q (n, nq), cell (n, 2), and which of ``starts``.
 
@@ -475,7 +475,7 @@ def place(machine: Machine, q: Array) -> Array:
     return np.concatenate(found)
 
 
-def _place(machine: Machine, q: Array, payload: Payload | None) -> tuple[Array, Array]:
+def _place(machine: Machine, q: Array, payload: LoadCase | None) -> tuple[Array, Array]:
     """Reach, height [m] and with a payload pitch [rad] of its link (n, 2 or 3), and the derivatives (n, 2 or 3, nq)."""
     place, slope = _reach(machine, q)
     if payload is None or payload.link is None:
@@ -503,14 +503,14 @@ def _reach(machine: Machine, q: Array) -> tuple[Array, Array]:
     )
 
 
-def tipping_joints(machine: Machine, payload: Payload) -> list[int]:
+def tipping_joints(machine: Machine, payload: LoadCase) -> list[int]:
     """Revolute joints between the root and a load case's link, root first."""
     chain = machine.arm.chain(payload.link) if payload.link else ()
     return [j for j in chain if machine.arm.joints[j].revolute and j not in machine.arm.slewing]
 
 
 def onto_pitch_limit(
-    machine: Machine, payload: Payload, q: Array, joint: int, limit: float
+    machine: Machine, payload: LoadCase, q: Array, joint: int, limit: float
 ) -> Array:
     """The poses with ``joint`` turned until the link's pitch is ``limit`` [rad] (Newton).
 

@@ -27,7 +27,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.machine.machine import Machine, load
+from armdesign.machine.loading import load
+from armdesign.machine.machine import Machine
 from armdesign.paper import formulas
 from armdesign.simulation.excitation import Sweep
 from armdesign.simulation.experiment import Experiment

@@ -16,11 +16,12 @@ from typing import Any
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
+from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import Finding, inspect
 from armdesign.inspection.plausibility import suspicions
-from armdesign.machine import machine_file, scaffold
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine import machine_file, scaffold, toml_writing
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from armdesign.units import deg
 from tests import machines
 
@@ -65,7 +66,7 @@ def with_value(
     try:
         return (
             Machine.from_text(
-                machine_file.dump(data, "x"), urdf or machine.urdf_text, Path("x.toml")
+                toml_writing.dump(data, "x"), urdf or machine.urdf_text, Path("x.toml")
             ),
             "",
         )
@@ -356,7 +357,7 @@ def test_numbers_as_other_people_write_them(
     assert text != EXCAVATOR.text
     (tmp_path / "x.toml").write_text(text, encoding="utf-8")
     (tmp_path / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
-    (fault,) = problems(tmp_path / "x.toml")
+    (fault,) = faults(tmp_path / "x.toml")
     assert re.search(message, str(fault)), str(fault)
 
 

@@ -11,7 +11,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from tests import machines
 
 EXCAVATOR = machines.named("excavator_20t")
