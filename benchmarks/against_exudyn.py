@@ -1,5 +1,4 @@
-"""Our simulation against Exudyn's on the common plant: time for equal accuracy, measured here and
-printed.
+"""Our simulation against Exudyn's on the common plant: measured time for equal accuracy.
 
 Run on an otherwise idle machine: ``python -m benchmarks.against_exudyn``. Both run in this process
 on one core, the best of five each. The plant is the 20 t machine without its four-bar (Exudyn's
@@ -123,9 +122,7 @@ def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, 
 
 
 def main() -> None:
-    """Measure and print everything: our time against the fastest solver's at our error, between
-    its steps.
-    """
+    """Measure and print our time and that of the fastest solver at our error."""
     machine = named("direct_bucket")
     for shares in SHARES:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")

@@ -80,10 +80,9 @@ LOOKS = 40  # looks at the whole workspace in the time that rivals have
 
 @dataclass(frozen=True, eq=False)
 class Plain(Stepped):
-    """The design at x as a candidate without derivatives; every linkage is evaluated once, on all
-    ``poses``.
+    """The design at x as a candidate without derivatives; each linkage is evaluated once.
 
-    Those are the workspace's and after them each cylinder's over its joint's range.
+    The poses are the workspace's and after them each cylinder's over its joint's range.
     """
 
     poses: RigidPoses
@@ -153,9 +152,7 @@ class Judge:
         )
 
     def at(self, x: Array) -> tuple[Array, Array, Array]:
-        """Lowest ω² (n,) [rad²/s²] and static forces (n, nc) [N] of all rows, and what each
-        requirement misses, ≥ 0.
-        """
+        """Lowest ω² (n,) [rad²/s²] and forces (n, nc) [N] of rows, and violations ≥ 0."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return self._at(x)
 
@@ -179,9 +176,7 @@ class Judge:
 
 @dataclass(eq=False)
 class Task:
-    """A problem as a rival sees it, the clock, and what it found: designs that meet all on the
-    whole workspace.
-    """
+    """A problem as a rival sees it, the clock, and the allowed designs that the rival found."""
 
     problem: Problem
     seconds: float  # processor time that it has
@@ -300,9 +295,7 @@ class Task:
 
 
 def evolution(task: Task) -> None:
-    """Scipy's differential evolution with an exact penalty, its population kept while poses
-    join.
-    """
+    """Differential evolution with an exact penalty; its population stays while poses join."""
     size = len(task.u(task.problem.start))
     population, round_ = None, 0
     while not task.over:
@@ -325,8 +318,9 @@ def evolution(task: Task) -> None:
 
 
 def adaptation(task: Task) -> None:
-    """CMA-ES with an exact penalty; restarts with twice the population, from today's, from the
-    best, from anywhere.
+    """CMA-ES with an exact penalty.
+
+    It restarts with twice the population, from today's, from the best, from anywhere.
     """
     size, round_ = 4 + int(3 * math.log(len(task.u(task.problem.start)))), 0
     while not task.over:
@@ -348,9 +342,7 @@ def adaptation(task: Task) -> None:
 
 
 def programming(task: Task) -> None:
-    """SLSQP from today's machine and from drawn ones: maximise t below the two lowest ω² of the
-    lowest poses.
-    """
+    """SLSQP from many starts: maximise t below the two lowest ω² of the lowest poses."""
     u = task.u(task.problem.start)
     while not task.over:
         kept = np.empty(0, dtype=int)
@@ -427,8 +419,9 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method found, judged as a machine; ``frequency`` [Hz] on the workspace's poses,
-    ``refined`` off them.
+    """What a method found, judged as a machine.
+
+    ``frequency`` [Hz] is on the workspace's poses, ``refined`` off them.
     """
 
     method: str

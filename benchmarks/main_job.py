@@ -1,5 +1,4 @@
-"""Figures the main job must reach on excavator_20t, measured here and printed beside their
-targets.
+"""Figures that the main job must reach on excavator_20t, measured beside their targets.
 
 Run on an otherwise idle machine: ``python -m benchmarks.main_job``. Times are the best of three in
 this process.

@@ -1,5 +1,4 @@
-"""Figures that poses and maps must reach on excavator_20t, measured here and printed beside their
-targets.
+"""Figures that poses and maps must reach on excavator_20t, measured beside their targets.
 
 Run on an otherwise idle machine: ``python -m benchmarks.maps``. Both sides of the ratio run in
 this process on one core, the best of five each; memory is the peak of processes of their own.
@@ -47,9 +46,7 @@ def rigid_loop(model: pinocchio.Model, q: Array) -> tuple[Array, Array, Array]:
 
 
 def many(task: str) -> None:
-    """A million poses: all arrays of poses and modes, or the map with its worst pose; prints time
-    and peak memory.
-    """
+    """Time and peak memory of a million poses: all arrays and modes, or the map, printed."""
     machine = ad.load(MACHINE).with_payload("full")
     start = time.perf_counter()
     if task == "modes":

@@ -1,5 +1,4 @@
-"""Figures that the simulation must reach on excavator_20t, measured here and printed beside their
-targets.
+"""Figures that the simulation must reach on excavator_20t, measured beside their targets.
 
 ``python -m benchmarks.simulation``: one core, one process, simulated time over processor time
 (which is wall time on an idle machine), best of three. A sweep of the boom's valve to 1.5 × the
@@ -64,9 +63,7 @@ def sweeps() -> list[Case]:
 
 
 def by_scipy(case: Case, method: str) -> float:
-    """Factor of real time of one case by one of scipy's integrators, with the same right-hand
-    side.
-    """
+    """Factor of real time of one case by scipy's integrator with the same right-hand side."""
     plant = Plant(case.machine)
     loop = Loop.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
 

@@ -1,5 +1,4 @@
-"""Figures of sizing on excavator_20t: many given poses, catalogues against enumeration, the
-reverse question.
+"""Figures of sizing on excavator_20t: many poses, catalogues, the reverse question.
 
 Run on an otherwise idle machine: ``python -m benchmarks.sizes``. Times are the best of three in
 this process; beside the wall time stands the processor time, which a busy machine spoils less.
@@ -41,9 +40,7 @@ def best_of(action: Callable[[], Any], times: int = 3) -> tuple[str, Any]:
 def enumerated(
     machine: ad.Machine, workspace: ad.Workspace, limits: ad.Requirements, sizes: Sizes
 ) -> float:
-    """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped as a
-    machine.
-    """
+    """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped."""
     best = 0.0
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
         made = tuple(sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True))

@@ -1,5 +1,4 @@
-"""What the variables of a design buy on the excavators, measured here and printed beside the
-targets.
+"""What the variables of a design buy on the excavators, measured beside the targets.
 
 Run on an otherwise idle machine: ``python -m benchmarks.variables``. Gains are of the lowest
 frequency over the default grid, before rounding and of the saved machine.

@@ -21,8 +21,7 @@ CORNERS = (50.0, 400.0), (0.5, 1.5)  # [kg, m]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
-    """Errors [rad/s] of every formula, and the measurements at the usual opening; ``fast``
-    measures four corners.
+    """Errors [rad/s] of every formula, and the measurements; ``fast`` measures four corners.
 
     Columns: against the linear answer (closed form, always all 40), the frequencies fitted at
     small amplitude, and the highest line of sweeps with each opening.
@@ -41,9 +40,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
 
 
 def main() -> None:
-    """Print the errors and save them with the frequencies, the errata, the scan and the paper's
-    figures.
-    """
+    """Print the errors; save them with frequencies, errata, scan and the paper's figures."""
     from armdesign import plots
 
     table, found = run()

@@ -17,9 +17,7 @@ OUT = Path("out") / "01_baseline_map"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Worst pose, median and limiting cylinder of every machine, and the maps; ``fast`` takes
-    coarse grids.
-    """
+    """Worst pose, median, limiting cylinder of every machine, and the maps; ``fast``: coarse."""
     machines = {name: ad.load(name) for name in shipped()}
     maps = {
         name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
@@ -44,9 +42,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
 
 
 def main() -> None:
-    """Print the table; save it with every machine's map, figures of it and of the static
-    pressures.
-    """
+    """Print the table; save it with every machine's map and static pressures drawn."""
     from armdesign import plots
 
     table, maps = run()

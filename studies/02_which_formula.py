@@ -20,7 +20,7 @@ FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static loa
 
 
 def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
-    """A formula's lowest frequency over the cylinders, over the lowest coupled one, pose by pose."""
+    """Lowest frequency of a formula over the lowest coupled one, pose by pose."""
     names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
     return found.frame[names].min(axis=1) / found.frame["f1_hz"]
 

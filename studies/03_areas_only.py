@@ -17,9 +17,7 @@ OUT = Path("out") / "03_areas_only"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Gain of new sizes on every machine, and what no sizes exceed; ``fast`` takes coarse
-    grids.
-    """
+    """Gain of new sizes on every machine, and what no sizes exceed; ``fast``: coarse grids."""
     designs = {}
     for name in shipped():
         machine = ad.load(name)

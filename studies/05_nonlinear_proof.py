@@ -17,9 +17,7 @@ OUT = Path("out") / "05_nonlinear_proof"
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
-    """All sweeps of both machines under every payload; ``fast`` takes a coarse grid and one
-    start.
-    """
+    """All sweeps of both machines under every payload; ``fast``: coarse grid, one start."""
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     design = ad.optimize(machine, workspace, starts=1 if fast else 3)
@@ -37,9 +35,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
 
 
 def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
-    """Lowest linear frequency, gain and largest deviations, at full and at half amplitude, of each
-    machine and load.
-    """
+    """Lowest linear frequency, gain, largest deviations at full and half amplitude, by load."""
     half = sweeps.index % 2 == 1
     columns = {
         "lowest_hz": sweeps["linear_hz"],

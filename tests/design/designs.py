@@ -52,8 +52,8 @@ def odd() -> Machine:
     compliance.
     """
     tilt = Function(
-        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
-        knee="right", extra=SOFT,
+        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
+        lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=SOFT,
     )  # fmt: skip
     return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
 

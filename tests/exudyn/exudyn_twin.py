@@ -47,7 +47,7 @@ from tests.exudyn.exudyn_tree import GROUND, Array, Seat, Tree
 # [Pa] of the pressures in a state of first order, so that all its numbers are of one order
 UNIT = 1e7
 Valves = Callable[[float, Array], Iterable[tuple[float, float]]]
-"""Openings −1…1 of the cap's and the annulus' port of every cylinder at a time [s] and pressures (nc, 2) [Pa]."""
+"""Openings −1…1 of the ports (cap, annulus) of every cylinder at time [s] and pressures [Pa]."""
 
 
 @dataclass(frozen=True)

@@ -349,7 +349,8 @@ def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
     """Air's β over boxes of pins and volumes is never below that of a machine in them, by its own
     static pressures.
     """
-    machine = build([BOOM], [replace(LIFT, extra="hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }")],
+    hose = "hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"
+    machine = build([BOOM], [replace(LIFT, extra=hose)],
                     air_percent=1.0)  # fmt: skip
     problem = Problem(
         machine=machine,

@@ -248,7 +248,8 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
     )
     dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
     share = Share(
-        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2), dead=dead,
+        shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2),
+        dead=dead,
         hoses=np.zeros(2),
     )  # fmt: skip
     volume = (

@@ -83,7 +83,8 @@ def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]
 
 
 SMALL = {
-    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4, "random_7": 3,
+    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4,
+    "random_7": 3,
     "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
     "mini_excavator_2t": 3, "loader_crane": 2, "patu_boom": 7,
 }  # fmt: skip
@@ -519,7 +520,8 @@ def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_hang_on_them() -
 def test_named_catalogues() -> None:
     """THEORY §7: the public pairs of ISO 3320 sizes, and sizes of makers of excavators."""
     pairs = {(round(b / mm), round(r / mm)) for b, r in sizes_of("iso")}
-    public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110), (180, 110), (200, 140),
+    public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110),
+              (180, 110), (200, 140),
               (250, 180), (320, 220)}  # fmt: skip
     assert public <= pairs
     bores = {round(b / mm) for b, _ in sizes_of("5mm")}

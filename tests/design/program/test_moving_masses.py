@@ -39,8 +39,8 @@ def bars(name: str, share: float = 1.0) -> Machine:
     if name == "double":
         return build([BOOM, STICK], [lift, fold])
     tilt = Function(
-        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)), lug=("bucket", (0.1, 0.02, -0.2)),
-        knee="right", extra=f"count = 2\n{heavy}",
+        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
+        lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=f"count = 2\n{heavy}",
     )  # fmt: skip
     machine = build([BOOM, STICK, BUCKET], [lift, fold, tilt])
     four_bar = {"rocker_kg": 40 * share, "coupler_kg": 30 * share}
@@ -367,8 +367,10 @@ def test_the_stand_in_changes_sign_at_the_optimum(proportional: bool) -> None:
     )
     search = solved(problem)
     everywhere = np.arange(len(problem))
-    lowest = [np.linalg.eigvalsh(problem.scaled(search.x, everywhere, problem.start, lam))[:, 0].min() - lam
-              for lam in search.squared * np.array([1 - 1e-6, 1 + 1e-6])]  # fmt: skip
+    lowest = []
+    for lam in search.squared * np.array([1 - 1e-6, 1 + 1e-6]):
+        scaled = problem.scaled(search.x, everywhere, problem.start, lam)
+        lowest.append(np.linalg.eigvalsh(scaled)[:, 0].min() - lam)
     assert lowest[0] > 0 > lowest[1]
 
 
@@ -441,7 +443,7 @@ def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
     assert min(design.slacks.values()) >= -1e-9
     assert design.after.frame["f1_hz"].min() == pytest.approx(design.unrounded, rel=5e-3)
 
-    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with and without them."""
+    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, both ways."""
 
 
 # -------------------------------------------------------------------- the bound for pins and areas

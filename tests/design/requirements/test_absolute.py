@@ -557,9 +557,11 @@ BAD_SETTINGS = [
     ({"lifts": (replace(FRONT, joints={}),)}, "leaves these joints free: boom, stick, bucket"),
     ({"lifts": (replace(FRONT, height=None),)}, "only one of reach and height"),
     ({"lifts": (replace(FRONT, reach=20.0),)}, "no pose in the joint ranges"),
-    ({"lifts": (replace(POSED, joints={"boom": 0.3, "stick": -1.5, "bucket": 2.0}),)}, "no pose in the joint ranges"),
+    ({"lifts": (replace(POSED, joints={"boom": 0.3, "stick": -1.5, "bucket": 2.0}),)},
+     "no pose in the joint ranges"),
     ({"digging_force": {"thumb": 1.0}}, r'digging_force: no cylinder "thumb"'),
-    ({"clearances": (replace(EVERYTHING["clearances"][0], link="moon"),)}, r'clearance.plate: no link "moon"'),
+    ({"clearances": (replace(EVERYTHING["clearances"][0], link="moon"),)},
+     r'clearance.plate: no link "moon"'),
     ({"pin_boxes": {"boom": {"lug": 0.1}}}, r'pin_boxes.boom: no pin "lug"'),
 ]  # fmt: skip
 

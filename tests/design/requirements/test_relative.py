@@ -64,7 +64,8 @@ def expected_slack(
         )
         return [math.acos(math.cos(least) - value * math.sin(least) * least) / least - 1]
     share = {
-        "thrust": r.thrust_share, "dead_length": 1.0, "moment_arm": r.moment_arm_share, "digging": r.digging_share
+        "thrust": r.thrust_share, "dead_length": 1.0, "moment_arm": r.moment_arm_share,
+        "digging": r.digging_share
     }[kind]  # fmt: skip
     return [value / share]
 
@@ -131,8 +132,10 @@ ONE_EACH = [
     ),
     (
         "oil.annulus.total", {"cylinder.bucket.rod_mm": 84.0}, {},
-        math.pi / 4 * (2 * (0.12**2 - 0.085**2) * 1.26 + (0.14**2 - 0.1**2) * 1.504 + (0.12**2 - 0.084**2) * 1.03),
-        math.pi / 4 * (2 * (0.12**2 - 0.085**2) * 1.26 + (0.14**2 - 0.1**2) * 1.504 + (0.12**2 - 0.085**2) * 1.03),
+        math.pi / 4 * (2 * (0.12**2 - 0.085**2) * 1.26 + (0.14**2 - 0.1**2) * 1.504
+            + (0.12**2 - 0.084**2) * 1.03),
+        math.pi / 4 * (2 * (0.12**2 - 0.085**2) * 1.26 + (0.14**2 - 0.1**2) * 1.504
+            + (0.12**2 - 0.085**2) * 1.03),
     ),
     (
         "thrust.stick", {"cylinder.stick.bore_mm": 147.0}, {},
@@ -146,7 +149,8 @@ ONE_EACH = [
     ("dead_length.boom", {"cylinder.boom.stroke_mm": 1261.0}, {}, 0.564, 0.565),
     ("range.open.boom", {"cylinder.boom.stroke_mm": 1200.0}, {}, 3.025, 3.085),
     ("range.closed.stick", {"cylinder.stick.closed_length_mm": 1830.0}, {}, 1.83, 1.8),
-    ("pin_box.bucket.base", {"cylinder.bucket.base.at_mm": [393.5, 0.0, 680.1]}, {"pin_box": 0.010}, 0.011, 0.010),
+    ("pin_box.bucket.base", {"cylinder.bucket.base.at_mm": [393.5, 0.0, 680.1]},
+    {"pin_box": 0.010}, 0.011, 0.010),
 ]  # fmt: skip
 
 

@@ -224,7 +224,8 @@ ASKED: dict[str, Callable[[Machine, np.random.Generator], dict[str, Any]]] = {
         "speeds": (Speed(name="go", cylinders={m.cylinders[0].name: random.uniform(0.5, 0.6)}),)
     },
     "lift": lambda m, random: {
-        "lifts": (Lift(name="up", mass=random.uniform(3e3, 6e3), joints=dict.fromkeys(m.joints, 0.0)),)
+        "lifts": (Lift(name="up", mass=random.uniform(3e3, 6e3),
+                       joints=dict.fromkeys(m.joints, 0.0)),)
     },
 }  # fmt: skip
 RANDOM = [  # those of the first seeds that are in conflict

@@ -227,7 +227,8 @@ def test_any_multipliers_give_a_bound(name: str) -> None:
         root = random.normal(size=base.shape)
         step = Step(
             change=nothing, value=math.nan, violation=0.0,
-            multipliers=random.exponential(size=len(linear.values)) * random.choice([0.0, 0.01, 1.0]),
+            multipliers=random.exponential(size=len(linear.values))
+                * random.choice([0.0, 0.01, 1.0]),
             low_multipliers=nothing, high_multipliers=nothing,
             weights=root @ np.swapaxes(root, 1, 2) * random.exponential(size=(len(base), 1, 1)),
         )  # fmt: skip
