@@ -9,7 +9,7 @@ from armdesign.machine.key_paths import UNIT_END, UNITS
 
 _COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
 _THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+)")
+_GROUPED = re.compile(r"[+-]?\d\d?\d?(?:(?:\.\d\d\d)+,\d+|(?:,\d\d\d)+\.\d+)")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
 _AT_END = re.compile(r"[=,\[]\s*([+-]?\d[\d_]*(?:\.\d[\d_]*)?(?:[eE][+-]?\d+)?)\s*$")
 _UNIT = re.compile(r"(?:[A-Za-zµ°%][\w°%/³²·^]*)(?: [A-Za-z]\w*)*(?=\s*(?:[,\]}#]|$))")
