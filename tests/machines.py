@@ -18,7 +18,9 @@ import numpy as np
 from armdesign import ArmDesignError, Machine, load
 from armdesign.machine import toml_writing
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.linkage import FourBar, Linkage, Pin
+from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.direct import Direct
+from armdesign.mechanism.linkage.four_bar import FourBar
 
 
 @dataclass(frozen=True)
@@ -84,19 +86,16 @@ def _pin(at: tuple[str, tuple[float, ...]]) -> str:
 def _zero_length(arm: Arm, actuator: Function) -> float:
     """Pin-to-pin length at q = 0, only to lay the stroke around it."""
 
-    def pin(at: tuple[str, tuple[float, ...]] | None) -> Pin | None:
-        return Pin(link=at[0], at=at[1]) if at else None  # type: ignore[arg-type]
+    def pin(at: tuple[str, tuple[float, ...]]) -> Pin:
+        return Pin(link=at[0], at=at[1])  # type: ignore[arg-type]
 
-    bars = None
-    if actuator.pivot:
-        side = 1 if actuator.knee == "left" else -1
+    base = pin(actuator.base)
+    if actuator.rod_end:
+        linkage = Direct(base=base, rod_end=pin(actuator.rod_end), arm=arm)
+    else:
+        bars = {name: getattr(actuator, name) for name in ("rocker", "coupler", "knee")}
         pivot, lug = pin(actuator.pivot), pin(actuator.lug)
-        bars = FourBar(
-            pivot=pivot, lug=lug, rocker=actuator.rocker, coupler=actuator.coupler, side=side
-        )
-    linkage = Linkage(
-        base=pin(actuator.base), rod_end=pin(actuator.rod_end), four_bar=bars, arm=arm
-    )
+        linkage = FourBar(base=base, pivot=pivot, lug=lug, arm=arm, **bars)
     return float(linkage.length(arm.kinematics(np.zeros((1, len(arm.joints)))))[0])
 
 

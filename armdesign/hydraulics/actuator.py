@@ -138,8 +138,7 @@ class Cylinder(Actuator):
     barrel_mass: float = 0.0  # [kg] of each of the parallel cylinders
     rod_mass: float = 0.0
     barrel_wall: float | None = None  # [m]; None: what the supply pressure needs
-    rocker_mass: float = 0.0  # [kg] of the four-bar
-    coupler_mass: float = 0.0
+    linkage_masses: tuple[tuple[str, float], ...] = ()  # [kg] of its linkage's bars, by name
 
     @property
     def bore_area(self) -> float:
@@ -162,14 +161,15 @@ class Cylinder(Actuator):
         return self.closed_length - self.stroke
 
     @property
+    def masses(self) -> dict[str, float]:
+        """Mass of one barrel, of one rod and of every bar of the linkage [kg]."""
+        return {"barrel": self.barrel_mass, "rod": self.rod_mass, **dict(self.linkage_masses)}
+
+    @property
     def moving_masses(self) -> dict[str, float]:
         """Mass of each moving bar that has one [kg], all parallel cylinders together."""
-        masses = {
-            "barrel": self.count * self.barrel_mass,
-            "rod": self.count * self.rod_mass,
-            "rocker": self.rocker_mass,
-            "coupler": self.coupler_mass,
-        }
+        counts = {"barrel": self.count, "rod": self.count}
+        masses = {name: counts.get(name, 1) * mass for name, mass in self.masses.items()}
         return {name: mass for name, mass in masses.items() if mass > 0}
 
     def volumes(

@@ -25,7 +25,7 @@ from armdesign.machine.likely_values import USUAL, Meant, meant, rounded, usual
 from armdesign.machine.machine import Machine
 from armdesign.machine.range_causes import LARGEST_ARM, TURN, Cause, cause_of
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.urdf import Joint
 from armdesign.mechanism.urdf_faults import line_of, numbers, parse
 from armdesign.units import deg, mm

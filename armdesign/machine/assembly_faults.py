@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from armdesign.errors import MachineFileError
 from armdesign.machine.poses import is_singular
 from armdesign.machine.range_causes import Cause, Own, cause_of
 from armdesign.mechanism.joint_ranges import joint_ranges
-from armdesign.mechanism.linkage import Linkage
 from armdesign.mechanism.urdf_faults import line_of, parse
 
 if TYPE_CHECKING:
@@ -32,7 +29,7 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
         if not linkage.joints:
             remedy = "put its pins on links that move to each other"
             yield MachineFileError(where, "no joint lies between its pins", remedy)
-        elif linkage.four_bar is not None and (fault := _fault_of_four_bar(where, linkage)):
+        elif fault := linkage.fault(where):
             yield fault
     for motor in machine.motors:
         if not arm.joints[arm.names.index(motor.joint)].revolute:
@@ -91,27 +88,3 @@ def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | No
     joint = next(element for element in joints if element.get("name") == name)
     element = joint.find({"axis": "axis", "limits": "limit"}[cause.path])
     return f"{source}: joint {name}", line_of(joint if element is None else element)
-
-
-def _fault_of_four_bar(where: str, linkage: Linkage) -> MachineFileError | None:
-    bars, arm = linkage.four_bar, linkage.arm
-    assert bars is not None
-    path = arm.path(bars.pivot.link, bars.lug.link)
-    if not path and arm.frozen_between([bars.pivot.link, bars.lug.link]):
-        return None  # it stands still: its knee is a pin of the pivot's link
-    if len(path) != 1 or not arm.joints[path[0][0]].revolute:
-        return MachineFileError(
-            f"{where}.four_bar",
-            "pivot and lug are not on the two links of one revolute joint",
-            "place them so",
-        )
-    j = path[0][0]
-    zero = arm.kinematics(np.zeros((1, len(arm.joints))))
-    normal = arm.link_rotation(zero, bars.pivot.link)[0, :, 1]
-    if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
-        return MachineFileError(
-            f"{where}.four_bar",
-            f'joint "{arm.joints[j].name}" does not turn about the y axis of the pivot\'s link',
-            "a four-bar lies in its link's x–z plane",
-        )
-    return None

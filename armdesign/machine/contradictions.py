@@ -18,6 +18,7 @@ from armdesign.machine.schema import (
     ValveSection,
 )
 from armdesign.machine.schema_types import Section
+from armdesign.mechanism.linkage.kinds import KINDS
 
 COLUMNS = {  # of the CSV files, beside those of joints
     "payload",
@@ -110,9 +111,11 @@ def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
     elif rod >= bore:
         remedy = f"give a rod in (0, {bore:g}) mm"
         yield f"{path}.rod_mm", f"{rod:g} mm does not fit the bore", remedy
-    if (cylinder.rod_end is None) == (cylinder.four_bar is None):
-        given = "neither rod_end nor" if cylinder.rod_end is None else "both rod_end and"
-        yield f"{path}.rod_end", f"{given} four_bar given", "give exactly one of them"
+    keys = [kind.key for kind in KINDS]
+    given = [key for key in keys if getattr(cylinder, key) is not None]
+    if len(given) != 1:
+        words = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(keys)}"
+        yield f"{path}.{keys[0]}", f"{words} given", "give exactly one of them"
     friction = cylinder.friction
     yield from _of_hoses(path, cylinder.hose, cylinder.dead_volume_l)
     yield from _of_friction(path, friction.static_N, friction.coulomb_N, "N")

@@ -12,6 +12,7 @@ from armdesign.errors import MachineFileError
 from armdesign.machine import machine_file
 from armdesign.machine.schema_types import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.toml_writing import dump
+from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
@@ -146,9 +147,13 @@ def _links(table: Any) -> list[str]:
     """Links that a cylinder's pins are on, base first."""
     if not isinstance(table, Mapping):
         return []
-    bars = table.get("four_bar")
-    pins = [table.get("base"), table.get("rod_end")]
-    pins += [bars.get("pivot"), bars.get("lug")] if isinstance(bars, Mapping) else []
+    tables = [table.get(key) for key in ("base", *(kind.key for kind in KINDS))]
+    pins = [
+        pin
+        for given in tables
+        if isinstance(given, Mapping)
+        for pin in ([given] if "link" in given else given.values())
+    ]
     return [str(pin["link"]) for pin in pins if isinstance(pin, Mapping) and "link" in pin]
 
 

@@ -32,7 +32,8 @@ from armdesign.machine.urdf_names import unknown_joints, unknown_links
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
-from armdesign.mechanism.linkage import Gear, Linkage, Pin
+from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
+from armdesign.mechanism.linkage.gear import Gear
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -294,7 +295,7 @@ class Machine:
         return parts.idle_cylinders(self.section, self.arm) | motors
 
     @cached_property
-    def drives(self) -> tuple[Linkage | Gear, ...]:
+    def drives(self) -> tuple[Drive, ...]:
         """How each actuator moves the joints."""
         return (
             *self.linkages,
@@ -420,7 +421,7 @@ class Machine:
         """Links, payload at work and bars: what moves in a simulation."""
         load = self.payload
         points = self.bar_points if self.has_bars else None
-        return LoadedArm(self.arm, load.link, load.at, load.mass, points, self.cylinders)
+        return LoadedArm(self.arm, load.link, load.at, load.mass, points)
 
     @property
     def has_bars(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid
@@ -21,8 +22,10 @@ from armdesign.machine.schema import (
     SupplySection,
     ValveSection,
 )
+from armdesign.machine.schema_types import Section
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.linkage import FourBar, Linkage, Pin
+from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 
@@ -67,22 +70,38 @@ def pin(section: PinSection) -> Pin:
 
 
 def linkage(section: CylinderSection, arm: Arm) -> Linkage:
-    """The pins of a cylinder, its four-bar if it has one."""
-    bars, four_bar = section.four_bar, None
-    if bars is not None:
-        four_bar = FourBar(
-            pivot=pin(bars.pivot),
-            lug=pin(bars.lug),
-            rocker=bars.rocker_mm * mm,
-            coupler=bars.coupler_mm * mm,
-            side=1 if bars.knee == "left" else -1,
-        )
-    return Linkage(
-        base=pin(section.base),
-        rod_end=pin(section.rod_end) if section.rod_end else None,
-        four_bar=four_bar,
-        arm=arm,
+    """The linkage of a cylinder."""
+    kind, table = _kind(section)
+    own = {kind.key: pin(table)} if isinstance(table, PinSection) else _lengths(table)
+    return kind(base=pin(section.base), arm=arm, **own)
+
+
+def _kind(section: CylinderSection) -> tuple[type[Linkage], Section]:
+    """The kind of a cylinder's linkage, and its table."""
+    return next(
+        (kind, table) for kind in KINDS if (table := getattr(section, kind.key)) is not None
     )
+
+
+def _lengths(section: Section) -> dict[str, Any]:
+    """A linkage's table without its masses: pins, lengths [m] and words by name."""
+    values: dict[str, Any] = {}
+    for key, value in section:
+        if isinstance(value, PinSection):
+            values[key] = pin(value)
+        elif key.endswith("_mm"):
+            values[key.removesuffix("_mm")] = value * mm
+        elif not key.endswith("_kg"):
+            values[key] = value
+    return values
+
+
+def pin_sections(section: CylinderSection) -> dict[str, PinSection]:
+    """Every pin of a cylinder by its key path."""
+    kind, table = _kind(section)
+    inner = {f"{kind.key}.{key}": value for key, value in table}
+    tables = {"base": section.base, kind.key: table, **inner}
+    return {key: value for key, value in tables.items() if isinstance(value, PinSection)}
 
 
 def _valve(section: ValveSection) -> Valve:
@@ -114,7 +133,7 @@ def _load_holding(section: LoadHoldingSection) -> LoadHolding:
 
 def cylinder(name: str, section: CylinderSection) -> Cylinder:
     """The hydraulics of a cylinder, with valve and friction."""
-    friction = section.friction
+    friction, (kind, table) = section.friction, _kind(section)
     return Cylinder(
         name=name,
         count=section.count,
@@ -131,8 +150,7 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
         barrel_mass=section.barrel_kg,
         rod_mass=section.rod_kg,
         barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
-        rocker_mass=section.four_bar.rocker_kg if section.four_bar else 0.0,
-        coupler_mass=section.four_bar.coupler_kg if section.four_bar else 0.0,
+        linkage_masses=tuple((bar, getattr(table, f"{bar}_kg")) for bar in kind.bar_names),
         valve=_valve(section.valve) if section.valve else None,
         load_holding=_load_holding(section.load_holding) if section.load_holding else None,
         friction=Friction(
@@ -149,7 +167,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
     idle = {}
     for name, table in section.cylinder.items():
         own = linkage(table, arm)
-        frozen = arm.frozen_between(at.link for at in own.all_pins)
+        frozen = arm.frozen_between(at.link for at in own.pins)
         if frozen and not own.joints:
             idle[name] = sorted(frozen, key=arm.movable_joints.index)
     return idle

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, is_singular
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -53,7 +53,7 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
         if np.any(open_ := ~np.isfinite(length)):
             raise PoseError(
                 part,
-                f"its four-bar does not close at {_pose_text(machine, poses.q[open_][0])}",
+                f"its {linkage.title} does not close at {_pose_text(machine, poses.q[open_][0])}",
                 f"stay in the range of {_range_text(machine, linkage)}",
             )
         out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (

@@ -8,7 +8,7 @@ limits of the URDF, and do not as it stands.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.likely_values import MISTAKEN, rounded
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.joint_ranges import joint_ranges, over, sweep
-from armdesign.mechanism.linkage import BARS, PINS, Linkage, key_of
+from armdesign.mechanism.linkage.base import Linkage
 from armdesign.units import deg, mm
 
 Own = list[tuple[Linkage, Cylinder]]  # what moves one joint alone
@@ -138,11 +138,7 @@ def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, 
 
 
 def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:
-    return [*LENGTHS, *_places(pair[0])]
-
-
-def _places(linkage: Linkage) -> list[str]:
-    return [place for place in (*PINS, *BARS) if linkage.place(place) is not None]
+    return [*LENGTHS, *pair[0].places]
 
 
 def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], Own]]:
@@ -151,8 +147,7 @@ def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], 
     And which those are.
     """
     for i, pair in enumerate(own):
-        places = _places(pair[0])
-        pins, bars = ([place for place in places if place in kind] for kind in (PINS, BARS))
+        pins, bars = pair[0].pin_names, pair[0].bar_names
         together = [names for names in ([*LENGTHS], bars, pins, [*pins, *bars]) if len(names) > 1]
         for names in ([name] for name in _everything(pair)), together:
             for chosen in names:
@@ -162,7 +157,7 @@ def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], 
 
 
 def _scaled(
-    pair: tuple[Linkage, Cylinder], names: list[str], factor: float
+    pair: tuple[Linkage, Cylinder], names: Iterable[str], factor: float
 ) -> tuple[Linkage, Cylinder]:
     """A cylinder with some of its lengths and places times a factor."""
     linkage, cylinder = pair
@@ -185,7 +180,7 @@ def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -
             values: tuple[float, ...] = (getattr(cylinder, LENGTHS[name][0]),)
             path = f"{path}.{name}"
         else:
-            values, path = linkage.place(name) or (), f"{path}.{key_of(name)}"
+            values, path = linkage.place(name) or (), f"{path}.{linkage.key_of(name)}"
         show: Callable[[float], str] = lambda x: ", ".join(rounded(x * v / mm) for v in values)  # noqa: B023, E731
         now, then = (f"[{show(x)}]" if len(values) > 1 else show(x) for x in (1.0, factor))
         told.append((path, now, then))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from armdesign.errors import MachineFileError, choose
+from armdesign.machine.parts import pin_sections
 from armdesign.machine.schema import MachineSection
 
 
@@ -32,12 +33,8 @@ def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
     for name, clearance in requirements.clearance.items():
         yield f"requirements.clearance.{name}.link", clearance.link
     for name, cylinder in section.cylinder.items():
-        bars = cylinder.four_bar
-        pins = {"base": cylinder.base, "rod_end": cylinder.rod_end}
-        pins |= {"four_bar.pivot": bars.pivot, "four_bar.lug": bars.lug} if bars else {}
-        for key, pin in pins.items():
-            if pin is not None:
-                yield f"cylinder.{name}.{key}.link", pin.link
+        for key, pin in pin_sections(cylinder).items():
+            yield f"cylinder.{name}.{key}.link", pin.link
 
 
 def unknown_joints(

@@ -125,14 +125,14 @@ class Arm:
     def _chains(self) -> list[tuple[int, ...]]:
         """For each joint, the joints from the root to it."""
         chains: list[tuple[int, ...]] = [()] * len(self.joints)
-        for index in self._order:
+        for index in self.outwards:
             parent = self.joints[index].parent
             chains[index] = (*(chains[parent] if parent >= 0 else ()), index)
         return chains
 
     @cached_property
-    def _order(self) -> list[int]:
-        """Joints sorted so that each comes after its parent."""
+    def outwards(self) -> list[int]:
+        """Joints from the root outwards: each comes after its parent."""
         order: list[int] = []
         while len(order) < len(self.joints):
             order += [
@@ -152,7 +152,7 @@ class Arm:
         """Joints that turn all there is about the vertical, with their sign: inertia and gravity do not feel them."""
         still = self.kinematics(np.zeros((1, len(self.joints))))
         found: dict[int, float] = {}
-        for index in self._order:
+        for index in self.outwards:
             joint, upright = self.joints[index], float(still.axis[0, index, 2])
             below_all = (
                 joint.parent in (-1, *found)
@@ -202,7 +202,7 @@ class Arm:
         """Joint frames in the world at q (n, nq): rotation, translation and joint axis."""
         n, nq = q.shape
         rotation, translation = np.empty((n, nq, 3, 3)), np.empty((n, nq, 3))
-        for index in self._order:
+        for index in self.outwards:
             joint = self.joints[index]
             angle = q[:, index] if joint.revolute else np.zeros(n)
             local = joint.rotation @ rotations(joint.axis, angle)
@@ -367,17 +367,13 @@ def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[
 
 @dataclass(frozen=True, eq=False)
 class LoadedArm:
-    """An arm, a point mass [kg] on a link at [m] in its frame, and the point masses of bars that are no links.
-
-    Arms with equal ``bars``, whatever these are, have the same such point masses.
-    """
+    """An arm, a point mass [kg] on a link at [m] in its frame, and point masses for its bars."""
 
     arm: Arm
     link: str | None
     at: tuple[float, float, float]
     mass: float
     points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None
-    bars: tuple[object, ...] = ()
 
     def model(self) -> Any:
         """Pinocchio's model of the links with the point mass; the bars are not in it."""

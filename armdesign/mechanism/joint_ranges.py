@@ -10,7 +10,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.arm import Arm, RigidPoses
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 SAMPLES = 721
 
@@ -76,30 +76,30 @@ def _range_of(
         inside = slack(values) >= 0
         each = [linkage.closes(poses) for linkage, _ in own]
     unit = "rad" if arm.joints[joint].revolute else "m"
-    for closes, (_, cylinder) in zip(each, own, strict=True):
+    for closes, (linkage, cylinder) in zip(each, own, strict=True):
         if not closes.any():
             raise MachineFileError(
-                f"{source}: cylinder.{cylinder.name}.four_bar",
+                f"{source}: cylinder.{cylinder.name}.{linkage.key}",
                 f'does not close at any "{name}" in [{values[0]:.4f}, {values[-1]:.4f}] {unit}',
-                "rocker + coupler must exceed the distance pivot–lug and |rocker − coupler| stay"
-                " below it",
+                linkage.closing_words,
             )
     if not inside.any():
         raise _never_in_stroke(own, poses, end_margin, name, source)
     first, last = _longest_run(inside, values)
     for beyond in (first - 1, last + 1):
         opened = [
-            c.name
-            for closes, (_, c) in zip(each, own, strict=True)
+            pair
+            for closes, pair in zip(each, own, strict=True)
             if not closes[beyond % len(values)]
         ]
         if 0 <= beyond < len(values) and opened:
+            linkage, cylinder = opened[0]
+            bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
             raise MachineFileError(
-                f"{source}: cylinder.{opened[0]}.four_bar",
+                f"{source}: cylinder.{cylinder.name}.{linkage.key}",
                 f'opens at "{name}" = {values[beyond]:.4f} {unit}, before stroke or joint limit'
                 " ends the motion",
-                "change rocker_mm, coupler_mm or the pins, or tighten the joint's limits in the"
-                " URDF",
+                f"change {bars} or the pins, or tighten the joint's limits in the URDF",
             )
     low = values[first] if first == 0 else _root(slack, values[first - 1], values[first])
     high = (

@@ -226,7 +226,8 @@ def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
     draw(line, color="white", lw=6, zorder=3)
     draw(line, color=INK, lw=3, zorder=4)
     for linkage in machine.linkages:
-        base, rod_end, *bars = (pin[0] for pin in linkage.pins(poses))
+        base, rod_end = (end[0] for end in linkage.ends(poses))
+        legs = [linkage.point(poses, getattr(linkage, pin))[0] for _, pin in linkage.legs]
         draw([base, rod_end], color=CYLINDER, lw=4, zorder=4)
-        draw(bars, color=INK, lw=1.5, zorder=4)
+        draw([at for pin in legs for at in (pin, rod_end)][:-1], color=INK, lw=1.5, zorder=4)
     mark(ax, float(worst.tool[:2] @ forward), worst.tool[2], worst.frequency)

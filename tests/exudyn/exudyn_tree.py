@@ -16,7 +16,9 @@ import numpy as np
 
 from armdesign import Machine
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.mechanism.linkage import FourBar, Linkage, Pin
+from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.linkage.direct import Direct
+from armdesign.mechanism.linkage.four_bar import FourBar
 
 Array = np.ndarray
 GROUND = -1
@@ -186,8 +188,12 @@ class Tree:
 
     def _rod_end(self, cylinder: Cylinder, linkage: Linkage) -> Seat:
         """What the cylinder pushes; the bars between its pins are hung."""
-        bars, base = linkage.four_bar, self.seat(linkage.base)
-        end = self._knee(bars, cylinder) if bars else self.seat(linkage.rod_end)
+        base = self.seat(linkage.base)
+        if isinstance(linkage, FourBar):
+            end = self._knee(linkage, cylinder)
+        else:
+            assert isinstance(linkage, Direct)
+            end = self.seat(linkage.rod_end)
         masses = cylinder.moving_masses
         if "barrel" in masses:
             way = self._world(end) - self._world(base)
@@ -205,11 +211,9 @@ class Tree:
         pivot, lug = self.seat(bars.pivot), self.seat(bars.lug)
         side = self._world(lug) - self._world(pivot)
         rocker = _third_corner(side, bars.rocker, bars.coupler, bars.side)
-        knee = self._bar("rocker", pivot, rocker, cylinder.rocker_mass)
-        if cylinder.coupler_mass > 0:
-            self.loops.append(
-                (self._bar("coupler", knee, side - rocker, cylinder.coupler_mass), lug)
-            )
+        knee = self._bar("rocker", pivot, rocker, cylinder.masses["rocker"])
+        if (coupler := cylinder.masses["coupler"]) > 0:
+            self.loops.append((self._bar("coupler", knee, side - rocker, coupler), lug))
         else:
             self.struts.append((knee, lug, bars.coupler))
         return knee

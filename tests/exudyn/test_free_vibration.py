@@ -37,7 +37,7 @@ def named(name: str) -> Machine:
     if name in FOUR_BARS:
         pairs = zip(machine.cylinders, machine.linkages, strict=True)
         machine = machine.replace(
-            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.four_bar}
+            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.bar_names}
         )
     return common(machine.with_payload(machine.payloads[-1].name))
 

@@ -430,8 +430,8 @@ def test_what_the_choice_of_the_coupler_costs() -> None:
     extension; in per cent.
     """
     machine = machines.named("loader_crane")
-    bars = {c.name: (c.rocker_mass, c.coupler_mass) for c in machine.cylinders if c.moving_masses}
-    assert bars == {"tilt": (11.524, 0.0)}
+    bars = {c.name: dict(c.linkage_masses) for c in machine.cylinders if c.moving_masses}
+    assert bars == {"tilt": {"rocker": 11.524, "coupler": 0.0}}
     beside = machine.replace({"cylinder.tilt.four_bar.coupler_kg": 7.9})
     urdf = machine.urdf_text.replace('mass value="58.63"', 'mass value="50.73"')
     instead = Machine.from_text(beside.text, urdf, machine.source)

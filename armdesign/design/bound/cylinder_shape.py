@@ -26,10 +26,10 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.pin_triangles import PinBoxes
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import sweep
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 # of stroke and of |ℓ r|, in units of the scale: both are positive for a cylinder that works
 LEAST = 1e-9
@@ -278,7 +278,7 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
     if len(linkage.joints) != 1 or moves is None:
         return None
     joint = linkage.joints[0]
-    sign = float(np.sign(problem.arms_today[i][0]))
+    sign = float(np.sign(problem.vector.arms_today[i][0]))
     ends = problem.machine.ranges[joint][:: int(sign)]
     poses = sweep(problem.machine.arm, joint, np.concatenate([ends, angles]))
     if not moves:
@@ -286,11 +286,7 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
             _about_base(linkage, poses, np.zeros((2, 2)), sign),
             fixed=(cylinder.closed_length, cylinder.stroke),
         )
-    turning = (
-        problem.machine.arm.joints[joint].revolute
-        and linkage.four_bar is None
-        and "rod_end" in moves
-    )
+    turning = problem.machine.arm.joints[joint].revolute and "rod_end" in moves
     return (
         _turned(linkage, poses, moves, sign) if turning else _shifted(linkage, poses, moves, sign)
     )
@@ -302,13 +298,13 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
     None if another part varies too.
     """
     found: dict[str, Array] = {}
-    for v in problem.variables:
+    for v in problem.vector.variables:
         if v.cylinder != i or v.pin is None:
             continue
         if v.pin not in ("base", "rod_end") or v.axis not in (0, 2):
             return None
         reach = found.setdefault(v.pin, np.zeros((2, 2)))
-        reach[:, v.axis // 2] = np.array([v.lower, v.upper]) * problem.box
+        reach[:, v.axis // 2] = np.array([-1.0, 1.0]) * problem.vector.pin_box
     return found
 
 
@@ -358,7 +354,7 @@ def _turned(
 ) -> Shape | None:
     """The shape of a direct cylinder on a revolute joint, by the base pin in units of the rod pin's distance."""
     turn = _turn(linkage, poses)
-    rod_end, arm, joint = linkage.rod_end, linkage.arm, linkage.joints[0]
+    rod_end, arm, joint = linkage.pin("rod_end"), linkage.arm, linkage.joints[0]
     if turn is None or rod_end is None:
         return None
     places = _from_joint(linkage, poses)
@@ -398,7 +394,7 @@ def _from_joint(linkage: Linkage, poses: RigidPoses) -> dict[str, Array]:
 
 def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
     """The base's place b and the scale (3,) of cylinder ``i`` of the design x."""
-    linkage, today = problem.linkages(x)[i], problem.machine.linkages[i]
+    linkage, today = problem.vector.linkages(x)[i], problem.machine.linkages[i]
     poses = sweep(linkage.arm, linkage.joints[0], problem.machine.ranges[linkage.joints[0]])
     if shape.boxes is not None:
         places = _from_joint(linkage, poses)
@@ -406,8 +402,9 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
         return np.array([(base / end).real, (base / end).imag, abs(end)])
     move = np.subtract(linkage.base.at, today.base.at)[[0, 2]]
     turn = _turn(linkage, poses)
-    if turn is not None and linkage.rod_end is not None and today.rod_end is not None:
-        move = move - turn[0] @ np.subtract(linkage.rod_end.at, today.rod_end.at)[[0, 2]]
+    if turn is not None:
+        new, old = (np.array(k.place("rod_end")) for k in (linkage, today))
+        move = move - turn[0] @ (new - old)[[0, 2]]
     return np.append(move, 1.0)
 
 
@@ -416,12 +413,10 @@ def _turn(linkage: Linkage, poses: RigidPoses) -> Array | None:
 
     None if not in one plane.
     """
-    if linkage.rod_end is None:
+    rod_end = linkage.pin("rod_end")
+    if rod_end is None:
         return None
-    frames = [
-        linkage.arm.link_rotation(poses, link)
-        for link in (linkage.base.link, linkage.rod_end.link)
-    ]
+    frames = [linkage.arm.link_rotation(poses, link) for link in (linkage.base.link, rod_end.link)]
     turn = np.swapaxes(frames[0], 1, 2) @ frames[1]
     if np.abs(turn[:, 1] - [0.0, 1.0, 0.0]).max() > STRAIGHT:
         return None

@@ -21,12 +21,12 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.program.constraints import SLACK
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
-from armdesign.mechanism.linkage import BARS, OF_FOUR_BAR, PINS, FourBar, Linkage
+from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.units import GRAVITY
 
 TINY = 1e-6  # [m]
@@ -92,11 +92,13 @@ class Motion:
 class Jets:
     """Pins seen from the root, by name, and how each that moves does so by its coordinates.
 
-    The rod end of a four-bar that moves is its pivot, from which the knee lies somewhere.
+    Of a linkage that moves, the rod end is the pin of the first leg (a four-bar's pivot), from
+    which the rod end (its knee) lies somewhere.
     """
 
     pins: Mapping[str, VectorJet]
     steps: Mapping[str, Sequence[VectorJet]]
+    legs: tuple[str, ...] = ()  # pins of the bars that move
 
     def _over(self, name: str, pins: Mapping[str, Interval]) -> Motion:
         point = Motion.of(self.pins[name])
@@ -111,7 +113,7 @@ class Jets:
         return self._over("rod_end", pins) - self._over("base", pins)
 
     def bars(self, box: Box) -> list[tuple[Motion, Motion]]:
-        """Barrel, rod, and rocker and coupler if they move, over a box: where each starts, and the way to its end."""
+        """Barrel, rod, and legs that move, over a box: where each starts, and the way to its end."""
         base, rod_end = self._over("base", box.pins), self._over("rod_end", box.pins)
         if box.way is None:
             way = (rod_end - base).unit * box.closed
@@ -120,21 +122,17 @@ class Jets:
                 Motion.of(step) * box.way[k] for k, step in enumerate(self.steps["rod_end"])
             ]
             way = sum(more, first)
-        found = [(base, way), (rod_end, way * -1.0)]
-        if "lug" in self.pins:
-            found += [
-                (end, rod_end - end)
-                for end in (self._over("pivot", box.pins), self._over("lug", box.pins))
-            ]
-        return found
+        starts = [self._over(pin, box.pins) for pin in self.legs]
+        legs = [(start, rod_end - start) for start in starts]
+        return [(base, way), (rod_end, way * -1.0), *legs]
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
     """Moves of pins [m] by name, and the closed length.
 
-    And of a four-bar that moves: rocker's and coupler's lengths, and the barrel as a vector in the
-    pivot's link [m].
+    And of a linkage that moves: its legs' lengths, and the barrel as a vector in the link of the
+    first leg's pin [m].
     """
 
     pins: Mapping[str, Interval]
@@ -150,12 +148,12 @@ class Box:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Barred:
-    """Barrel and rod of a cylinder over all designs, and rocker and coupler where they move.
+    """Barrel and rod of a cylinder over all designs, and the legs of its linkage where they move.
 
     Attributes:
         cylinder: its index.
-        per_area: of barrel and rod, mass per length and bore or rod area [kg/m³]; of rocker and
-            coupler, mass per length [kg/m]; 0 where one weighs nothing.
+        per_area: of barrel and rod, mass per length and bore or rod area [kg/m³]; of legs, mass
+            per length [kg/m]; 0 where one weighs nothing.
         area: least and largest bore and annulus areas (2, 2: ends, sides) [m²].
         boxes: small boxes of its pins.
     """
@@ -176,7 +174,7 @@ class Barred:
     def gravity(self, rigid: RigidPoses) -> Interval:
         """Gravity torques (n, nq) [N m] of all bars.
 
-        Unknown on the joint of a four-bar that moves.
+        Unknown on the joint of a linkage that moves.
         """
         jets, found = _jets(self.problem, self.cylinder, rigid), []
         for box in self.boxes:
@@ -194,7 +192,7 @@ class Barred:
     def worth(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
         """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be: of barrel and rod per area, of others in all.
 
-        Weights are zero for the joint of a four-bar that moves.
+        Weights are zero for the joint of a linkage that moves.
         """
         jets = _jets(self.problem, self.cylinder, rigid)
         found = [self._worth(jets.bars(box), box.lengths, weights, squared) for box in self.boxes]
@@ -230,22 +228,26 @@ class Barred:
 def barred(problem: Problem) -> list[Barred] | None:
     """The cylinders whose bars depend on x.
 
-    None where a four-bar moves whose pivot is not on the base pin's link.
+    None where a linkage moves that has no legs, or the first of them not on the base pin's link.
     """
-    own, found = problem.own, []
+    own, found = problem.vector.moving_masses, []
     for i, names in own.bars.items() if own else ():
-        today, four_bar = problem.machine.cylinders[i], problem.machine.linkages[i].four_bar
+        today, linkage = problem.machine.cylinders[i], problem.machine.linkages[i]
         sections = {
             "barrel": today.bore_area * today.closed_length,
             "rod": (today.bore_area - today.annulus_area) * today.closed_length,
         }
-        if four_bar is not None and _moving(problem, i):
-            if four_bar.pivot.link != problem.machine.linkages[i].base.link:
+        if problem.vector.moved_within(i):
+            if not linkage.legs or _hub(linkage).link != linkage.base.link:
                 return None
-            sections |= {bar: getattr(four_bar, bar) for bar in BARS}
+            sections |= {bar: getattr(linkage, bar) for bar, _ in linkage.legs}
         weigh = {name: today.moving_masses[name] / sections[name] for name in names}
-        low, high = (problem.areas(end)[i] for end in problem.bounds)
-        most = problem.requirements.thrust_share * (1 + SLACK) * problem.areas_today[i, 0]
+        low, high = (problem.vector.areas(end)[i] for end in problem.bounds)
+        most = (
+            problem.requirements.thrust_share
+            * (1 + CONSTRAINT_TOLERANCE)
+            * problem.vector.areas_today[i, 0]
+        )
         found.append(
             Barred(
                 problem=problem,
@@ -258,22 +260,24 @@ def barred(problem: Problem) -> list[Barred] | None:
     return found
 
 
-def _moving(problem: Problem, i: int) -> bool:
-    """Whether something of a cylinder's four-bar moves."""
-    return any(place in OF_FOUR_BAR for place, _ in problem.moves(i).values())
+def _hub(linkage: Linkage) -> Pin:
+    """The pin of the first leg: the rod end lies within that leg's length of it."""
+    pin: Pin = getattr(linkage, linkage.legs[0][1])
+    return pin
 
 
 def _boxes(problem: Problem, i: int) -> list[Box]:
     """Small boxes of a cylinder's pins, and closed lengths over them: those at that end of the joint's range.
 
-    A four-bar that moves stays whole: the pivot and the rocker around it say where the knee is.
+    A linkage that moves stays whole: the first leg around its pin says where the rod end is.
     """
     linkage, today = problem.machine.linkages[i], problem.machine.cylinders[i]
     low, high = problem.bounds
-    moves = problem.moves(i)
-    cut = [CUTS if place in PINS[:2] else 1 for place, _ in moves.values()]
+    moves = problem.vector.moves(i)
+    cut = [CUTS if place in ("base", "rod_end") else 1 for place, _ in moves.values()]
     edges = [
-        np.linspace(low[v], high[v], n + 1) * problem.box for v, n in zip(moves, cut, strict=True)
+        np.linspace(low[v], high[v], n + 1) * problem.vector.pin_box
+        for v, n in zip(moves, cut, strict=True)
     ]
     found = []
     for chosen in itertools.product(*(range(n) for n in cut)):
@@ -281,47 +285,47 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
         for (place, axis), edge, k in zip(moves.values(), edges, chosen, strict=True):
             at = pins.setdefault(place, Interval(*(np.zeros(3) for _ in range(2))))
             at.low[axis], at.high[axis] = edge[k], edge[k + 1]
-        if linkage.four_bar is not None and _moving(problem, i):
-            found.append(_around(linkage, linkage.four_bar, pins))
+        if problem.vector.moved_within(i):
+            found.append(_around(linkage, pins))
             continue
         closed = interval(today.closed_length)
         if moves:
             joint = linkage.joints[0]
-            end = problem.machine.ranges[joint][0 if problem.arms_today[i][0] > 0 else 1]
+            end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
             rigid = sweep(linkage.arm, joint, np.array([end]))
             closed = _jets(problem, i, rigid).span(pins).length[0]
         found.append(Box(pins, closed))
     return found
 
 
-def _around(linkage: Linkage, four_bar: FourBar, pins: dict[str, Interval]) -> Box:
-    """A box with the knee anywhere within the rocker's length of the pivot, at every pose."""
+def _around(linkage: Linkage, pins: dict[str, Interval]) -> Box:
+    """A box with the rod end anywhere within the first leg's length of its pin, at every pose."""
     still = interval(np.zeros(3))
-    rocker, coupler = (
-        (pins.get(bar, still)[0] + getattr(four_bar, bar)).above(0.0) for bar in BARS
+    legs = tuple(
+        (pins.get(bar, still)[0] + getattr(linkage, bar)).above(0.0) for bar, _ in linkage.legs
     )
-    knee = pins.get("pivot", still) + Interval(np.full(3, -rocker.high), np.full(3, rocker.high))
+    hub, reach = linkage.legs[0][1], legs[0].high
+    rod_end = pins.get(hub, still) + Interval(np.full(3, -reach), np.full(3, reach))
     span = (
-        knee - pins.get("base", still) + (np.array(four_bar.pivot.at) - np.array(linkage.base.at))
+        rod_end
+        - pins.get("base", still)
+        + (np.array(_hub(linkage).at) - np.array(linkage.base.at))
     )
     closed = span.square().sum(axis=0).sqrt()
     unit = span * closed.above(TINY).reciprocal()
     way = unit.within(Interval(np.full(3, -1.0), np.full(3, 1.0))) * closed
-    return Box({**pins, "rod_end": knee}, closed, (rocker, coupler), way)
+    return Box({**pins, "rod_end": rod_end}, closed, legs, way)
 
 
 def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
     linkage, joints = problem.machine.linkages[i], tuple(range(len(problem.machine.joints)))
-    ends, four_bar = linkage.bars(rigid, 1.0), linkage.four_bar
-    pins, places = (
-        {"base": ends["barrel"][0], "rod_end": ends["rod"][1]},
-        {p for p, _ in problem.moves(i).values()},
-    )
-    held = {place: linkage.pin(place) for place in places}
-    if four_bar is not None and _moving(problem, i):
-        pivot = ends["rocker"][0]
-        pins |= {"rod_end": pivot, "pivot": pivot, "lug": ends["coupler"][1]}
-        held |= {"rod_end": four_bar.pivot}
+    ends = linkage.bars(rigid, 1.0)
+    pins = {"base": ends["barrel"][0], "rod_end": ends["rod"][1]}
+    held = {place: linkage.pin(place) for place, _ in problem.vector.moves(i).values()}
+    legs = linkage.legs if problem.vector.moved_within(i) else ()
+    if legs:
+        pins |= {pin: ends[bar][0] for bar, pin in legs}
+        pins["rod_end"], held["rod_end"] = pins[legs[0][1]], _hub(linkage)
     steps = {
         place: [
             linkage.arm.direction(rigid, pin.link, axis, linkage.arm.root, joints)
@@ -330,7 +334,7 @@ def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
         for place, pin in held.items()
         if pin is not None
     }
-    return Jets(pins, steps)
+    return Jets(pins, steps, tuple(pin for _, pin in legs))
 
 
 def _products(first: Interval) -> Interval:

@@ -18,9 +18,9 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses, of_points, points_of_bar
-from armdesign.mechanism.linkage import BARS, Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
-Loads: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
+InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 
 
 def masses(
@@ -40,20 +40,19 @@ def masses(
         "barrel": areas[..., 0] / cylinder.bore_area * longer,
         "rod": (areas[..., 0] - areas[..., 1]) / rod * longer,
     }
-    if linkage.four_bar is not None and new.four_bar is not None:
-        shares |= {
-            bar: getattr(new.four_bar, bar) / getattr(linkage.four_bar, bar) for bar in BARS
-        }
+    shares |= {bar: getattr(new, bar) / getattr(linkage, bar) for bar in linkage.bar_names}
     return {name: mass * shares[name] for name, mass in cylinder.moving_masses.items()}
 
 
 def with_masses(cylinder: Cylinder, found: Mapping[str, Any]) -> Cylinder:
     """A cylinder with bars of other masses [kg], all parallel cylinders together."""
-    counts = {"barrel": cylinder.count, "rod": cylinder.count}
-    changes: dict[str, Any] = {
-        f"{name}_mass": float(mass) / counts.get(name, 1) for name, mass in found.items()
+    bars = tuple((bar, float(found.get(bar, mass))) for bar, mass in cylinder.linkage_masses)
+    own: dict[str, Any] = {
+        f"{name}_mass": float(found[name]) / cylinder.count
+        for name in ("barrel", "rod")
+        if name in found
     }
-    return replace(cylinder, **changes)
+    return replace(cylinder, linkage_masses=bars, **own)
 
 
 def weighed(new: Machine, today: Machine) -> Machine:
@@ -68,7 +67,7 @@ def weighed(new: Machine, today: Machine) -> Machine:
 
 
 @dataclass(frozen=True, eq=False)
-class OwnMasses:
+class MovingMasses:
     """The bars of a machine that a design changes: for each of some cylinders, their names."""
 
     machine: Machine
@@ -102,13 +101,17 @@ class OwnMasses:
             np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
 
-    def units(self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses) -> Loads:
+    def units(
+        self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
         parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
 
-    def units_of(self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses) -> Loads:
+    def units_of(
+        self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """Those of the bars of one cylinder."""
         ends = linkage.bars(rigid, closed)
         parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]
@@ -116,7 +119,7 @@ class OwnMasses:
         return mass, gravity, slope
 
 
-def summed(masses: Array, units: Loads) -> Loads:
+def summed(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
     """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k) from those of a kilogram of each."""
     mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
     return mass, gravity, slope

@@ -30,7 +30,6 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
-from armdesign.mechanism.linkage import PINS
 
 MESH = {
     1: 121,
@@ -181,7 +180,7 @@ def _outlines(new: Candidate, frame: Frame) -> Iterator[Condition]:
         polygon = np.array(outline.points)
         size = float(np.ptp(polygon, axis=0).max()) or 1.0
         for i, linkage in enumerate(frame.today.linkages):
-            for name in PINS:
+            for name in linkage.pin_names:
                 pin, place = linkage.pin(name), new.place(i, name)
                 if pin is None or place is None or pin.link != outline.link:
                     continue

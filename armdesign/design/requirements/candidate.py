@@ -19,7 +19,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage import Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -238,7 +238,7 @@ class Built:
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """See ``Candidate``."""
-        base, end, *_ = self.machine.linkages[i].pins(rigid)
+        base, end = self.machine.linkages[i].ends(rigid)
         return base[None], end[None]
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:

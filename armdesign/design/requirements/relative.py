@@ -25,7 +25,6 @@ from armdesign.design.requirements.candidate import (
 from armdesign.hydraulics.barrel import barrel_outer
 from armdesign.hydraulics.buckling import STEEL_MODULUS, euler_load, second_moment, stepped_load
 from armdesign.hydraulics.chamber_pressures import holding_force
-from armdesign.mechanism.linkage import BARS, PINS
 
 ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
 
@@ -191,12 +190,12 @@ def _transmissions(new: Candidate, frame: Frame) -> Iterator[Condition]:
     for i, (cylinder, linkage) in enumerate(
         zip(frame.today.cylinders, frame.today.linkages, strict=True)
     ):
-        if linkage.four_bar is None or len(linkage.joints) != 1:
+        if not linkage.transmission_words or len(linkage.joints) != 1:
             continue
         cosine, today = new.transmission(i), np.abs(frame.old.transmission(i)).max()
         least = min(frame.requirements.transmission, math.acos(min(float(today), 1.0)))
         yield bounded(
-            f"transmission.{cylinder.name}", f"rocker–coupler angle, {cylinder.name}", "rad",
+            f"transmission.{cylinder.name}", f"{linkage.transmission_words}, {cylinder.name}", "rad",
             np.arccos(np.minimum(np.abs(cosine.real), 1.0)), least, at_least=True,
             room=(math.cos(least) - cosine * np.sign(cosine.real)) / (math.sin(least) * least or 1.0),
             easing=np.ones(1), setting="transmission_deg",
@@ -244,13 +243,13 @@ def guaranteed(new: Built, frame: Frame, box: float) -> Iterator[Condition]:
                     at_least=at_least,
                     slack_scale=cylinder.stroke,
                 )
-        for place in (*PINS, *BARS):
+        for place in linkage.places:
             here, before = new.place(i, place), frame.old.place(i, place)
             if here is not None and before is not None:
                 own = frame.requirements.box_of(name, place, box)
                 moved = np.abs(here - before).max(axis=1)
                 words = f"change of the {name} {place}'s length"
-                if place in PINS:
+                if place in linkage.pin_names:
                     words = f"move of the {name} cylinder's {place.replace('_', '-')} pin"
                 yield bounded(
                     f"pin_box.{name}.{place}", words, "m", moved, own, slack_scale=own or 1.0

@@ -22,7 +22,9 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.linkage import Gear, Linkage, Pin
+from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.four_bar import FourBar
+from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
 from armdesign.simulation.plant.compiled import compiled
 from armdesign.simulation.plant.vectors import ZERO, cross, dot, plus, scaled, turned
@@ -43,10 +45,11 @@ JOINT = (
 PIN = np.dtype(
     [("frame", "i8"), ("at", "f8", 3)], align=True
 )  # in the frame of a joint; −1: the world
+GEAR, FOUR_BAR = Gear.number, FourBar.number
 DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that it turns
     [
-        ("gear", "i8"),  # −1: a cylinder
-        ("four_bar", "?"),
+        ("kind", "i8"),  # the ``number`` of its class
+        ("joint", "i8"),
         *((name, PIN) for name in ("base", "far", "pivot")),  # far: rod end or lug
         *((name, "f8", 3) for name in ("right", "up")),
         *((name, "f8") for name in ("rocker", "coupler", "side", "closed_length")),
@@ -62,7 +65,7 @@ DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that 
 def joints_of(arm: Arm) -> Array:
     """Joints (nq,) as records ``JOINT``."""
     made = np.zeros(len(arm.joints), JOINT)
-    for row, joint, following in zip(made, arm.joints, arm._order, strict=True):
+    for row, joint, following in zip(made, arm.joints, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute
         row["translation"], row["axis"] = joint.translation, joint.axis
         row["still"], row["sine"], row["cosine"] = _turn(joint)
@@ -83,27 +86,13 @@ def drives_of(machine: Machine) -> Array:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
     made = np.zeros(len(machine.actuators), DRIVE)
     for row, actuator, drive in zip(made, machine.actuators, machine.drives, strict=True):
-        row["gear"] = drive.joint if isinstance(drive, Gear) else -1
-        if isinstance(drive, Linkage):
-            _set_linkage(row, drive)
+        for field, value in drive.record().items():
+            row[field] = _pin(machine.arm, value) if isinstance(value, Pin) else value
         if isinstance(actuator, Cylinder):
             row["closed_length"] = actuator.closed_length
             for name, mass in actuator.moving_masses.items():
                 row[f"{name}_mass"] = mass
     return made
-
-
-def _set_linkage(row: Any, linkage: Linkage) -> None:
-    bars, arm = linkage.four_bar, linkage.arm
-    far = bars.lug if bars else linkage.rod_end
-    assert far is not None
-    row["base"], row["far"], row["pivot"]["frame"] = _pin(arm, linkage.base), _pin(arm, far), -1
-    row["four_bar"] = bars is not None
-    if bars:
-        row["pivot"] = _pin(arm, bars.pivot)
-        rotation = arm.links[bars.pivot.link].rotation
-        row["right"], row["up"] = rotation[:, 0], rotation[:, 2]
-        row["rocker"], row["coupler"], row["side"] = bars.rocker, bars.coupler, bars.side
 
 
 def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
@@ -299,7 +288,7 @@ def place_drive(
         joints, origin, axis, speed, drive.far.frame, far, True, slope[FAR]
     )
     end, bias_end = far, bias_far
-    if drive.four_bar:
+    if drive.kind == FOUR_BAR:
         frame = drive.pivot.frame
         pivot = _place(drive.pivot, rotation, origin)
         right, up = _direction(frame, drive.right, rotation), _direction(frame, drive.up, rotation)
@@ -367,7 +356,7 @@ def add_bars(
     _write(bias, ROD, plus(_vector(bias, END), along[2], -1.0))
     _add_bar(drive.barrel_mass, BASE, BARREL, slope, bias, mass, force)
     _add_bar(drive.rod_mass, ROD, END, slope, bias, mass, force)
-    if drive.four_bar:
+    if drive.kind == FOUR_BAR:
         _add_bar(drive.rocker_mass, PIVOT, END, slope, bias, mass, force)
         _add_bar(drive.coupler_mass, END, FAR, slope, bias, mass, force)
 

@@ -55,6 +55,7 @@ from armdesign.simulation.plant.hydraulics import (
     system_of,
 )
 from armdesign.simulation.plant.kinematics import (
+    GEAR,
     POINTS,
     add_bars,
     drives_of,
@@ -350,10 +351,10 @@ def _evaluate(
         taken, returned, passed, oil, rubbed = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(nc):
             actuator, drive = actuators[m, i], drives[m, i]
-            if drive.gear >= 0:
+            if drive.kind == GEAR:
                 arm[:] = 0.0
-                arm[drive.gear] = 1.0
-                length = q[drive.gear]
+                arm[drive.joint] = 1.0
+                length = q[drive.joint]
             else:
                 length, span = place_drive(
                     drive, joints[m], rotation, origin, axis, velocity, slope, bias, arm

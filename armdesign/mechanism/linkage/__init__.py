@@ -1,0 +1,1 @@
+"""Linkages, one file per kind: how an actuator is joined to the links."""

@@ -1,0 +1,274 @@
+"""What every linkage has: length, moment arm and its derivative, from the motion of its rod end.
+
+ℓ(q) is the distance between base pin B and rod end P; its derivatives are the moment arm
+r = ∂ℓ/∂q and the moment-arm derivative H = ∂²ℓ/∂q². All is seen from one link, the observer; any
+number of revolute or prismatic joints may lie between the pins. Axis 0 is the pose.
+
+The formulas are written on jets, so ℓ = |P − B| carries r and H with it: r_j = d·d_j/ℓ,
+H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self, TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.errors import MachineFileError
+from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.jets import ScalarJet, VectorJet
+
+Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pin:
+    """A pin of a link, at [m] in the link's frame."""
+
+    link: str
+    at: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """Length [m], moment arm [m/rad] and its derivative over n poses and nq joints."""
+
+    length: Array  # (n,)
+    moment_arm: Array  # (n, nq)
+    moment_arm_derivative: Array  # (n, nq, nq)
+
+
+@dataclass(frozen=True, eq=False)
+class RodEnd:
+    """Position of a rod end seen from a link, and its derivative by a coordinate of a place."""
+
+    position: VectorJet
+    derivative: Callable[[str, int], VectorJet]
+
+
+class Drive(ABC):
+    """How an actuator moves the joints of the arm."""
+
+    number: ClassVar[int]  # of the kind, in compiled code
+
+    @property
+    @abstractmethod
+    def joints(self) -> tuple[int, ...]:
+        """Coordinates that change the actuator's length."""
+
+    @abstractmethod
+    def length(self, poses: RigidPoses) -> Array:
+        """Length (n,) [m]; NaN where the linkage does not close."""
+
+    @abstractmethod
+    def actuation(self, poses: RigidPoses) -> Actuation:
+        """Length, moment arm and its derivative at the poses."""
+
+    @abstractmethod
+    def record(self) -> dict[str, Any]:
+        """What compiled code reads of it: numbers, directions and pins by field."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linkage(Drive):
+    """What joins a cylinder to the links: a base pin on a link, and a rod end somewhere.
+
+    To add a kind: a subclass in a file of its own with its class attributes, ``rod_end_from`` and,
+    where they apply, ``observer``, ``closes``, ``fault`` and ``transmission``; the class in
+    ``kinds.py``; its table in ``machine/schema.py``, under its ``key`` in ``CylinderSection``, with
+    a pin for each of ``pin_names``, a ``…_mm`` and ``…_kg`` for each of ``bar_names``. To simulate
+    it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
+
+    What a design may move is named by a place: a pin with three coordinates in its link, or a bar
+    with one, its length. A place is a field of that name.
+    """
+
+    key: ClassVar[str]  # in the cylinder's table of the machine file
+    title: ClassVar[str]  # in messages
+    pin_names: ClassVar[tuple[str, ...]]
+    bar_names: ClassVar[tuple[str, ...]] = ()
+    legs: ClassVar[
+        tuple[tuple[str, str], ...]
+    ] = ()  # bars from a pin to the rod end, and that pin
+    rod_end_words: ClassVar[str] = ""  # where the rod end is if no pin of a link
+    transmission_words: ClassVar[str] = ""  # the angle of ``transmission``; none if ""
+    closing_words: ClassVar[str] = ""  # what lets it close
+
+    base: Pin
+    arm: Arm = field(repr=False, compare=False)
+
+    # -------------------------------------------------------------------------------------- places
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Names of all pins and bars."""
+        return (*self.pin_names, *self.bar_names)
+
+    @property
+    def own_places(self) -> tuple[str, ...]:
+        """Names of the pins and bars in the kind's own table, which move the rod end."""
+        return tuple(name for name in self.places if name not in ("base", self.key))
+
+    @property
+    def pins(self) -> tuple[Pin, ...]:
+        """Every pin on a link."""
+        return tuple(getattr(self, name) for name in self.pin_names)
+
+    @classmethod
+    def key_of(cls, place: str) -> str:
+        """Key of a place in the cylinder's table of the machine file."""
+        key = f"{place}_mm" if place in cls.bar_names else f"{place}.at_mm"
+        return key if place in ("base", cls.key) else f"{cls.key}.{key}"
+
+    @classmethod
+    def mass_key_of(cls, bar: str) -> str:
+        """Key of a bar's mass in the cylinder's table, of barrel and rod too."""
+        return f"{cls.key}.{bar}_kg" if bar in cls.bar_names else f"{bar}_kg"
+
+    def pin(self, name: str) -> Pin | None:
+        """A pin by its name; None where the linkage has no such pin."""
+        return getattr(self, name) if name in self.pin_names else None
+
+    def place(self, name: str) -> tuple[float, ...] | None:
+        """Coordinates of a pin in its link (3) or length of a bar (1) [m]; None if neither."""
+        if name in self.bar_names:
+            return (getattr(self, name),)
+        pin = self.pin(name)
+        return None if pin is None else pin.at
+
+    def with_place(self, name: str, at: Sequence[float]) -> Self:
+        """The linkage with a pin elsewhere in its link, or a bar of another length [m]."""
+        self._refuse_unknown(name)
+        pin = self.pin(name)
+        changed: Any = at[0] if pin is None else replace(pin, at=tuple(at))  # type: ignore[arg-type]
+        return replace(self, **{name: changed})
+
+    def _refuse_unknown(self, place: str) -> None:
+        if place not in self.places:
+            raise ValueError(f"this cylinder has no {place!r}")
+
+    # ------------------------------------------------------------------------ what a kind decides
+
+    @property
+    def observer(self) -> str:
+        """The link from which all motion is seen."""
+        return self.base.link
+
+    @abstractmethod
+    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
+        """The rod end seen from a link, with derivatives by some joints."""
+
+    def closes(self, poses: RigidPoses) -> Flags:
+        """Whether the linkage can be assembled (n,)."""
+        return np.ones(len(poses), dtype=bool)
+
+    def fault(self, where: str) -> MachineFileError | None:
+        """Why the kind cannot be built on these links and joints; ``where`` names its cylinder."""
+        return None
+
+    def transmission(
+        self, poses: RigidPoses, moves: Sequence[Move] = ()
+    ) -> tuple[Array, list[Array]]:
+        """Cosine of the transmission angle (n,), and its derivatives by coordinates of places."""
+        raise NotImplementedError(f"{self.title}: no transmission angle")
+
+    # ---------------------------------------------------------------------------------- what moves
+
+    @cached_property
+    def joints(self) -> tuple[int, ...]:
+        """Coordinates that change the length."""
+        paths = (self.arm.path(self.observer, pin.link) for pin in self.pins)
+        return tuple(sorted({j for path in paths for j, _ in path}))
+
+    def length(self, poses: RigidPoses) -> Array:
+        """Pin-to-pin length (n,) [m]; NaN where the linkage does not close."""
+        few, back = self._distinct(poses)
+        return np.asarray(np.linalg.norm(self.span(few).value, axis=1)[back])
+
+    def actuation(self, poses: RigidPoses) -> Actuation:
+        """Length, moment arm and its derivative at the poses."""
+        few, back = self._distinct(poses)
+        span = self.span(few)
+        return self._scatter(span.dot(span).sqrt(), back)
+
+    def sensitivities(self, poses: RigidPoses, moves: Sequence[Move]) -> list[Actuation]:
+        """Exact derivatives of the actuation by several coordinates of places: ∂ℓ = d·∂d/ℓ."""
+        few, back = self._distinct(poses)
+        end = self.rod_end_from(few, self.observer, self.joints)
+        span = end.position - self._motion(few, self.base, self.observer, self.joints)
+        inverse = span.dot(span).sqrt().reciprocal()
+        changes = self._span_derivatives(few, end, moves)
+        return [self._scatter(span.dot(change) * inverse, back) for change in changes]
+
+    def span(self, poses: RigidPoses) -> VectorJet:
+        """The vector from base pin to rod end, seen from the observer."""
+        end = self.rod_end_from(poses, self.observer, self.joints).position
+        return end - self._motion(poses, self.base, self.observer, self.joints)
+
+    def ends(self, poses: RigidPoses) -> tuple[Array, Array]:
+        """World positions (n, 3) [m] of base pin and rod end."""
+        end = self.rod_end_from(poses, self.observer, self.joints).position.value
+        return self.point(poses, self.base), end
+
+    def point(self, poses: RigidPoses, pin: Pin) -> Array:
+        """World position (n, 3) [m] of a pin."""
+        return self.arm.point(poses, pin.link, np.array(pin.at))
+
+    def bars(self, poses: RigidPoses, length: float) -> dict[str, tuple[VectorJet, VectorJet]]:
+        """Both ends of every moving bar as seen from the root, with derivatives by all joints.
+
+        Barrel and rod are as long as the closed cylinder, ``length`` [m]: one from the base pin,
+        one up to the rod end.
+        """
+        root, joints = self.arm.root, tuple(range(len(self.arm.joints)))
+        end = self.rod_end_from(poses, root, joints).position
+        base = self._motion(poses, self.base, root, joints)
+        span = end - base
+        along = span * (span.dot(span).sqrt().reciprocal() * length)
+        legs = {
+            bar: (self._motion(poses, getattr(self, pin), root, joints), end)
+            for bar, pin in self.legs
+        }
+        return {"barrel": (base, base + along), "rod": (end - along, end), **legs}
+
+    def record(self) -> dict[str, Any]:
+        """What compiled code reads of it: numbers, directions and pins by field."""
+        return {"kind": self.number, "base": self.base}
+
+    def _motion(
+        self, poses: RigidPoses, pin: Pin, link: str, joints: tuple[int, ...]
+    ) -> VectorJet:
+        """A pin seen from a link."""
+        return self.arm.motion(poses, pin.link, np.array(pin.at), link, joints)
+
+    def _distinct(self, poses: RigidPoses) -> tuple[RigidPoses, Array | slice]:
+        """Poses at which the length differs, and for every pose which of them has its length."""
+        return poses.distinct(self.joints[0]) if len(self.joints) == 1 else (poses, slice(None))
+
+    def _span_derivatives(
+        self, poses: RigidPoses, end: RodEnd, moves: Sequence[Move]
+    ) -> Iterator[VectorJet]:
+        """The span's derivative by each coordinate."""
+        for name, axis in moves:
+            self._refuse_unknown(name)
+            if name == "base":
+                back = -np.eye(3)[axis]
+                link = self.base.link
+                yield self.arm.direction(poses, link, back, self.observer, self.joints)
+            else:
+                yield end.derivative(name, axis)
+
+    def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
+        """From the linkage's joints to all joints of the arm, and ``back`` to all poses."""
+        length, nq = jet.value[back], len(self.arm.joints)
+        moment_arm, derivative = np.zeros((len(length), nq)), np.zeros((len(length), nq, nq))
+        for a, joint in enumerate(self.joints):
+            moment_arm[:, joint] = jet.first[back, a]
+            for b, other in enumerate(self.joints):
+                derivative[:, joint, other] = jet.second[back, a, b]
+        return Actuation(length, moment_arm, derivative)

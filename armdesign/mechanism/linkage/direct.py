@@ -1,0 +1,35 @@
+"""A pin-to-pin cylinder: its rod end is a pin of a link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
+
+
+@dataclass(frozen=True, kw_only=True)
+class Direct(Linkage):
+    """A rod end pinned to a link."""
+
+    number = 1
+    key = "rod_end"
+    title = "pin-to-pin cylinder"
+    pin_names = ("base", "rod_end")
+
+    rod_end: Pin
+
+    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
+        """The rod end seen from a link, with derivatives by some joints."""
+        own = self.rod_end.link
+        return RodEnd(
+            self._motion(poses, self.rod_end, link, joints),
+            lambda _, axis: self.arm.direction(poses, own, np.eye(3)[axis], link, joints),
+        )
+
+    def record(self) -> dict[str, Any]:
+        """What compiled code reads of it."""
+        return super().record() | {"far": self.rod_end}

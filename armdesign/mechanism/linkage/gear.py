@@ -1,0 +1,41 @@
+"""The gear of a motor, which turns one joint: its "length" is the joint's coordinate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.linkage.base import Actuation, Drive
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear(Drive):
+    """A joint turned by a motor: moment arm 1, moment-arm derivative 0."""
+
+    number = 0
+
+    joint: int
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The coordinate that it turns."""
+        return (self.joint,)
+
+    def length(self, poses: RigidPoses) -> Array:
+        """Angle of the joint (n,) [rad]."""
+        return np.asarray(poses.q[:, self.joint])
+
+    def actuation(self, poses: RigidPoses) -> Actuation:
+        """Angle, and the unit moment arm."""
+        n, nq = poses.q.shape
+        moment_arm = np.zeros((n, nq))
+        moment_arm[:, self.joint] = 1.0
+        return Actuation(self.length(poses), moment_arm, np.zeros((n, nq, nq)))
+
+    def record(self) -> dict[str, Any]:
+        """What compiled code reads of it."""
+        return {"kind": self.number, "joint": self.joint}
