@@ -326,8 +326,7 @@ def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Ar
 def _light_workspace(search: Search) -> Workspace:
     """The workspace with only the poses of the largest static forces: enough for a first check."""
     whole = search.problem.workspace
-    q = whole.q[np.unique(search.problem.dynamics.nominal_rows.pose[search.holding])]
-    return Workspace(q, whole.axes, whole.end_margin, whole.machine)
+    return whole.subset(np.unique(search.problem.dynamics.nominal_rows.pose[search.holding]))
 
 
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:

@@ -217,7 +217,13 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     machine = lever(rod_kg)
     problem = Problem.of(
         machine=machine,
-        workspace=Workspace(np.zeros((1, 1)), (np.array([-1e-3, 1e-3]),), 0.02, machine),
+        workspace=Workspace(
+            q=np.zeros((1, 1)),
+            weights=np.ones(1),
+            axes=(np.array([-1e-3, 1e-3]),),
+            end_margin=0.02,
+            machine=machine,
+        ),
         requirements=Requirements(buckling_share=0.3),
         vary=("areas",),
         proportional=True,
