@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,13 @@ from armdesign.plots import canvas
 
 
 @pytest.fixture
-def homeless(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+def homeless(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A first figure, by a user whose home cannot be written."""
     monkeypatch.delitem(sys.modules, "matplotlib", raising=False)
     monkeypatch.setenv("MPLCONFIGDIR", "")
     monkeypatch.delenv("MPLCONFIGDIR")
     monkeypatch.setenv("XDG_CONFIG_HOME", "relative")
-    yield monkeypatch
+    return monkeypatch
 
 
 def test_memory_is_the_last_temporary_folder(homeless: pytest.MonkeyPatch) -> None:
