@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from armdesign.machine.loading import shipped
 
 import armdesign as ad
 from armdesign import Machine
