@@ -57,12 +57,12 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     except ArmDesignError as error:
         return [*found, error]
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
-    in_urdf = urdf_faults.problems(urdf_text, joints, section.frozen, section.urdf)
+    in_urdf = urdf_faults.faults_of_text(urdf_text, joints, section.frozen, section.urdf)
     found += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
     geometry = _without_masses(urdf_text) if in_urdf else urdf_text
     if joints is None or any(fault.part.endswith(": joints") for fault in faults):
         return found
-    if in_urdf and urdf_faults.problems(geometry, joints, section.frozen, section.urdf):
+    if in_urdf and urdf_faults.faults_of_text(geometry, joints, section.frozen, section.urdf):
         return found
     try:
         if not found:

@@ -375,7 +375,7 @@ def test_no_root_at_all() -> None:
         '<robot><link name="a"/><link'
         f' name="b"/>{joint.format("a", "b")}{joint.format("b", "a")}</robot>'
     )
-    assert [str(fault) for fault in urdf_faults.problems(urdf, [], {}, "x.urdf")] == [
+    assert [str(fault) for fault in urdf_faults.faults_of_text(urdf, [], {}, "x.urdf")] == [
         "x.urdf: 0 root links; one link must have no parent",
         (
             "x.urdf: links a, b are not connected to the root; a URDF is one tree: no link may"
