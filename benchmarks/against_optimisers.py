@@ -35,16 +35,16 @@ from scipy.optimize import differential_evolution, minimize
 
 import armdesign as ad
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import Stepped, holding_rows, limits
+from armdesign.design.program.constraints import constraints_at, holding_rows
 from armdesign.design.program.design_vector import RANGE_POSES, Geometry
-from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.fixed_pins import lowest
+from armdesign.design.program.gradient import SteppedDesign
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.relative import conditions, static_loads_held
 from armdesign.design.search.multistart import MISSED
-from armdesign.frequency.modes import hertz, inverse_cholesky
-from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.modes import hertz
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
 
@@ -79,7 +79,7 @@ LOOKS = 40  # looks at the whole workspace in the time that rivals have
 
 
 @dataclass(frozen=True, eq=False)
-class Plain(Stepped):
+class Plain(SteppedDesign):
     """The design at x as a candidate without derivatives; each linkage is evaluated once.
 
     The poses are the workspace's and after them each cylinder's over its joint's range.
@@ -88,22 +88,22 @@ class Plain(Stepped):
     poses: RigidPoses
 
     @cached_property
-    def geometry(self) -> Geometry:
-        """Of all poses."""
-        return self.problem.geometry(self.x, self.poses)
+    def on_all_poses(self) -> Geometry:
+        """Every linkage at all poses."""
+        return self.vector.geometry(self.x, self.poses)
 
     @cached_property
     def areas(self) -> Array:
         """See ``Candidate``."""
-        return self.problem.areas(self.x)[None]
+        return self.vector.areas(self.x)[None]
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:
         """See ``Candidate``."""
         found: list[tuple[Array, Array] | None] = []
-        end = len(self.problem.workspace)
+        end = len(self.poses) - sum(len(p) for p in self.vector.range_poses if p is not None)
         for i, (linkage, poses) in enumerate(
-            zip(self.problem.machine.linkages, self.problem.ranges, strict=True)
+            zip(self.machine.linkages, self.vector.range_poses, strict=True)
         ):
             if poses is None:
                 found.append(None)
@@ -111,15 +111,15 @@ class Plain(Stepped):
             rows, end = slice(end, end + len(poses)), end + len(poses)
             found.append(
                 (
-                    self.geometry.length[None, rows, i],
-                    self.geometry.arm[None, rows, i, linkage.joints[0]],
+                    self.on_all_poses.length[None, rows, i],
+                    self.on_all_poses.arm[None, rows, i, linkage.joints[0]],
                 )
             )
         return found
 
     @cached_property
-    def _lengths(self) -> tuple[Array, Array]:
-        closed, stroke = self.problem.strokes(self.x)
+    def _closed_and_stroke(self) -> tuple[Array, Array]:
+        closed, stroke = self.vector.strokes(self.x)
         return closed[None], stroke[None]
 
     def place(self, i: int, name: str) -> Array | None:
@@ -129,7 +129,7 @@ class Plain(Stepped):
 
     def transmission(self, i: int) -> Array:
         """See ``Candidate``."""
-        poses = self.problem.ranges[i]
+        poses = self.vector.range_poses[i]
         assert poses is not None
         return self.linkages[i].transmission(poses)[0][None]
 
@@ -145,7 +145,7 @@ class Judge:
         """The workspace's and those of the joint ranges."""
         parts = [
             self.problem.workspace.rigid,
-            *(poses for poses in self.problem.ranges if poses is not None),
+            *(poses for poses in self.problem.vector.range_poses if poses is not None),
         ]
         return RigidPoses(
             *(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RigidPoses))
@@ -157,16 +157,14 @@ class Judge:
             return self._at(x)
 
     def _at(self, x: Array) -> tuple[Array, Array, Array]:
-        problem, new = self.problem, Plain(self.problem, x, self.poses)
-        g, pose, rows = new.geometry, problem.rows.pose, np.arange(len(problem))
-        mass, gravity, slope = problem.loads(x, problem.rows, rows)
+        problem, new = self.problem, Plain(self.problem.vector, x, self.poses)
+        dynamics, g = problem.dynamics, new.on_all_poses
+        pose, rows = dynamics.rows.pose, np.arange(len(dynamics.rows))
+        mass, gravity, slope = dynamics.inertia_and_gravity(x, dynamics.rows, rows)
         forces = static_forces(g.arm[pose], gravity, new.areas[0, :, 0])
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        stiffness = (
-            problem._stiffness(g.length[pose], g.arm[pose], g.curve[pose], *strokes, forces)
-            + slope
-        )
-        lower = problem._inverse_cholesky if problem.own is None else inverse_cholesky(mass)
+        stiffness = dynamics.actuator_stiffness(g[pose], *strokes, forces) + slope
+        lower = dynamics.inverse_cholesky_of(mass, rows)
         frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
         judged = [*conditions(new, frame), *static_loads_held(new, frame, forces[None])]
         room = np.array([c.room[0].real.min() for c in judged])
@@ -191,20 +189,20 @@ class Task:
 
     def __post_init__(self) -> None:
         low, high = self.problem.bounds
-        areas = np.array([v.pin is None for v in self.problem.variables])
+        areas = np.array([v.pin is None for v in self.problem.vector.variables])
         self.low, self.high = (
             np.where(areas, np.maximum(low, 0.5), low),
             np.where(areas, np.minimum(high, 1.5), high),
         )
         self.free = self.high > self.low
-        squared = self.problem.frequencies(self.problem.start)
+        squared = self.problem.dynamics.omega_squared(self.problem.vector.start)
         rows = np.concatenate(
             [
                 np.argsort(squared)[: FEW // 2],
                 np.arange(0, len(squared), max(1, 2 * len(squared) // FEW)),
             ]
         )
-        self.poses = np.unique(self.problem.rows.pose[rows])
+        self.poses = np.unique(self.problem.dynamics.rows.pose[rows])
         self.random = np.random.default_rng(0)
         self.began = time.process_time()
 
@@ -221,7 +219,7 @@ class Task:
     @property
     def best(self) -> Array:
         """The best design found; today's if none."""
-        return self.trace[-1][2] if self.trace else self.problem.start
+        return self.trace[-1][2] if self.trace else self.problem.vector.start
 
     @cached_property
     def whole(self) -> Judge:
@@ -232,19 +230,19 @@ class Task:
     def judge(self) -> Judge:
         """Over the poses that count so far."""
         whole = self.problem.workspace
-        some = Workspace(whole.q[self.poses], whole.axes, whole.end_margin, whole.machine)
-        limits_ = replace(self.problem.requirements, pin_box=self.problem.box)
-        return Judge(replace(self.problem, workspace=some, requirements=limits_))
+        some = whole.subset(self.poses)
+        limits_ = replace(self.problem.requirements, pin_box=self.problem.vector.pin_box)
+        return Judge(Problem.of(self.problem.machine, some, limits_, self.problem.vector.vary))
 
     @property
     def keys(self) -> Array:
         """A number for every row of ``judge`` that stays the same when poses join."""
-        rows = self.judge.problem.rows
+        rows = self.judge.problem.dynamics.rows
         return np.asarray(rows.payload * len(self.problem.workspace) + self.poses[rows.pose])
 
     def x(self, u: Array) -> Array:
         """The design at the free variables u in [0, 1]."""
-        x = self.problem.start.copy()
+        x = self.problem.vector.start.copy()
         x[self.free] = self.low[self.free] + np.clip(u, 0, 1) * (self.high - self.low)[self.free]
         return x
 
@@ -254,7 +252,7 @@ class Task:
 
     def drawn(self) -> Array:
         """Free variables drawn over half of their boxes, about today's."""
-        today = self.u(self.problem.start)
+        today = self.u(self.problem.vector.start)
         return np.clip(today + self.random.uniform(-0.25, 0.25, len(today)), 0, 1)
 
     def cost(self, u: Array) -> float:
@@ -262,7 +260,7 @@ class Task:
         self.evaluations += 1
         x = self.x(u)
         squared, _, missed = self.judge.at(x)
-        merit = float(squared.min()) / self.problem.scale
+        merit = float(squared.min()) / self.problem.dynamics.omega_squared_scale
         if missed.max() <= MISSED:
             self.hope(merit, x)
         return float(PRICE * missed.sum()) - merit
@@ -285,7 +283,7 @@ class Task:
             rows = np.concatenate(
                 [np.argsort(squared)[:MORE], holding_rows(self.problem, x, forces)]
             )
-            poses = np.union1d(self.poses, self.problem.rows.pose[rows])
+            poses = np.union1d(self.poses, self.problem.dynamics.rows.pose[rows])
             grown = len(poses) > len(self.poses)
             if grown:
                 self.poses = poses
@@ -296,7 +294,7 @@ class Task:
 
 def evolution(task: Task) -> None:
     """Differential evolution with an exact penalty; its population stays while poses join."""
-    size = len(task.u(task.problem.start))
+    size = len(task.u(task.problem.vector.start))
     population, round_ = None, 0
     while not task.over:
         if population is None or np.ptp(population, axis=0).max() < 1e-5:
@@ -322,10 +320,12 @@ def adaptation(task: Task) -> None:
 
     It restarts with twice the population, from today's, from the best, from anywhere.
     """
-    size, round_ = 4 + int(3 * math.log(len(task.u(task.problem.start)))), 0
+    size, round_ = 4 + int(3 * math.log(len(task.u(task.problem.vector.start)))), 0
     while not task.over:
         start = (
-            (task.drawn(), task.u(task.best))[round_ % 2] if round_ else task.u(task.problem.start)
+            (task.drawn(), task.u(task.best))[round_ % 2]
+            if round_
+            else task.u(task.problem.vector.start)
         )
         settings = {
             "bounds": [0, 1],
@@ -343,21 +343,21 @@ def adaptation(task: Task) -> None:
 
 def programming(task: Task) -> None:
     """SLSQP from many starts: maximise t below the two lowest ω² of the lowest poses."""
-    u = task.u(task.problem.start)
+    u = task.u(task.problem.vector.start)
     while not task.over:
         kept = np.empty(0, dtype=int)
         for _ in range(ROUNDS):
-            squared = task.judge.problem.frequencies(task.x(u))
+            squared = task.judge.problem.dynamics.omega_squared(task.x(u))
             known, kept = kept, np.union1d(kept, task.keys[np.argsort(squared)[:LOWEST]])
             if len(kept) == len(known):
                 break
             u = _solved(task, u, np.flatnonzero(np.isin(task.keys, kept)))
-            if not task.problem.closes(task.x(u)):
+            if not task.problem.vector.closes(task.x(u)):
                 break
             task.cost(u)
             task.look()
         u = task.drawn()
-        while not task.problem.closes(task.x(u)):
+        while not task.problem.vector.closes(task.x(u)):
             u = task.drawn()
 
 
@@ -366,7 +366,7 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
     problem, width, scale = (
         task.judge.problem,
         (task.high - task.low)[task.free],
-        task.problem.scale,
+        task.problem.dynamics.omega_squared_scale,
     )
     holding = holding_rows(problem, task.x(start))
     known: dict[bytes, tuple[Array, Array]] = {}
@@ -374,13 +374,16 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
     def constraints(z: Array) -> tuple[Array, Array]:
         """Values ≥ 0 and their derivatives at the free variables and t."""
         x = task.x(z[:-1])
-        if known and not problem.closes(x):  # a line search went too far
+        if known and not problem.vector.closes(x):  # a line search went too far
             value, jacobian = next(iter(known.values()))
             return np.full_like(value, -10.0), jacobian
         if z.tobytes() not in known:
             task.evaluations += 1
-            at = limits(problem, x, holding)
-            base, slopes = (part / scale for part in problem.matrices(x, rows, z[-1] * scale))
+            at = constraints_at(problem, x, holding)
+            base, slopes = (
+                part / scale
+                for part in problem.dynamics.scaled_stiffness_and_gradient(x, rows, z[-1] * scale)
+            )
             squared, vectors = np.linalg.eigh(base)
             slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :2].reshape(
                 -1, len(x)
@@ -396,7 +399,7 @@ def _solved(task: Task, start: Array, rows: Array) -> Array:
         if task.over:
             raise StopIteration
 
-    lowest = float(problem.frequencies(task.x(start), rows).min()) / scale
+    lowest = float(problem.dynamics.omega_squared(task.x(start), rows).min()) / scale
     found = minimize(
         lambda z: -z[-1],
         np.append(start, lowest),
@@ -447,9 +450,9 @@ class Found:
 
 def built(problem: Problem, x: Array) -> ad.Machine:
     """The machine at x with all its digits."""
-    machine, sizes = problem.placed(x), []
+    machine, sizes = problem.vector.with_pins(x), []
     for cylinder, (bore_area, annulus_area) in zip(
-        machine.cylinders, problem.areas(x), strict=False
+        machine.cylinders, problem.vector.areas(x), strict=False
     ):
         one = 4 / math.pi / cylinder.count
         bore, rod = math.sqrt(one * bore_area), math.sqrt(one * (bore_area - annulus_area))
@@ -477,7 +480,10 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
     budget, first = RIVALS * seconds, name == MACHINES[0]
     ours = Found.of("co-design", problem, design.x, seconds)
     count = int((np.ptp(problem.bounds, axis=0) > 0).sum())
-    print(f"{name}: {count} variables, {len(problem)} rows, today {today:.4f} Hz", flush=True)
+    print(
+        f"{name}: {count} variables, {len(problem.dynamics.rows)} rows, today {today:.4f} Hz",
+        flush=True,
+    )
     told(ours, ours, today)
     best = 0.0
     for method in (evolution, adaptation, programming):
@@ -489,7 +495,7 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
         )
         method(task)
         in_time = [x for spent, _, x in task.trace if spent <= budget]
-        x = in_time[-1] if in_time else problem.start
+        x = in_time[-1] if in_time else problem.vector.start
         found = Found.of(METHODS[method.__name__], problem, x, min(task.spent, budget))
         told(found, ours, today)
         best = max(best, found.frequency if found.feasible else 0.0)

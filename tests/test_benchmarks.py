@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armdesign import Workspace
-from armdesign.design.program.constraints import limits
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.multistart import posed
 from benchmarks import against_optimisers
 from tests import machines
@@ -19,11 +19,15 @@ def test_rivals_see_the_same(name: str) -> None:
     """Objective, static forces and requirements without derivatives are those with derivatives."""
     machine = machines.named(name)
     problem = posed(machine, Workspace.grid(machine, points=4), None, ("areas", "pins"))
-    shift = np.random.default_rng(0).uniform(-0.05, 0.05, len(problem.start))
-    x = np.clip(problem.start + shift, *problem.bounds)
+    shift = np.random.default_rng(0).uniform(-0.05, 0.05, len(problem.vector.start))
+    x = np.clip(problem.vector.start + shift, *problem.bounds)
     squared, forces, missed = against_optimisers.Judge(problem).at(x)
-    np.testing.assert_allclose(squared, problem.look(x)[0], rtol=1e-12)
-    np.testing.assert_allclose(forces, problem.look(x)[1], rtol=1e-12)
-    ours = np.maximum(-limits(problem, x, np.arange(len(problem.held.pose))).values, 0.0)
+    np.testing.assert_allclose(
+        squared, problem.dynamics.omega_squared_and_forces(x)[0], rtol=1e-12
+    )
+    np.testing.assert_allclose(forces, problem.dynamics.omega_squared_and_forces(x)[1], rtol=1e-12)
+    ours = np.maximum(
+        -constraints_at(problem, x, np.arange(len(problem.dynamics.nominal_rows.pose))).values, 0.0
+    )
     assert missed.max() == pytest.approx(ours.max(), rel=1e-9)
     assert missed.max() > 1e-3

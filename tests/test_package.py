@@ -20,7 +20,7 @@ ROOMS = (
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
-    *("plots", "report", "paper", "output", "cli"),
+    *("plots", "report", "paper", "output", "options", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
@@ -28,7 +28,7 @@ DOORS = {  # library: the only modules that may import it
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.machine_file", "design.provenance"},
     "pydantic": {"machine.schema", "machine.machine_file"},
-    "typer": {"cli"},
+    "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linearization"},
     "numba": {"simulation.plant.compiled"},

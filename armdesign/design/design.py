@@ -19,7 +19,7 @@ from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import Selection
 from armdesign.design.catalogue.sizes import sizes_of
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import Check, slacks, static_loads
 from armdesign.design.requirements.settings import Requirements
@@ -143,7 +143,11 @@ class Design:
 
         Those of the machine's file if it was made for none.
         """
-        return Bands.of(self.today) if self.problem.bands == Bands() else self.problem.bands
+        return (
+            Bands.of(self.today)
+            if self.problem.dynamics.bands == Bands()
+            else self.problem.dynamics.bands
+        )
 
     @cached_property
     def band_before(self) -> FrequencyBand:
@@ -179,7 +183,7 @@ class Design:
         Refused where this design exceeds it.
         """
         if (
-            self.selection is not None and self.problem.own is None
+            self.selection is not None and self.problem.vector.moving_masses is None
         ):  # else sizes were chosen with masses held
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
             refused = (
@@ -192,7 +196,7 @@ class Design:
             )
             return found.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-        known = upper_bound(free.softened, self.x, self.watched)
+        known = upper_bound(free.softest, self.x, self.watched)
         return known and known.above(
             max(self.unrounded, worst_on_poses(self.machine, self.problem))
         )
@@ -306,7 +310,7 @@ def optimize(
     command = call(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands, catalogue=catalogue
     )
-    if catalogue is not None and problem.moving:
+    if catalogue is not None and problem.vector.moving:
         found = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
         return Design.of(*found, command=command)
     if catalogue is not None:
@@ -352,7 +356,7 @@ def size_cylinders(
     command = call("size_cylinders", dead_volume=dead_volume, bands=bands, catalogue=catalogue)
     if catalogue is not None:
         return _of_catalogue(problem, catalogue, command)
-    search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-6)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
     return Design.of(search, Starts((hertz(search.squared),)), command=command)
 
 

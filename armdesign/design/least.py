@@ -28,7 +28,7 @@ from armdesign.design.catalogue.alternation import (
 from armdesign.design.catalogue.branch_and_bound import Selection
 from armdesign.design.catalogue.sizes import Sizes, sizes_of
 from armdesign.design.design import Design
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
@@ -113,7 +113,7 @@ def least(
     if catalogue is None:
         return hunt.rounded(hunt.least(hunt.free(starts, seed, workers)))
     refuse_fixed(problem)
-    if problem.moving:
+    if problem.vector.moving:
         free = hunt.least(hunt.free(starts, seed, workers))
         return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
     search, selection = hunt.selected(sizes_of(catalogue))
@@ -216,7 +216,9 @@ class _Hunt:
             else:
                 low, below = guess, trial.bound
         search, selection = self._chosen(self._used(selection), sizes)
-        return search, replace(selection, below=below if self.problem.own is None else math.inf)
+        return search, replace(
+            selection, below=below if self.problem.vector.moving_masses is None else math.inf
+        )
 
     def _chosen(self, amount: float, sizes: Sizes) -> tuple[Search, Selection]:
         return sizes_for_pins(self._under(self.problem, amount), sizes)

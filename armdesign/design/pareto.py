@@ -60,7 +60,7 @@ class Pareto:
     @property
     def robust(self) -> bool:
         """Whether the designs were made for the worst within bands."""
-        return self.designs[0].problem.bands != Bands()
+        return self.designs[0].problem.dynamics.bands != Bands()
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -240,7 +240,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
     digging = [
         c.slack for c in design.checks if c.name.startswith("digging.")
     ]  # of today's torque
-    moved = np.abs(design.x[[v.pin is not None for v in design.problem.variables]]).max(
+    moved = np.abs(design.x[[v.pin is not None for v in design.problem.vector.variables]]).max(
         initial=0.0
     )
     return {
@@ -250,13 +250,13 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "gain": after / before - 1 if before > 0 else math.inf,
         **(
             {"banded_hz": design.band_after.low.frequency}
-            if design.problem.bands != Bands()
+            if design.problem.dynamics.bands != Bands()
             else {}
         ),
         "oil_share": oil,
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
         **({"digging_share": design.requirements.digging_share + min(digging)} if digging else {}),
-        "pin_move_m": float(moved * design.problem.box),
+        "pin_move_m": float(moved * design.problem.vector.pin_box),
         "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,
     }

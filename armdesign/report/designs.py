@@ -53,7 +53,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     ]
     own = design.in_own_workspace.worst.frequency
     note = f"within the end margins of its own strokes the new machine's worst is {own:.3f} Hz"
-    note += "" if design.problem.bands == Bands() else "; in the worst of the bands"
+    note += "" if design.problem.dynamics.bands == Bands() else "; in the worst of the bands"
     note += f"; optimum before rounding {design.unrounded:.3f} Hz"
     note += _bound(design)
     note += _starts(design)
@@ -116,7 +116,9 @@ def _bands(design: Design) -> Sheet:
             "entrained air {:g} to {:g} %".format(*(100 * air for air in design.bands.air))
         )
     made_for = (
-        "" if design.problem.bands == Bands() else "; the new machine was made for the least"
+        ""
+        if design.problem.dynamics.bands == Bands()
+        else "; the new machine was made for the least"
     )
     return Sheet(
         title="Worst frequency within the bands of what is not known exactly",
@@ -137,7 +139,9 @@ def _bound(design: Design) -> str:
     if design.bound is None:
         return f"; no bound is known: {design.certificate.refused}"
     none = (
-        "no sizes and pins exceed" if design.problem.moving else "no sizes with these pins exceed"
+        "no sizes and pins exceed"
+        if design.problem.vector.moving
+        else "no sizes with these pins exceed"
     )
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
     if design.selection is not None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdesign import Machine, Requirements, Workspace, load
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, Joint, build
@@ -82,9 +82,10 @@ def workspace_of(name: str) -> Workspace:
 def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:
     """The problem of a named machine; settings are those of Problem or of Requirements."""
     machine = MACHINES[name]()
-    own = {key: settings.pop(key) for key in ("proportional", "tightening") if key in settings}
+    names = ("proportional", "tightening", "bands")
+    own = {key: settings.pop(key) for key in names if key in settings}
     requirements = replace(Requirements.of(machine), **settings)
-    return Problem(
+    return Problem.of(
         machine=machine, workspace=workspace_of(name), requirements=requirements, vary=vary, **own
     )
 
@@ -93,16 +94,17 @@ def some_x(problem: Problem, seed: int, size: float = 0.05) -> np.ndarray:
     """A design near today's."""
     free = np.ptp(problem.bounds, axis=0) > 0
     return (
-        problem.start + np.random.default_rng(seed).uniform(-size, size, len(problem.start)) * free
+        problem.vector.start
+        + np.random.default_rng(seed).uniform(-size, size, len(problem.vector.start)) * free
     )
 
 
 def as_machine(problem: Problem, x: np.ndarray) -> Machine:
     """The machine at x with all its digits."""
-    closed, stroke = (value[0].real for value in problem.stepped_strokes(x))
+    closed, stroke = problem.vector.strokes(x)
     cylinders = []
     for i, (cylinder, (a1, a2)) in enumerate(
-        zip(problem.machine.cylinders, problem.areas(x), strict=True)
+        zip(problem.machine.cylinders, problem.vector.areas(x), strict=True)
     ):
         bore, rod = (2 * math.sqrt(area / cylinder.count / math.pi) for area in (a1, a1 - a2))
         sizes = {
@@ -111,19 +113,19 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
             "closed_length": float(closed[i]),
             "stroke": float(stroke[i]),
         }
-        if problem.proportional:
-            old = problem.areas_today[i]
+        if problem.dynamics.proportional:
+            old = problem.vector.areas_today[i]
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
             sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]
         cylinders.append(_weighed(replace(cylinder, **sizes), cylinder))
-        new, old = problem.linkages(x)[i], problem.machine.linkages[i]
+        new, old = problem.vector.linkages(x)[i], problem.machine.linkages[i]
         bars = {
             bar: mass * getattr(new, bar) / getattr(old, bar)
             for bar, mass in cylinder.linkage_masses
         }
         cylinders[i] = replace(cylinders[i], linkage_masses=tuple(bars.items()))
     return replace(
-        problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.linkages(x))
+        problem.machine, cylinders=tuple(cylinders), linkages=tuple(problem.vector.linkages(x))
     )
 
 
@@ -136,5 +138,5 @@ def _weighed(new: Cylinder, old: Cylinder) -> Cylinder:
 
 def solved(problem: Problem, tolerance: float = 1e-7) -> Search:
     """The search from today's machine, finished."""
-    trust = 1.0 if problem.vary == ("areas",) else 0.2
-    return Search(problem=problem, x=problem.start).run(trust=trust, tolerance=tolerance)
+    trust = 1.0 if problem.vector.vary == ("areas",) else 0.2
+    return Search(problem=problem, x=problem.vector.start).run(trust=trust, tolerance=tolerance)

@@ -13,8 +13,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from tests.machines import random_machine, scaled
 
@@ -25,13 +25,13 @@ SEEDS = [11, 24]
 def problem_on(machine: Machine, **settings: Any) -> Problem:
     requirements = replace(Requirements(), **settings)
     space = Workspace.grid(machine, points=4)
-    return Problem(
+    return Problem.of(
         machine=machine, workspace=space, requirements=requirements, vary=("areas", "pins")
     )
 
 
 def found(problem: Problem, start: np.ndarray | None = None) -> Search:
-    return Search(problem=problem, x=problem.start if start is None else start).run(
+    return Search(problem=problem, x=problem.vector.start if start is None else start).run(
         trust=0.2, tolerance=1e-7
     )
 
@@ -43,7 +43,7 @@ def best(seed: int) -> Search:
 
 def gain(search: Search) -> float:
     assert search.violation < 1e-7
-    return search.squared / search.problem.scale
+    return search.squared / search.problem.dynamics.omega_squared_scale
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -84,7 +84,10 @@ def test_start(seed: int) -> None:
     problem, random = best(seed).problem, np.random.default_rng(1)
     reached = []
     for _ in range(3):
-        x = np.clip(problem.start + random.uniform(-0.3, 0.3, len(problem.start)), *problem.bounds)
+        x = np.clip(
+            problem.vector.start + random.uniform(-0.3, 0.3, len(problem.vector.start)),
+            *problem.bounds,
+        )
         reached.append(gain(found(problem, x)))
     assert max(reached) == pytest.approx(gain(best(seed)), rel=1e-5)
 
@@ -96,7 +99,7 @@ def test_start(seed: int) -> None:
 def test_tighter_never_helps(seed: int, setting: str) -> None:
     """At 0.95 and 0.9 of a limit; the box of the pins is halved. 1e-5: where searches stop."""
     requirements, problem = Requirements(), best(seed).problem
-    limit = problem.box if setting == "pin_box" else getattr(requirements, setting)
+    limit = problem.vector.pin_box if setting == "pin_box" else getattr(requirements, setting)
     reached = [gain(best(seed))]
     for share in (0.95, 0.5 if setting == "pin_box" else 0.9):
         reached.append(gain(found(problem_on(problem.machine, **{setting: share * limit}))))
@@ -110,8 +113,8 @@ def test_no_better_neighbour(seed: int) -> None:
     """
     search, random = best(seed), np.random.default_rng(3)
     problem, (low, high) = search.problem, search.bounds
-    lowest = np.argsort(problem.frequencies(search.x))[:6]
-    base, slopes = problem.matrices(search.x, lowest)
+    lowest = np.argsort(problem.dynamics.omega_squared(search.x))[:6]
+    base, slopes = problem.dynamics.scaled_stiffness_and_gradient(search.x, lowest)
     gradients = [
         np.einsum("i,vij,j->v", v[:, 0], slopes[:, k], v[:, 0])
         for k, v in enumerate(np.linalg.eigh(base)[1])
@@ -120,7 +123,7 @@ def test_no_better_neighbour(seed: int) -> None:
     for direction in [*random.normal(size=(150, len(low))), *gradients, sum(gradients)]:
         for size in (1e-3, 1e-2, 0.05):
             x = np.clip(search.x + size * direction / np.abs(direction).max(), low, high)
-            if problem.frequencies(x).min() > search.squared * (1 + 1e-5):
+            if problem.dynamics.omega_squared(x).min() > search.squared * (1 + 1e-5):
                 tempting += 1
-                assert limits(problem, x).values.min() < -1e-8
+                assert constraints_at(problem, x).values.min() < -1e-8
     assert tempting > 5, "some directions must climb and be forbidden, or this says nothing"

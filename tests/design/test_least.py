@@ -15,8 +15,8 @@ from armdesign import ArmDesignError, Requirements
 from armdesign.design import least
 from armdesign.design.catalogue.sizes import sized, sizes_of
 from armdesign.design.least import AMOUNTS, NARROW, ROOM, amount_of
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, cylinder_mass
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
@@ -37,7 +37,9 @@ def test_one_actuator_closed_form(of: str, field: str) -> None:
     2e-3.
     """
     problem = problem_of("single", ("areas",))
-    frequency = float(np.sqrt(problem.frequencies(np.array([1.03, 1.03])).min())) / (2 * np.pi)
+    frequency = float(np.sqrt(problem.dynamics.omega_squared(np.array([1.03, 1.03])).min())) / (
+        2 * np.pi
+    )
     design = ad.least(
         single(), workspace_of("single"), WIDE, frequency=frequency, of=of, vary=("areas",)
     )
@@ -73,21 +75,27 @@ def test_no_random_design_is_lighter() -> None:
     problem = problem_of(
         "double", ("areas",), **{k: v for k, v in vars(WIDE).items() if k.endswith("share")}
     )
-    frequency = 1.02 * float(np.sqrt(problem.frequencies(problem.start).min())) / (2 * np.pi)
+    frequency = (
+        1.02
+        * float(np.sqrt(problem.dynamics.omega_squared(problem.vector.start).min()))
+        / (2 * np.pi)
+    )
     design = ad.least(machine, space, WIDE, frequency=frequency, of="mass", vary=("areas",))
     light = cylinder_mass(design.machine)
     assert light <= design.requirements.cylinder_mass
     random, checked = np.random.default_rng(4), 0
     areas = np.array([[c.bore_area, c.annulus_area] for c in design.machine.cylinders])
-    around = (areas / problem.areas_today).ravel() + random.uniform(-0.03, 0.03, (2000, 4))
+    around = (areas / problem.vector.areas_today).ravel() + random.uniform(-0.03, 0.03, (2000, 4))
     for x in np.concatenate([around, random.uniform(0.75, 1.3, (2000, 4))]):
-        if np.any(np.diff(problem.areas(x)) > 0):
+        if np.any(np.diff(problem.vector.areas(x)) > 0):
             continue  # no rod
         if cylinder_mass(as_machine(problem, x)) > light * (1 - ROOM[3]):
             continue
-        allowed = limits(problem, x).values.min() >= 0
+        allowed = constraints_at(problem, x).values.min() >= 0
         checked += 1
-        assert not (allowed and np.sqrt(problem.frequencies(x).min()) / (2 * np.pi) >= frequency)
+        assert not (
+            allowed and np.sqrt(problem.dynamics.omega_squared(x).min()) / (2 * np.pi) >= frequency
+        )
     assert checked > 100
 
 
@@ -122,14 +130,15 @@ def test_mass_limit_is_a_requirement_like_others() -> None:
     assert cylinder_mass(design.machine) <= by_hand
     assert 0 <= design.slacks["cylinder_mass"] < 2e-3
     problem = problem_of("double", ("areas", "pins"), cylinder_mass=by_hand)
-    x = problem.start + 0.01
-    at = limits(problem, x)
+    x = problem.vector.start + 0.01
+    at = constraints_at(problem, x)
     row = at.names.index("cylinder_mass")
     for v in range(len(x)):
         step = np.zeros(len(x))
         step[v] = 1e-6
         slope = (
-            limits(problem, x + step).values[row] - limits(problem, x - step).values[row]
+            constraints_at(problem, x + step).values[row]
+            - constraints_at(problem, x - step).values[row]
         ) / 2e-6
         assert at.jacobian[row, v] == pytest.approx(slope, rel=1e-5, abs=1e-9)
     judged = {
@@ -198,7 +207,7 @@ def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
     machine, space = double(), workspace_of("double")
     sizes = [(95 * mm, 63 * mm), (98 * mm, 63 * mm), (101 * mm, 65 * mm)]
     frequency = 1.05 * float(lowest_frequency(machine.evaluate(space.rigid)).min())
-    problem = Problem(
+    problem = Problem.of(
         machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
     )
     hunt = least._Hunt(problem=problem, of="oil", frequency=frequency)

@@ -17,8 +17,9 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import arrays, plots
 from armdesign.arrays import chunks, percentiles, shown
+from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, lowest_frequency
-from armdesign.frequency.workspace import nearest, onto_pitch_limit, tipping_joints
+from armdesign.frequency.pitch_limits import onto_pitch_limit, tipping_joints
 from tests import machines
 from tests.reference_planar import Reference
 

@@ -20,8 +20,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.bound.lagrangian import Dual, drives
 from armdesign.design.bound.mass_enclosure import barred
-from armdesign.design.program.constraints import SLACK, limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import contradicted
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
@@ -87,19 +87,19 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     allowed, is refused.
     """
     found = _found(problem, x, rows)
-    if found is None or limits(problem, x).values.min() < -SLACK:
+    if found is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
         return found
-    return found.above(hertz(float(problem.frequencies(x).min())))
+    return found.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
 
 def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
     """The bound, whatever x reaches."""
-    moving = any(v.pin is not None for v in problem.variables)
+    moving = any(v.pin is not None for v in problem.vector.variables)
     known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     bars = barred(problem)
-    some = () if problem.proportional or bars is None else drives(problem, bars)
+    some = () if problem.dynamics.proportional or bars is None else drives(problem, bars)
     if not some or bars is None:
         return None
     dual = Dual.begun(problem, some, x, rows, bars)
@@ -138,16 +138,16 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
         "pins in their boxes, and requirements as the optimiser takes them",
         (
             "dead volumes in proportion to the areas"
-            if problem.proportional
+            if problem.dynamics.proportional
             else "dead volumes as they are"
         ),
         "moment arms that keep their sign between the poses looked at",
     ]
-    if problem.own is not None:
+    if problem.vector.moving_masses is not None:
         words.append("own masses in proportion to areas and lengths")
-    if problem.bands != Bands():
+    if problem.dynamics.bands != Bands():
         words.append("masses as they are tried within their bands")
-    if any(v.pin is not None for v in problem.variables):
-        words.append(f"each requirement wider by {SLACK:g}")
+    if any(v.pin is not None for v in problem.vector.variables):
+        words.append(f"each requirement wider by {CONSTRAINT_TOLERANCE:g}")
     words += [f"the {name} cylinder rigid" for name in held]
     return tuple(words)

@@ -16,8 +16,9 @@ from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import Barred
-from armdesign.design.program.constraints import SLACK, buckling_factor
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
+from armdesign.design.program.convex_relaxation import buckling_factor
+from armdesign.design.program.problem import Problem
 
 HOLDING_ANGLES = 5  # of most push and pull today
 
@@ -162,12 +163,12 @@ def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tup
 
 
 def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimits | None:
-    """Limits of cylinder ``i``, each wider by ``SLACK``, whatever ``bars`` weigh.
+    """Limits of cylinder ``i``, each wider by ``CONSTRAINT_TOLERANCE``, whatever ``bars`` weigh.
 
     None where its shape is not known.
     """
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
-    poses = problem.ranges[i]
+    poses = problem.vector.range_poses[i]
     if poses is None:
         return None
     joint = machine.linkages[i].joints[0]
@@ -175,15 +176,19 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
     ranged = poses.q[
         :: 1 if digs else 10, joint
     ]  # the best of all digs; the least arm may be looked for at some
-    arms, today, more = np.abs(problem.arms_today[i]), problem.areas_today[i], 1 + SLACK
+    arms, today, more = (
+        np.abs(problem.vector.arms_today[i]),
+        problem.vector.areas_today[i],
+        1 + CONSTRAINT_TOLERANCE,
+    )
     angles, torques = _holding(problem, i, bars)
     shape = shape_of(problem, i, np.concatenate([ranged, angles]))
     if shape is None:
         return None
     low, high = (
-        problem.areas(end)[i] / today for end in problem.bounds
+        problem.vector.areas(end)[i] / today for end in problem.bounds
     )  # an annulus may follow its bore
-    bore_varies, rod_varies = problem.resized[i]
+    bore_varies, rod_varies = problem.vector.resized[i]
     high = np.minimum(high, [r.thrust_share, np.inf])
     hold = np.pad(
         np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2),
@@ -194,7 +199,7 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
         area=np.stack([low * today / more, high * today * more]),
         volume=r.oil_each_share * today * cylinder.stroke * more,
         rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
-        dead_length=cylinder.dead_length - SLACK * cylinder.stroke,
+        dead_length=cylinder.dead_length - CONSTRAINT_TOLERANCE * cylinder.stroke,
         arm=r.moment_arm_share * float(arms.min()) / more,
         ranged=2 + len(ranged),
         buckling=buckling_factor(problem, i) / more**2,
@@ -211,22 +216,25 @@ def _holding(problem: Problem, i: int, bars: Sequence[Barred]) -> tuple[Array, A
     The greatest that some load asks for at least, and the least that some load asks for at most.
     """
     joint = problem.machine.linkages[i].joints[0]
-    own, torque = problem.workspace.q[problem.held.pose, joint], problem.held.gravity[:, joint]
+    own, torque = (
+        problem.workspace.q[problem.dynamics.nominal_rows.pose, joint],
+        problem.dynamics.nominal_rows.gravity[:, joint],
+    )
     angles, index = np.unique(own, return_inverse=True)
     order = np.lexsort([torque, index])
     starts = np.searchsorted(index[order], np.arange(len(angles) + 1))
     rows = np.stack([order[starts[1:] - 1], order[starts[:-1]]], axis=1)
     extremes = torque[rows]
-    ranged = problem.ranges[i]
+    ranged = problem.vector.range_poses[i]
     assert ranged is not None
     order = np.argsort(ranged.q[:, joint])
-    arms = np.interp(angles, ranged.q[order, joint], problem.arms_today[i][order])
+    arms = np.interp(angles, ranged.q[order, joint], problem.vector.arms_today[i][order])
     chosen = np.unique(
         [np.argsort(sign * end / arms)[-HOLDING_ANGLES:] for end in extremes.T for sign in (1, -1)]
     )
     found = extremes[chosen]
     for bar in bars:
-        rigid = problem.workspace.rigid[problem.held.pose[rows[chosen].ravel()]]
+        rigid = problem.workspace.rigid[problem.dynamics.nominal_rows.pose[rows[chosen].ravel()]]
         added = bar.gravity(rigid)[:, joint]
         found[:, 0] += added.low[::2]
         found[:, 1] += added.high[1::2]

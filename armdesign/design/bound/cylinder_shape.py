@@ -26,7 +26,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.pin_triangles import PinBoxes
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import sweep
 from armdesign.mechanism.linkage.base import Linkage
@@ -278,7 +278,7 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
     if len(linkage.joints) != 1 or moves is None:
         return None
     joint = linkage.joints[0]
-    sign = float(np.sign(problem.arms_today[i][0]))
+    sign = float(np.sign(problem.vector.arms_today[i][0]))
     ends = problem.machine.ranges[joint][:: int(sign)]
     poses = sweep(problem.machine.arm, joint, np.concatenate([ends, angles]))
     if not moves:
@@ -298,13 +298,13 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
     None if another part varies too.
     """
     found: dict[str, Array] = {}
-    for v in problem.variables:
+    for v in problem.vector.variables:
         if v.cylinder != i or v.pin is None:
             continue
         if v.pin not in ("base", "rod_end") or v.axis not in (0, 2):
             return None
         reach = found.setdefault(v.pin, np.zeros((2, 2)))
-        reach[:, v.axis // 2] = np.array([v.lower, v.upper]) * problem.box
+        reach[:, v.axis // 2] = np.array([-1.0, 1.0]) * problem.vector.pin_box
     return found
 
 
@@ -394,7 +394,7 @@ def _from_joint(linkage: Linkage, poses: RigidPoses) -> dict[str, Array]:
 
 def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
     """The base's place b and the scale (3,) of cylinder ``i`` of the design x."""
-    linkage, today = problem.linkages(x)[i], problem.machine.linkages[i]
+    linkage, today = problem.vector.linkages(x)[i], problem.machine.linkages[i]
     poses = sweep(linkage.arm, linkage.joints[0], problem.machine.ranges[linkage.joints[0]])
     if shape.boxes is not None:
         places = _from_joint(linkage, poses)

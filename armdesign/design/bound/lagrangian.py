@@ -38,8 +38,9 @@ from armdesign.design.bound.cylinder_constraints import OwnLimits, own_limits
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import Barred
-from armdesign.design.program.constraints import SLACK
-from armdesign.design.program.dynamics import Problem, Rows
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
+from armdesign.design.program.dynamics import Rows
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step, programme
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
@@ -120,7 +121,7 @@ def drives(problem: Problem, bars: Sequence[Barred] = ()) -> tuple[Drive, ...]:
             continue
         joint = linkage.joints[0]
         angles, index = np.unique(
-            problem.workspace.q[problem.rows.pose, joint], return_inverse=True
+            problem.workspace.q[problem.dynamics.rows.pose, joint], return_inverse=True
         )
         shape = shape_of(problem, i, angles)
         assert shape is not None
@@ -171,21 +172,23 @@ class Dual:
     ) -> Dual:
         """From the design x, its lowest rows, and random designs."""
         random = np.random.default_rng(0)
-        squared = problem.frequencies(x, watched)
-        stroke = problem.stepped_strokes(x)[1][0].real
+        squared = problem.dynamics.omega_squared(x, watched)
+        stroke = problem.vector.strokes(x)[1]
         chosen = [d.cylinder for d in some]
         columns = Columns(
             drive=np.arange(len(some)),
             design=np.array([coordinates(problem, d.cylinder, d.shape, x) for d in some]),
-            volume=(problem.areas(x) * stroke[:, None])[chosen],
+            volume=(problem.vector.areas(x) * stroke[:, None])[chosen],
         )
         pool = _around(some, columns.design, random)
         for k, drive in enumerate(some):
             low, high = drive.shape.region
             pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3))))
-        reference = max(float(squared.min()), problem.scale)
-        mass, gravity, slope = problem.loads(x, problem.rows, np.arange(len(problem)))
-        loads = replace(problem.rows, mass=mass, gravity=gravity, slope=slope)
+        reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
+        mass, gravity, slope = problem.dynamics.inertia_and_gravity(
+            x, problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
+        )
+        loads = replace(problem.dynamics.rows, mass=mass, gravity=gravity, slope=slope)
         near = max(float(squared.min()), 0.0) / reference if bars else 0.0
         rows = watched[np.argsort(squared)[:ROWS]]
         return cls(problem, some, bars, loads, near, watched, reference, rows, columns, pool)
@@ -194,8 +197,8 @@ class Dual:
     def _budget(self) -> tuple[float, Array]:
         """Oil that may be swept, over today's; and today's (2,) [m³]."""
         strokes = np.array([c.stroke for c in self.problem.machine.cylinders])
-        swept = strokes @ self.problem.areas_today[: len(strokes)]
-        return self.problem.requirements.oil_total_share * (1 + SLACK), swept
+        swept = strokes @ self.problem.vector.areas_today[: len(strokes)]
+        return self.problem.requirements.oil_total_share * (1 + CONSTRAINT_TOLERANCE), swept
 
     # ---------------------------------------------------------------------------------- programmes
 
@@ -229,10 +232,11 @@ class Dual:
             trace=trace / total,
             oil=oil / today,
             constant=float(
-                np.einsum("nij,nij->", weight, self.problem.rows.slope[pick]) + oil.sum() * budget
+                np.einsum("nij,nij->", weight, self.problem.dynamics.rows.slope[pick])
+                + oil.sum() * budget
             ),
             light=self.reference
-            * float(np.einsum("nij,nij->", weight, self.problem.rows.mass[pick])),
+            * float(np.einsum("nij,nij->", weight, self.problem.dynamics.rows.mass[pick])),
             mixed=step.value - step.violation,
             shares=step.change[: len(self.columns)],
         )
@@ -397,9 +401,11 @@ class Dual:
 
     def _gravity(self, rows: Array) -> Interval:
         """Gravity torques (n, nq) at rows, whatever the design [N m]."""
-        total = interval(self.problem.rows.gravity[rows])
+        total = interval(self.problem.dynamics.rows.gravity[rows])
         for bar in self.bars:
-            total = total + bar.gravity(self.problem.workspace.rigid[self.problem.rows.pose[rows]])
+            total = total + bar.gravity(
+                self.problem.workspace.rigid[self.problem.dynamics.rows.pose[rows]]
+            )
         return total
 
     def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, ...]]]:
@@ -408,7 +414,7 @@ class Dual:
         weights = np.zeros((len(prices.rows), nq, nq))
         weights[:, joints[:, None], joints] = prices.weight
         used = np.flatnonzero(prices.trace > 0)
-        rigid = self.problem.workspace.rigid[self.problem.rows.pose[prices.rows[used]]]
+        rigid = self.problem.workspace.rigid[self.problem.dynamics.rows.pose[prices.rows[used]]]
         squared = self.near * self.reference
         return [(bar.cylinder, bar.worth(rigid, weights[used], squared)) for bar in self.bars]
 

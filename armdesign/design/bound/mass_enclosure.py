@@ -21,8 +21,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.program.constraints import SLACK
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
@@ -230,20 +230,24 @@ def barred(problem: Problem) -> list[Barred] | None:
 
     None where a linkage moves that has no legs, or the first of them not on the base pin's link.
     """
-    own, found = problem.own, []
+    own, found = problem.vector.moving_masses, []
     for i, names in own.bars.items() if own else ():
         today, linkage = problem.machine.cylinders[i], problem.machine.linkages[i]
         sections = {
             "barrel": today.bore_area * today.closed_length,
             "rod": (today.bore_area - today.annulus_area) * today.closed_length,
         }
-        if problem.moved_within(i):
+        if problem.vector.moved_within(i):
             if not linkage.legs or _hub(linkage).link != linkage.base.link:
                 return None
             sections |= {bar: getattr(linkage, bar) for bar, _ in linkage.legs}
         weigh = {name: today.moving_masses[name] / sections[name] for name in names}
-        low, high = (problem.areas(end)[i] for end in problem.bounds)
-        most = problem.requirements.thrust_share * (1 + SLACK) * problem.areas_today[i, 0]
+        low, high = (problem.vector.areas(end)[i] for end in problem.bounds)
+        most = (
+            problem.requirements.thrust_share
+            * (1 + CONSTRAINT_TOLERANCE)
+            * problem.vector.areas_today[i, 0]
+        )
         found.append(
             Barred(
                 problem=problem,
@@ -269,10 +273,11 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
     """
     linkage, today = problem.machine.linkages[i], problem.machine.cylinders[i]
     low, high = problem.bounds
-    moves = problem.moves(i)
+    moves = problem.vector.moves(i)
     cut = [CUTS if place in ("base", "rod_end") else 1 for place, _ in moves.values()]
     edges = [
-        np.linspace(low[v], high[v], n + 1) * problem.box for v, n in zip(moves, cut, strict=True)
+        np.linspace(low[v], high[v], n + 1) * problem.vector.pin_box
+        for v, n in zip(moves, cut, strict=True)
     ]
     found = []
     for chosen in itertools.product(*(range(n) for n in cut)):
@@ -280,13 +285,13 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
         for (place, axis), edge, k in zip(moves.values(), edges, chosen, strict=True):
             at = pins.setdefault(place, Interval(*(np.zeros(3) for _ in range(2))))
             at.low[axis], at.high[axis] = edge[k], edge[k + 1]
-        if problem.moved_within(i):
+        if problem.vector.moved_within(i):
             found.append(_around(linkage, pins))
             continue
         closed = interval(today.closed_length)
         if moves:
             joint = linkage.joints[0]
-            end = problem.machine.ranges[joint][0 if problem.arms_today[i][0] > 0 else 1]
+            end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
             rigid = sweep(linkage.arm, joint, np.array([end]))
             closed = _jets(problem, i, rigid).span(pins).length[0]
         found.append(Box(pins, closed))
@@ -316,8 +321,8 @@ def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
     linkage, joints = problem.machine.linkages[i], tuple(range(len(problem.machine.joints)))
     ends = linkage.bars(rigid, 1.0)
     pins = {"base": ends["barrel"][0], "rod_end": ends["rod"][1]}
-    held = {place: linkage.pin(place) for place, _ in problem.moves(i).values()}
-    legs = linkage.legs if problem.moved_within(i) else ()
+    held = {place: linkage.pin(place) for place, _ in problem.vector.moves(i).values()}
+    legs = linkage.legs if problem.vector.moved_within(i) else ()
     if legs:
         pins |= {pin: ends[bar][0] for bar, pin in legs}
         pins["rod_end"], held["rod_end"] = pins[legs[0][1]], _hub(linkage)

@@ -12,7 +12,7 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.branch_and_bound import Selection, select
 from armdesign.design.catalogue.separable import TOLERANCE, choices
 from armdesign.design.catalogue.sizes import Sizes, offered
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.multistart import MISSED, Starts, finished, led_back, multistart
 from armdesign.design.search.semidefinite import StepProgramme
 from armdesign.design.search.sequential_sdp import Search
@@ -36,8 +36,8 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
         InfeasibleError: no combination meets the requirements.
     """
     refuse_fixed(problem)
-    found = _selected(problem, problem.start, sizes)
-    return _sized(problem, problem.start, found.sizes).run(trust=0.02, looks=1), found
+    found = _selected(problem, problem.vector.start, sizes)
+    return _sized(problem, problem.vector.start, found.sizes).run(trust=0.02, looks=1), found
 
 
 def sizes_and_pins(
@@ -77,8 +77,8 @@ def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None =
     if start and _in_catalogue(problem, start[1], sizes):
         found.append(finished(_sized(problem, *start), trust=0.1))
     try:
-        chosen = _selected(problem, problem.start, sizes)
-        found.append(finished(_sized(problem, problem.start, chosen.sizes), trust=0.1))
+        chosen = _selected(problem, problem.vector.start, sizes)
+        found.append(finished(_sized(problem, problem.vector.start, chosen.sizes), trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
     return bettered(max(found, key=_rank), sizes)
@@ -87,7 +87,7 @@ def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None =
 def _in_catalogue(problem: Problem, taken: Taken, sizes: Sizes) -> bool:
     """Whether every cylinder has a size, and one that it is offered."""
     cylinders = problem.machine.cylinders
-    pairs = zip(cylinders, taken, problem.resized, strict=False)  # motors have none
+    pairs = zip(cylinders, taken, problem.vector.resized, strict=False)  # motors have none
     return len(taken) == len(cylinders) and all(
         size in offered(c, sizes, *free) for c, size, free in pairs
     )
@@ -104,7 +104,7 @@ def refuse_fixed(problem: Problem) -> None:
     Raises:
         ArmDesignError: none does.
     """
-    if not any(bore or rod for bore, rod in problem.resized):
+    if not any(bore or rod for bore, rod in problem.vector.resized):
         raise ArmDesignError(
             "catalogue", "has no use where sizes stay as they are", 'add "areas" to what varies'
         )
@@ -139,13 +139,13 @@ def _taken(search: Search, i: int, sizes: Sizes) -> Search:
 def _near(search: Search, i: int, sizes: Sizes) -> Sizes:
     """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
     cylinder = search.problem.machine.cylinders[i]
-    cap, annulus = search.problem.areas(search.x)[i]
+    cap, annulus = search.problem.vector.areas(search.x)[i]
     bore, stoutness = (
         cylinder.bore * math.sqrt(search.x[2 * i]),
         math.sqrt(max(1 - annulus / cap, 0.0)),
     )
     rods: dict[float, list[float]] = {}
-    for size in offered(cylinder, sizes, *search.problem.resized[i]):
+    for size in offered(cylinder, sizes, *search.problem.vector.resized[i]):
         rods.setdefault(size[0], []).append(size[1])
     return tuple(
         (own, rod)
@@ -199,16 +199,16 @@ def _rank(search: Search) -> tuple[bool, float]:
 def _selected(problem: Problem, x: Array, sizes: Sizes) -> Selection:
     """The best sizes for the pins of x."""
     offered = choices(
-        problem.placed(x),
+        problem.vector.with_pins(x),
         problem.machine,
         problem.workspace,
         problem.requirements,
         sizes,
-        proportional=problem.proportional,
-        tolerance=MISSED if problem.moving else TOLERANCE,
-        free=problem.resized,
+        proportional=problem.dynamics.proportional,
+        tolerance=MISSED if problem.vector.moving else TOLERANCE,
+        free=problem.vector.resized,
     )
-    return select(offered, problem.bands)
+    return select(offered, problem.dynamics.bands)
 
 
 def _sized(

@@ -93,9 +93,11 @@ def select(offered: Choices, bands: Bands | None = None) -> Selection:
     """
     bands = bands or Bands()
     frame = offered.judge.frame
-    soft = bands.oil(frame, softest=True)
-    cylinders = tuple(tuple(bands.softest(c) for c in options) for options in offered.cylinders)
-    loads, reference = _loads(soft, offered.judge.workspace, bands.masses(frame))
+    soft = bands.with_oil(frame, softest=True)
+    cylinders = tuple(
+        tuple(bands.with_largest_volumes(c) for c in options) for options in offered.cylinders
+    )
+    loads, reference = _loads(soft, offered.judge.workspace, bands.mass_shares(frame))
     hunt = _Hunt(
         choices=replace(offered, cylinders=cylinders), loads=loads, reference=reference, frame=soft
     )

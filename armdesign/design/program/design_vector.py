@@ -1,112 +1,99 @@
-"""The design space: what the numbers of a design vector mean for a machine's cylinders and linkages.
+"""The design vector: what the entries of x mean for a machine's cylinders and linkages.
 
-The vector x holds for every cylinder its bore and annulus area (relative to today's) and the moves
-of its pins and four-bars (relative to the pin box), 1 and 0 for today's machine. Where a bore
-varies and its rod does not, the annulus follows the bore. Links do not depend on x; the cylinders'
-own masses, where given, do (``own_masses``). Places have the analytic sensitivities of the
-linkage; what is computed from them goes on by a complex step.
+The vector x holds for every actuator its bore and annulus area (relative to today's) and the moves
+of cylinder pins and four-bars (relative to the pin box): 1 and 0 for today's machine. Where a bore
+varies and its rod does not, the annulus follows the bore. Links do not depend on x; the masses of
+cylinders and four-bars, where the file gives them, do (``moving_masses.py``). Derivatives by x are
+in ``gradient.py``.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags, remembered
-from armdesign.design.catalogue.sizes import relative_areas
-from armdesign.design.program.moving_masses import OwnMasses, masses, with_masses
+from armdesign.design.program.moving_masses import MovingMasses, masses, with_masses
 from armdesign.design.program.variables import Variable, variables
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage.base import Actuation, Linkage, Move
+from armdesign.mechanism.linkage.base import Linkage, Move
 
-STEP = 1e-30  # complex step: no subtraction, so no cancellation
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Lengths, moment arms and their derivatives over some poses, with their derivatives by x.
+    """Lengths (…, n, nc), moment arms (…, n, nc, nq) and their derivatives (…, n, nc, nq, nq).
 
-    length (n, nc), arm (n, nc, nq), curve (n, nc, nq, nq); the d-arrays have x in front: (nx, n,
-    nc, …), or are None.
+    Of every actuator at n poses; ``gradient.py`` has a variant for each entry of x in front.
     """
 
     length: Array
     arm: Array
     curve: Array
-    d_length: Array | None = None
-    d_arm: Array | None = None
-    d_curve: Array | None = None
 
     def __getitem__(self, poses: Array) -> Geometry:
-        """At some of the poses, without derivatives."""
+        """At some of the poses."""
         return Geometry(self.length[poses], self.arm[poses], self.curve[poses])
-
-    def stepped(self) -> tuple[Array, Array, Array]:
-        """The three arrays with a complex step along each entry of x (nx, n, nc, …)."""
-        assert self.d_length is not None
-        assert self.d_arm is not None
-        assert self.d_curve is not None
-        return (
-            self.length + 1j * STEP * self.d_length,
-            self.arm + 1j * STEP * self.d_arm,
-            self.curve + 1j * STEP * self.d_curve,
-        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DesignSpace:
-    """All that x can make of ``machine``.
+class DesignVector:
+    """All that x can make of a machine.
 
-    ``vary`` are the words and key paths of ``variables.py``; ``requirements`` and ``workspace``
-    give the pin boxes.
+    Attributes:
+        machine: today's machine, x = ``start``.
+        vary: words and key paths of ``variables.py``.
+        boxes: for each cylinder how far the coordinates of a place of its linkage may move [m].
     """
 
     machine: Machine
-    workspace: Workspace
-    requirements: Requirements
     vary: tuple[str, ...]
-    proportional: bool = False  # dead volumes grow with the areas
-    sizes: tuple[
-        tuple[float, float] | None, ...
-    ] = ()  # bore and rod of cylinders for which they are chosen [m]
+    boxes: tuple[Mapping[str, float], ...]
+
+    @classmethod
+    def of(
+        cls,
+        machine: Machine,
+        workspace: Workspace,
+        requirements: Requirements,
+        vary: tuple[str, ...],
+    ) -> DesignVector:
+        """With the pin boxes that requirements give on today's workspace."""
+        common = requirements.box(machine, workspace)
+        boxes = tuple(
+            {
+                place: requirements.box_of(c.name, place, common)
+                for place in ("base", "rod_end", *k.places)
+            }
+            for c, k in zip(machine.cylinders, machine.linkages, strict=True)
+        )
+        return cls(machine=machine, vary=vary, boxes=boxes)
 
     # ----------------------------------------------------------------------------------- variables
 
     @cached_property
-    def box(self) -> float:
-        """How far any pin coordinate may move [m]."""
-        common = self.requirements.box(self.machine, self.workspace)
-        names = [cylinder.name for cylinder in self.machine.cylinders]
-        return max(
-            self.requirements.box_of(name, pin, common)
-            for name in names
-            for pin in ("base", "rod_end")
-        )
+    def pin_box(self) -> float:
+        """How far any pin coordinate may move [m]: the unit of their entries of x."""
+        return max(box[pin] for box in self.boxes for pin in ("base", "rod_end"))
 
     @cached_property
-    def variables(self) -> list[Variable]:
-        """Entries of x: all areas (fixed unless they vary), then the coordinates of pins and bars that move."""
-        return [self._as_chosen(v) for v in self._asked]
+    def variables(self) -> tuple[Variable, ...]:
+        """Entries of x: all areas, then the coordinates of pins and bars that move."""
+        return variables(self.machine, self.vary, self.pin_box > 0)
 
     @cached_property
-    def _asked(self) -> list[Variable]:
-        return variables(self.machine, self.vary, self.box, self.requirements.thrust_share)
-
-    def _as_chosen(self, v: Variable) -> Variable:
-        """A variable, fixed if it is an area of a cylinder whose size is chosen."""
-        size = self.sizes[v.cylinder] if v.pin is None and v.cylinder < len(self.sizes) else None
-        if size is None:
-            return v
-        area = relative_areas(self.machine.cylinders[v.cylinder], *size)[v.axis]
-        return dataclasses.replace(v, lower=area, upper=area)
+    def is_coordinate(self) -> Flags:
+        """Which entries of x are coordinates of pins and bars (nx,)."""
+        return np.array([v.pin is not None for v in self.variables])
 
     @cached_property
     def moving(self) -> list[int]:
@@ -122,8 +109,8 @@ class DesignSpace:
         }
 
     @cached_property
-    def bends(self) -> bool:
-        """Whether a rod end moves by more than a pin of its link: by places of the linkage's own."""
+    def moves_within(self) -> bool:
+        """Whether a linkage moves by more than its base and rod-end pins."""
         return any(self.moved_within(i) for i in self.moving)
 
     def moved_within(self, i: int) -> bool:
@@ -133,92 +120,16 @@ class DesignSpace:
 
     @cached_property
     def resized(self) -> tuple[tuple[bool, bool], ...]:
-        """For each actuator, whether its bore and whether its rod may change, in ``sizes`` too."""
-        free = [v.upper > v.lower for v in self._asked[: 2 * len(self.machine.actuators)]]
+        """For each actuator, whether its bore and whether its rod may change."""
+        free = [v.free for v in self.variables[: 2 * len(self.machine.actuators)]]
         return tuple(zip(free[::2], free[1::2], strict=True))
 
     @cached_property
     def start(self) -> Array:
         """Today's machine as x."""
-        return np.array([1.0 if v.pin is None else 0.0 for v in self.variables])
+        return np.where(self.is_coordinate, 0.0, 1.0)
 
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper end of every entry of x.
-
-        A pin with a smaller box of its own keeps to that.
-        """
-        common, ends = self.requirements.box(self.machine, self.workspace), []
-        for v in self.variables:
-            share = 1.0
-            if v.pin is not None:
-                share = (
-                    self.requirements.box_of(
-                        self.machine.cylinders[v.cylinder].name, v.pin, common
-                    )
-                    / self.box
-                )
-            ends.append((v.lower * share, v.upper * share))
-        low, high = np.array(ends).T
-        return low, high
-
-    def like(self, x: Array, other: DesignSpace) -> Array:
-        """The design ``x`` of another problem of this machine as one of this problem, as far as it varies here."""
-        pins = zip(x, other.variables, strict=True)
-        moved = {
-            (v.cylinder, v.pin, v.axis): float(value) * other.box
-            for value, v in pins
-            if v.pin is not None
-        }
-        here = [
-            moved.get((v.cylinder, v.pin, v.axis), 0.0) / self.box
-            for v in self.variables
-            if v.pin is not None
-        ]
-        return np.clip(
-            np.concatenate([(other.areas(x) / self.areas_today).ravel(), here]), *self.bounds
-        )
-
-    # ------------------------------------------------------------------------------------ machines
-
-    def placed(self, x: Array) -> Machine:
-        """Today's machine with pins, bars, closed lengths, strokes and own masses of x.
-
-        Bores and rods are today's.
-        """
-        places = zip(self.machine.cylinders, *self.strokes(x), strict=False)  # motors stay
-        cylinders = [
-            dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke))
-            for c, closed, stroke in places
-        ]
-        linkages = self.linkages(x)
-        if self.own is not None:
-            closed = np.array([c.closed_length for c in cylinders])
-            for i in self.own.bars:
-                own = masses(
-                    self.machine.cylinders[i],
-                    self.machine.linkages[i],
-                    self.areas(x)[i],
-                    closed[i],
-                    linkages[i],
-                )
-                cylinders[i] = with_masses(cylinders[i], own)
-        return dataclasses.replace(self.machine, cylinders=tuple(cylinders), linkages=linkages)
-
-    @cached_property
-    def own(self) -> OwnMasses | None:
-        """The bars that weigh and depend on x; None where none does."""
-        bars = {}
-        for i, cylinder in enumerate(self.machine.cylinders):
-            sized, within = bool(self.moves(i)) or any(self.resized[i]), self.moved_within(i)
-            of_linkage = self.machine.linkages[i].bar_names
-            if names := [
-                name
-                for name in cylinder.moving_masses
-                if (within if name in of_linkage else sized)
-            ]:
-                bars[i] = names
-        return OwnMasses(self.machine, bars) if bars else None
+    # --------------------------------------------------------------------------------------- areas
 
     @cached_property
     def areas_today(self) -> Array:
@@ -226,90 +137,48 @@ class DesignSpace:
         return np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
 
     def areas(self, x: Array) -> Array:
-        """Both areas of every actuator, all parallel cylinders together (nc, 2) [m², of a motor m³/rad]."""
+        """Bore and annulus of every actuator (nc, 2) [m², of a motor m³/rad], all parallel ones."""
         areas = x[: 2 * len(self.machine.actuators)].reshape(-1, 2) * self.areas_today
-        return np.asarray(
-            np.where(self._rod_stays, (areas[:, 0] - self._rod_areas)[:, None], areas)
-        )
+        rod_areas = self.areas_today[:, 0] - self.areas_today[:, 1]
+        return np.asarray(np.where(self.rod_stays, (areas[:, 0] - rod_areas)[:, None], areas))
 
     @cached_property
-    def _rod_stays(self) -> Flags:
-        """Which areas are the bore's less today's rod (nc, 2): annuli of cylinders whose bore alone varies."""
+    def rod_stays(self) -> Flags:
+        """Which areas are the bore's less today's rod (nc, 2): annuli where the bore alone varies."""
         return np.array([[False, bore and not rod] for bore, rod in self.resized])
 
-    @cached_property
-    def _rod_areas(self) -> Array:
-        """Today's rods (nc,) [m²]."""
-        return np.asarray(self.areas_today[:, 0] - self.areas_today[:, 1])
-
-    def stepped_areas(self, x: Array) -> Array:
-        """Areas with a complex step along each entry of x (nx, nc, 2)."""
-        areas = np.tile(self.areas(x).astype(complex), (len(x), 1, 1))
-        for index, v in enumerate(self.variables):
-            if v.pin is None and not self._rod_stays[v.cylinder, v.axis]:
-                areas[index, v.cylinder, v.axis] += (
-                    1j * STEP * self.areas_today[v.cylinder, v.axis]
-                )
-                if v.axis == 0 and self._rod_stays[v.cylinder, 1]:
-                    areas[index, v.cylinder, 1] += 1j * STEP * self.areas_today[v.cylinder, 0]
-        return areas
+    # ------------------------------------------------------------------------------------ linkages
 
     @remembered
     def linkages(self, x: Array) -> tuple[Linkage, ...]:
         """Every cylinder's pins and bars at x."""
-        made = list(self.machine.linkages)
+        linkages = list(self.machine.linkages)
         for value, v in zip(x, self.variables, strict=True):
             if v.pin is not None:
-                at = list(made[v.cylinder].place(v.pin) or ())
-                at[v.axis] += float(value) * self.box
-                made[v.cylinder] = made[v.cylinder].with_place(v.pin, at)
-        return tuple(made)
-
-    def variant(self, linkage: Linkage, index: int) -> Linkage:
-        """A linkage with a complex step along the entry of x that moves one of its places."""
-        v = self.variables[index]
-        at = [complex(value) for value in linkage.place(v.pin or "") or ()]
-        at[v.axis] += 1j * STEP * self.box
-        return linkage.with_place(v.pin or "", at)  # type: ignore[arg-type]
+                at = list(linkages[v.cylinder].place(v.pin) or ())
+                at[v.axis] += float(value) * self.pin_box
+                linkages[v.cylinder] = linkages[v.cylinder].with_place(v.pin, at)
+        return tuple(linkages)
 
     def closes(self, x: Array) -> bool:
         """Whether every four-bar closes over its joint's range."""
-        pairs = zip(self.linkages(x), self.ranges, strict=True)
+        pairs = zip(self.linkages(x), self.range_poses, strict=True)
         return all(poses is None or bool(linkage.closes(poses).all()) for linkage, poses in pairs)
 
-    # ------------------------------------------------------------------------------------ geometry
-
-    def geometry(self, x: Array, poses: RigidPoses, derivatives: bool = False) -> Geometry:
-        """Every linkage at some poses, with derivatives by x when asked."""
+    def geometry(self, x: Array, poses: RigidPoses) -> Geometry:
+        """Every linkage at some poses."""
         linkages = self.linkages(x)
-        parts = [
-            drive.actuation(poses) for drive in (*linkages, *self.machine.drives[len(linkages) :])
-        ]
-        length = np.stack([p.length for p in parts], axis=1)
-        arm = np.stack([p.moment_arm for p in parts], axis=1)
-        curve = np.stack([p.moment_arm_derivative for p in parts], axis=1)
-        if not derivatives:
-            return Geometry(length, arm, curve)
-        changes = [np.zeros((len(x), *value.shape)) for value in (length, arm, curve)]
-        for i, linkage in enumerate(linkages):
-            for index, moved in self.sensitivities(i, linkage, poses):
-                parts_moved = (moved.length, moved.moment_arm, moved.moment_arm_derivative)
-                for change, part in zip(changes, parts_moved, strict=True):
-                    change[index][:, i] = part * self.box
-        return Geometry(length, arm, curve, *changes)
-
-    def sensitivities(
-        self, i: int, linkage: Linkage, poses: RigidPoses
-    ) -> list[tuple[int, Actuation]]:
-        """Entries of x that move places of cylinder ``i``, each with its actuation's derivative by that coordinate."""
-        entries = self.moves(i)
-        return list(
-            zip(entries, linkage.sensitivities(poses, list(entries.values())), strict=True)
+        drives = (*linkages, *self.machine.drives[len(linkages) :])
+        parts = [drive.actuation(poses) for drive in drives]
+        return Geometry(
+            np.stack([p.length for p in parts], axis=1),
+            np.stack([p.moment_arm for p in parts], axis=1),
+            np.stack([p.moment_arm_derivative for p in parts], axis=1),
         )
 
     @cached_property
-    def ranges(self) -> list[RigidPoses | None]:
-        """For every cylinder that moves one joint alone, poses over that joint's range, ends included."""
+    def range_poses(self) -> list[RigidPoses | None]:
+        """For every cylinder that moves one joint alone, poses over its range, ends included."""
         arm, ranges = self.machine.arm, self.machine.ranges
         return [
             (
@@ -328,12 +197,12 @@ class DesignSpace:
         """
         return [
             k.actuation(p).moment_arm[:, k.joints[0]] if p is not None else np.empty(0)
-            for k, p in zip(self.machine.linkages, self.ranges, strict=True)
+            for k, p in zip(self.machine.linkages, self.range_poses, strict=True)
         ]
 
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
-        """Closed length and stroke of each actuator (nc,) [m]: least length and span over its joint's range.
+        """Closed length and stroke of each actuator (nc,) [m], to cover its joint's range.
 
         Today's for a motor and for a cylinder whose pins stay.
         """
@@ -343,41 +212,49 @@ class DesignSpace:
         )
         linkages = self.linkages(x)
         for i in self.moving:
-            if (poses := self.ranges[i]) is not None:
+            if (poses := self.range_poses[i]) is not None:
                 with np.errstate(invalid="ignore"):
                     length = linkages[i].length(poses)
                 closed[i], stroke[i] = length.min(), np.ptp(length)
         return closed, stroke
 
-    @remembered
-    def stepped_sweeps(self, x: Array) -> list[tuple[Array, Array] | None]:
-        """Length and moment arm over each cylinder's range with a complex step along each entry of x (nx, n).
+    # -------------------------------------------------------------------------------------- masses
 
-        None across several joints.
+    @cached_property
+    def moving_masses(self) -> MovingMasses | None:
+        """The bars that weigh and depend on x; None where none does."""
+        bars = {}
+        for i, cylinder in enumerate(self.machine.cylinders):
+            sized, within = bool(self.moves(i)) or any(self.resized[i]), self.moved_within(i)
+            of_linkage = self.machine.linkages[i].bar_names
+            names = [
+                name
+                for name in cylinder.moving_masses
+                if (within if name in of_linkage else sized)
+            ]
+            if names:
+                bars[i] = names
+        return MovingMasses(self.machine, bars) if bars else None
+
+    @cached_property
+    def bare(self) -> Machine:
+        """Today's machine without the masses that depend on x."""
+        return self.machine if self.moving_masses is None else self.moving_masses.rest
+
+    def with_pins(self, x: Array) -> Machine:
+        """Today's machine with pins, bars, closed lengths, strokes and masses of x.
+
+        Bores and rods are today's.
         """
-        found: list[tuple[Array, Array] | None] = []
-        for i, (linkage, poses) in enumerate(zip(self.linkages(x), self.ranges, strict=True)):
-            if poses is None:
-                found.append(None)
-                continue
-            actuation, joint = linkage.actuation(poses), linkage.joints[0]
-            length, arm = (
-                np.tile(value.astype(complex), (len(x), 1))
-                for value in (actuation.length, actuation.moment_arm[:, joint])
-            )
-            for index, moved in self.sensitivities(i, linkage, poses):
-                length[index] += 1j * STEP * moved.length * self.box
-                arm[index] += 1j * STEP * moved.moment_arm[:, joint] * self.box
-            found.append((length, arm))
-        return found
-
-    def stepped_strokes(self, x: Array) -> tuple[Array, Array]:
-        """Closed lengths and strokes with a complex step along each entry of x (nx, nc)."""
-        closed, stroke = (np.tile(value.astype(complex), (len(x), 1)) for value in self.strokes(x))
-        sweeps = self.stepped_sweeps(x)
-        for i in self.moving:
-            if (swept := sweeps[i]) is not None:
-                length = swept[0]
-                closed[:, i] = length[:, length[0].real.argmin()]
-                stroke[:, i] = length[:, length[0].real.argmax()] - closed[:, i]
-        return closed, stroke
+        lengths = zip(self.machine.cylinders, *self.strokes(x), strict=False)  # motors stay
+        cylinders = [
+            dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke))
+            for c, closed, stroke in lengths
+        ]
+        linkages = self.linkages(x)
+        for i in self.moving_masses.bars if self.moving_masses else ():
+            today = self.machine.cylinders[i], self.machine.linkages[i]
+            closed_length = np.float64(cylinders[i].closed_length)
+            new = masses(*today, self.areas(x)[i], closed_length, linkages[i])
+            cylinders[i] = with_masses(cylinders[i], new)
+        return dataclasses.replace(self.machine, cylinders=tuple(cylinders), linkages=linkages)

@@ -1,4 +1,4 @@
-"""What areas leave alone when nothing else moves: worked out once, so that many areas are tried on many poses."""
+"""Fixed pins: what areas leave alone, worked out once so that many areas are tried on many poses."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from armdesign.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Still:
+class FixedPins:
     """All rows of a problem in which only areas vary and static forces do not depend on them.
 
-    Lengths, static forces (n, nc), and in the frame of L⁻¹, M = L Lᵀ: arm L⁻¹r (n, nc, nq) and
-    rest, K without oil (n, nq, nq).
+    Lengths and static forces (n, nc); and with M = L Lᵀ the moment arms L⁻¹r (n, nc, nq) and
+    L⁻¹K L⁻ᵀ without oil (n, nq, nq).
     """
 
     length: Array
     forces: Array
-    arm: Array
-    rest: Array
+    scaled_arm: Array
+    scaled_rest: Array
 
-    def squared(self, rows: Array | slice, oil: Array) -> Array:
+    def omega_squared(self, rows: Array | slice, oil: Array) -> Array:
         """Lowest ω² (n,) [rad²/s²] of rows with the stiffness (n, nc) [N/m] of their oil."""
-        arm = self.arm[rows]
-        return lowest(self.rest[rows] + np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None]))
+        arm = self.scaled_arm[rows]
+        oil_stiffness = np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None])
+        return lowest(self.scaled_rest[rows] + oil_stiffness)
 
 
 def lowest(scaled: Array) -> Array:

@@ -20,7 +20,7 @@ from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.linkage.base import Linkage
 
-Loads: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
+InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 
 
 def masses(
@@ -67,7 +67,7 @@ def weighed(new: Machine, today: Machine) -> Machine:
 
 
 @dataclass(frozen=True, eq=False)
-class OwnMasses:
+class MovingMasses:
     """The bars of a machine that a design changes: for each of some cylinders, their names."""
 
     machine: Machine
@@ -101,13 +101,17 @@ class OwnMasses:
             np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
 
-    def units(self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses) -> Loads:
+    def units(
+        self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
         parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
 
-    def units_of(self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses) -> Loads:
+    def units_of(
+        self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
+    ) -> InertiaAndGravity:
         """Those of the bars of one cylinder."""
         ends = linkage.bars(rigid, closed)
         parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]
@@ -115,7 +119,7 @@ class OwnMasses:
         return mass, gravity, slope
 
 
-def summed(masses: Array, units: Loads) -> Loads:
+def summed(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
     """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k) from those of a kilogram of each."""
     mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
     return mass, gravity, slope

@@ -23,56 +23,50 @@ WORDS = {
 }
 SIZES = ("bore_mm", "rod_mm")
 IN_PLANE = (0, 2)
-LEAST = 0.1  # an area, over today's
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """One entry of x: an area of a cylinder (``pin`` None.
+    """One entry of x: an area of an actuator, or a coordinate of a place of its linkage.
 
-    Axis 0 bore, 1 annulus) or a coordinate of its linkage.
-
-    ``pin`` is then a place of the linkage: a pin, or a bar of its four-bar, whose only coordinate
-    (0) is its length.
+    Attributes:
+        cylinder: number of the actuator.
+        pin: place of the linkage: a pin, or a bar of its four-bar; None for an area.
+        axis: of an area 0 for the bore and 1 for the annulus; of a pin the coordinate in its link;
+            of a bar 0, its length.
+        free: whether it may change.
     """
 
     cylinder: int
     pin: str | None
     axis: int
-    lower: float
-    upper: float
+    free: bool = True
 
 
-def variables(
-    machine: Machine, vary: Sequence[str], box: float, largest_area: float
-) -> list[Variable]:
-    """Entries of x: all areas (fixed unless they vary, and always of motors), then the coordinates that move.
+def variables(machine: Machine, vary: Sequence[str], pins_move: bool) -> tuple[Variable, ...]:
+    """Entries of x: all areas, free where they vary, then the coordinates that move.
 
     Args:
         machine: today's machine.
         vary: words and key paths.
-        box: how far a coordinate may move [m]; nothing moves if it is zero.
-        largest_area: upper end of an area, over today's.
+        pins_move: whether anything but areas may vary.
 
     Raises:
         ArmDesignError: a word or path that names nothing, or nothing that can vary.
     """
-    asked = chosen(machine, vary)
-    made = []
-    for i, actuator in enumerate(machine.actuators):
-        bore, rod = (f"cylinder.{actuator.name}.{key}" in asked for key in SIZES)
-        for axis, free in ((0, bore), (1, rod)):
-            low, high = (LEAST, max(2.0, largest_area)) if free else (1.0, 1.0)
-            if (
-                axis == 0 and bore and not rod
-            ):  # the annulus is what the bore leaves around today's rod
-                low = 1 - (1 - LEAST) * actuator.annulus_area / actuator.bore_area
-            made.append(Variable(cylinder=i, pin=None, axis=axis, lower=low, upper=high))
-    for i in range(len(machine.cylinders)) if box > 0 else ():
-        for path, (place, axis) in _coordinates(machine, i).items():
-            if path in asked:
-                made.append(Variable(cylinder=i, pin=place, axis=axis, lower=-1.0, upper=1.0))
-    return made
+    paths = chosen(machine, vary)
+    areas = [
+        Variable(cylinder=i, pin=None, axis=axis, free=f"cylinder.{actuator.name}.{key}" in paths)
+        for i, actuator in enumerate(machine.actuators)
+        for axis, key in enumerate(SIZES)
+    ]
+    coordinates = [
+        Variable(cylinder=i, pin=place, axis=axis)
+        for i in range(len(machine.cylinders) if pins_move else 0)
+        for path, (place, axis) in _coordinates(machine, i).items()
+        if path in paths
+    ]
+    return (*areas, *coordinates)
 
 
 def chosen(machine: Machine, vary: Sequence[str]) -> set[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 
 ANGLES = 400  # tried between the pins as found and the least move, where the box is in the way
 
@@ -23,15 +23,15 @@ def settled(problem: Problem, x: Array) -> Array:
     of single pins.
     """
     x, r = x.copy(), problem.requirements
-    felt = problem.own or r.outlines or r.clearances or r.pin_boxes
-    for i in problem.moving if not felt else ():
+    felt = problem.vector.moving_masses or r.outlines or r.clearances or r.pin_boxes
+    for i in problem.vector.moving if not felt else ():
         entries, centres, mirrored = _turnable(problem, i)
         if len(entries) == 0:
             continue
-        today = _levers(problem, problem.start, i, centres, mirrored)
+        today = _levers(problem, problem.vector.start, i, centres, mirrored)
         found = _levers(problem, x, i, centres, mirrored)
-        turned = _least(found, today, problem.box)
-        moved = (turned - today) / problem.box
+        turned = _least(found, today, problem.vector.pin_box)
+        moved = (turned - today) / problem.vector.pin_box
         x[entries[:, 0]], x[entries[:, 1]] = (
             moved.real,
             np.where(mirrored, -moved.imag, moved.imag),
@@ -55,7 +55,10 @@ def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
     Empty where they cannot turn.
     """
     arm, linkage = problem.machine.arm, problem.machine.linkages[i]
-    joint, index = linkage.joints[0], {move: entry for entry, move in problem.moves(i).items()}
+    joint, index = (
+        linkage.joints[0],
+        {move: entry for entry, move in problem.vector.moves(i).items()},
+    )
     pose = arm.kinematics(np.zeros((1, len(arm.joints))))
     entries, centres, mirrored = [], [], []
     for link, name in _pins(problem, i):
@@ -86,7 +89,7 @@ def _levers(problem: Problem, x: Array, i: int, centres: Array, mirrored: Array)
 
     Conjugate where the link sees the joint turned.
     """
-    linkage = problem.linkages(x)[i]
+    linkage = problem.vector.linkages(x)[i]
     places = [linkage.place(name) or (0.0, 0.0, 0.0) for _, name in _pins(problem, i)]
     levers = np.array([complex(at[0], at[2]) for at in places]) - centres
     return np.asarray(np.where(mirrored, np.conj(levers), levers))

@@ -15,8 +15,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import conditions_at, drawn_in, holding_rows
-from armdesign.design.program.design_vector import STEP
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.gradient import STEP
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import Condition
 from armdesign.design.search.grid import grid_sizes
 from armdesign.errors import InfeasibleError
@@ -119,10 +119,10 @@ class Elastic:
         """
         random = np.random.default_rng(0)
         low, high = self.bounds
-        pins = np.array([v.pin is not None for v in self.problem.variables])
+        pins = np.array([v.pin is not None for v in self.problem.vector.variables])
         best: Answer | None = None
         for k in range(starts if pins.any() else min(starts, 2)):
-            x = (self.x, self.problem.start)[k].copy() if k < 2 else self.x.copy()
+            x = (self.x, self.problem.vector.start)[k].copy() if k < 2 else self.x.copy()
             if k >= 2:
                 x[pins] = random.uniform(0.7 * low[pins], 0.7 * high[pins])
             answer = self._watched(

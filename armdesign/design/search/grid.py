@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from armdesign.arrays import Array
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.units import mm
 
 GRID = 0.1  # [mm] what a drawing can say
@@ -19,7 +19,7 @@ def neighbours(value: float) -> list[float]:
 
 def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     """Bore and rod of a cylinder at x [mm]."""
-    (a1, a2), count = problem.areas(x)[i], problem.machine.cylinders[i].count
+    (a1, a2), count = problem.vector.areas(x)[i], problem.machine.cylinders[i].count
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
 
 
@@ -29,10 +29,10 @@ def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
     The annulus takes the bore as it stands at x. Empty where that size does not vary.
     """
     i, side = divmod(entry, 2)
-    if not problem.resized[i][side] or (problem.sizes and problem.sizes[i] is not None):
+    if not problem.vector.resized[i][side] or (problem.sizes and problem.sizes[i] is not None):
         return []
-    size, own = diameters(problem, x, i)[side], problem.areas_today[i, side]
-    cap = problem.areas(x)[i, 0]
+    size, own = diameters(problem, x, i)[side], problem.vector.areas_today[i, side]
+    cap = problem.vector.areas(x)[i, 0]
     found = []
     for value in sorted(neighbours(size), key=lambda near: abs(near - size)):
         area = problem.machine.cylinders[i].count * math.pi / 4 * (value * mm) ** 2

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import settled
@@ -52,7 +52,7 @@ def posed(
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    return Problem(
+    return Problem.of(
         machine=machine,
         workspace=workspace,
         requirements=requirements,
@@ -99,15 +99,15 @@ def multistart(
     polished and finished.
     """
     random = np.random.default_rng(seed)
-    moving = np.array([v.pin is not None for v in problem.variables])
+    moving = np.array([v.pin is not None for v in problem.vector.variables])
     searches = [] if given is None else [Search(problem=problem, x=given)]
     if starts is None:
-        starts = BENDING if problem.bends else STARTS
-    for k in range((max(starts, 1) if problem.moving else 1) - len(searches)):
-        x = problem.start.copy()
+        starts = BENDING if problem.vector.moves_within else STARTS
+    for k in range((max(starts, 1) if problem.vector.moving else 1) - len(searches)):
+        x = problem.vector.start.copy()
         x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
         x = np.clip(x, *problem.bounds)
-        while not problem.closes(x):
+        while not problem.vector.closes(x):
             x[moving] *= 0.7
         searches.append(Search(problem=problem, x=x))
     _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
@@ -152,7 +152,7 @@ def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 
     In turn, where four-bars move.
     """
-    for _ in range(POLISHED if curved and search.problem.bends else 1):
+    for _ in range(POLISHED if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit
         if curved and search.violation < NEARLY:

@@ -59,7 +59,9 @@ def refusal(search: Search) -> InfeasibleError | None:
 
     None where a design meets all: ``search`` then stands there.
     """
-    conflict, parts, found = _conflict(search, 0.0 if not search.problem.moving else DRAWN_IN[0])
+    conflict, parts, found = _conflict(
+        search, 0.0 if not search.problem.vector.moving else DRAWN_IN[0]
+    )
     if not parts or (found and found.nothing):
         kept_within(search, found.x if found else conflict.x)
         return None
@@ -68,7 +70,7 @@ def refusal(search: Search) -> InfeasibleError | None:
 
 def not_written(search: Search) -> InfeasibleError:
     """The error where designs meet all requirements, but none was found that can be written."""
-    for share in DRAWN_IN if search.problem.moving else ():
+    for share in DRAWN_IN if search.problem.vector.moving else ():
         conflict, parts, found = _conflict(search, share)
         if parts and not (found and found.nothing):
             return _error(search, conflict, parts, found, f"no sizes and pins {GRID} meet")

@@ -16,8 +16,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import size_in_mm
-from armdesign.design.program.dynamics import Problem
 from armdesign.design.program.moving_masses import weighed
+from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import SIZES
 from armdesign.design.requirements.check import Check, check, meets, static_loads
 from armdesign.design.search.elastic import Elastic
@@ -83,7 +83,7 @@ def inmost(search: Search) -> Judged | None:
     None if it misses one even so.
     """
     problem = search.problem
-    drawn_in = problem.tightened(TIGHTENING if problem.moving else 0.0)
+    drawn_in = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = Elastic(drawn_in, search.x, search.holding, DEPTH)
     soft = (elastic.names,)
     x = elastic.on_grid(elastic.least(soft, ()), soft, ()).x
@@ -132,10 +132,10 @@ def _tuned(search: Search) -> Iterator[Machine]:
     grid then miss a limit by is kept in reserve, and the pins are tuned once more.
     """
     problem = search.problem
-    if not problem.moving:
+    if not problem.vector.moving:
         return
     today, light = problem.machine, _light_workspace(search)
-    requirements = replace(problem.requirements, pin_box=problem.box)
+    requirements = replace(problem.requirements, pin_box=problem.vector.pin_box)
     inside = problem.tightened(TIGHTENING)
     inner = _near(search, inside, search.x, search.bounds).refine(0.02, 1e-5)
     for choice, x, bounds in _promising(inner):
@@ -164,7 +164,7 @@ def _promising(search: Search) -> list[tuple[tuple[float, ...], Array, tuple[Arr
     moves.
     """
     problem, (options, _) = search.problem, _options(search)
-    sizes = slice(0, problem.areas_today.size)
+    sizes = slice(0, problem.vector.areas_today.size)
     promised, designs = search.foresight(sizes), {}
     hopes: dict[tuple[float, ...], float] = {}
 
@@ -204,7 +204,7 @@ def _hardly_gained(search: Search) -> bool:
     problem = search.problem
     if problem.sizes:  # today's machine need not be in the catalogue
         return False
-    if search.squared > 1.02 * problem.lowest_today:
+    if search.squared > 1.02 * problem.dynamics.omega_squared_today:
         return False
     checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
     return min(c.slack for c in checks) >= -TOLERANCE
@@ -213,8 +213,8 @@ def _hardly_gained(search: Search) -> bool:
 def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
     workspace = problem.workspace
-    if problem.bands != Bands():
-        return worst_within(machine, workspace, problem.bands).frequency
+    if problem.dynamics.bands != Bands():
+        return worst_within(machine, workspace, problem.dynamics.bands).frequency
     return worst_frequency(machine, workspace).frequency
 
 
@@ -242,14 +242,16 @@ def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array,
     """
     changes = _pin_changes(search.problem, search.x)
     frame = search.problem.machine.replace(changes) if changes else search.problem.machine
-    still = search.problem.own is None and len(frame.actuators) == len(frame.joints)
+    still = search.problem.vector.moving_masses is None and len(frame.actuators) == len(
+        frame.joints
+    )
     return frame, static_loads(frame, workspace) if still else None
 
 
 def _sized(problem: Problem, frame: Machine, choice: Sequence[float]) -> Machine:
     """A machine with other bores and rods [mm], and the masses that go with them."""
     trial = replace(frame, cylinders=_resized(frame, choice))
-    return trial if problem.own is None else weighed(trial, problem.machine)
+    return trial if problem.vector.moving_masses is None else weighed(trial, problem.machine)
 
 
 def _candidates(search: Search) -> Iterator[dict[str, Any]]:
@@ -257,12 +259,12 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
     problem = search.problem
     today, light = problem.machine, _light_workspace(search)
     frame, loads = _placed(search, light)
-    low = search.rows[np.argsort(problem.frequencies(search.x, search.rows))[:100]]
+    low = search.rows[np.argsort(problem.dynamics.omega_squared(search.x, search.rows))[:100]]
     found = []
     for choice in _choices(search, COMBINATIONS):
         trial = _sized(problem, frame, choice)
         x = _with_sizes(problem, search.x, trial.cylinders)
-        found.append((float(problem.frequencies(x, low).min()), trial, choice, x))
+        found.append((float(problem.dynamics.omega_squared(x, low).min()), trial, choice, x))
     found.sort(key=lambda entry: -entry[0])
     limits = replace(
         problem.requirements, pin_box=problem.requirements.box(today, problem.workspace)
@@ -288,7 +290,9 @@ def _options(search: Search) -> tuple[list[list[float]], list[float]]:
         chosen = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
         return [[size] for size in chosen], chosen
     options, wanted = [], []
-    for i, free in enumerate(problem.resized[: len(problem.machine.cylinders)]):  # motors stay
+    for i, free in enumerate(
+        problem.vector.resized[: len(problem.machine.cylinders)]
+    ):  # motors stay
         real = diameters(problem, search.x, i)
         wanted += real
         options += [
@@ -314,7 +318,7 @@ def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Ar
     """The design x with the areas of cylinders."""
     areas = (
         np.array([[c.bore_area, c.annulus_area] for c in cylinders])
-        / problem.areas_today[: len(cylinders)]
+        / problem.vector.areas_today[: len(cylinders)]
     )
     return np.concatenate([areas.ravel(), x[areas.size :]])
 
@@ -322,19 +326,18 @@ def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Ar
 def _light_workspace(search: Search) -> Workspace:
     """The workspace with only the poses of the largest static forces: enough for a first check."""
     whole = search.problem.workspace
-    q = whole.q[np.unique(search.problem.held.pose[search.holding])]
-    return Workspace(q, whole.axes, whole.end_margin, whole.machine)
+    return whole.subset(np.unique(search.problem.dynamics.nominal_rows.pose[search.holding]))
 
 
 def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
-    linkages = list(problem.linkages(x))
+    linkages = list(problem.vector.linkages(x))
     today, requirements = problem.machine, problem.requirements
     common = requirements.box(today, problem.workspace)
-    for i in problem.moving:
+    for i in problem.vector.moving:
         name = f"cylinder.{today.cylinders[i].name}"
-        for place in sorted({place for place, _ in problem.moves(i).values()}):
+        for place in sorted({place for place, _ in problem.vector.moves(i).values()}):
             limit = requirements.box_of(today.cylinders[i].name, place, common) / mm
             pairs = zip(
                 linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
@@ -342,7 +345,7 @@ def _pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
             at = [_within(value / mm, before / mm, limit) for value, before in pairs]
             changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
-        poses = problem.ranges[i]
+        poses = problem.vector.range_poses[i]
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
@@ -369,14 +372,14 @@ def _within(value: float, before: float, limit: float) -> float:
 def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     for i, (cylinder, free) in enumerate(
-        zip(problem.machine.cylinders, problem.resized, strict=False)
+        zip(problem.machine.cylinders, problem.vector.resized, strict=False)
     ):
         name = f"cylinder.{cylinder.name}"
         sizes = zip(SIZES, choice[2 * i : 2 * i + 2], free, strict=True)
         changes |= {f"{name}.{key}": size for key, size, may in sizes if may}
-        if problem.proportional and any(free):
+        if problem.dynamics.proportional and any(free):
             today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
-            volumes = today * problem.areas(x)[i] / problem.areas_today[i] / litre
+            volumes = today * problem.vector.areas(x)[i] / problem.vector.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
@@ -384,10 +387,10 @@ def _size_changes(problem: Problem, choice: Sequence[float], x: Array) -> dict[s
 
 def _weighed(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
     """Changes with the own masses that sizes and pins make, to the gram."""
-    if problem.own is None:
+    if problem.vector.moving_masses is None:
         return changes
     new, found = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
-    for i, names in problem.own.bars.items():
+    for i, names in problem.vector.moving_masses.bars.items():
         for name in names:
             key, mass = new.linkages[i].mass_key_of(name), new.cylinders[i].masses[name]
             found[f"cylinder.{new.cylinders[i].name}.{key}"] = round(mass, 3)

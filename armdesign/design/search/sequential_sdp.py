@@ -16,13 +16,13 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import (
-    Limits,
+    Constraints,
     conditions_at,
+    constraints_at,
     holding_rows,
-    limits,
-    relaxation,
 )
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.convex_relaxation import convex_relaxation
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import (
     Step,
     StepProgramme,
@@ -64,7 +64,7 @@ class _Trial:
 
     x: Array
     squared: Array
-    limits: Limits
+    limits: Constraints
     merit: float
 
 
@@ -93,19 +93,25 @@ class Search:
     programme: StepProgramme | None = None
     strictness: float = 1.0  # how many times dearer a missed requirement is than usual
     squared: float = 0.0
-    limits: Limits = field(init=False)
+    limits: Constraints = field(init=False)
     reference: float = field(init=False)  # the ω² that steps are measured by [rad²/s²]
     bounds: tuple[Array, Array] = field(init=False)  # of x
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
-        self.reference, self.bounds = self.problem.scale, self.problem.bounds
+        self.reference, self.bounds = (
+            self.problem.dynamics.omega_squared_scale,
+            self.problem.bounds,
+        )
 
     @property
     def merit(self) -> float:
         """Lowest ω² over the problem's scale, less the price of missed requirements: for comparing searches."""
-        return self.squared / self.problem.scale - PRICE * self.strictness * _missed(self.limits)
+        return (
+            self.squared / self.problem.dynamics.omega_squared_scale
+            - PRICE * self.strictness * _missed(self.limits)
+        )
 
     @property
     def violation(self) -> float:
@@ -125,7 +131,7 @@ class Search:
         self.look()
         for _ in range(looks):
             self.reference = max(
-                self.problem.scale, self.squared
+                self.problem.dynamics.omega_squared_scale, self.squared
             )  # so that prices keep pace with what is gained
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
@@ -137,7 +143,7 @@ class Search:
 
     def refine(self, trust: float, tolerance: float) -> Search:
         """As ``run``, but by the rows watched already: for a design that hardly moves."""
-        self.limits = limits(self.problem, self.x, self.holding)
+        self.limits = constraints_at(self.problem, self.x, self.holding)
         self._improve(trust, tolerance)
         return self
 
@@ -170,19 +176,23 @@ class Search:
         ``dual_bound``. Own masses are affine in the areas: see ``lifted``.
         """
         try:
-            relaxed = relaxation(self.problem)
+            relaxed = convex_relaxation(self.problem)
         except InfeasibleError:  # by less than the search lets pass
             return None
         if relaxed is None:
             return None
         linear, low, high = relaxed
         bound = math.inf
-        near = self.problem.frequencies(self.x, self.rows).min() if self.problem.own else 0.0
-        chords = self.problem.chord_matrices(low, high, self.rows, self.x, near)
+        near = (
+            self.problem.dynamics.omega_squared(self.x, self.rows).min()
+            if self.problem.vector.moving_masses
+            else 0.0
+        )
+        chords = self.problem.dynamics.scaled_stiffness_chords(low, high, self.rows, self.x, near)
         base, slopes = (part / self.reference for part in chords)
-        light = self.problem.lightness(self.x, self.rows)
+        light = self.problem.dynamics.scaled_fixed_mass(self.x, self.rows)
         chosen = np.flatnonzero(
-            np.isin(self.rows, self.active(self.problem.frequencies(self.x, self.rows)))
+            np.isin(self.rows, self.active(self.problem.dynamics.omega_squared(self.x, self.rows)))
         )
         kept = self.programme
         count = kept.shape[2] if kept else 0
@@ -208,18 +218,20 @@ class Search:
     @np.errstate(invalid="ignore", divide="ignore")
     def look(self) -> None:
         """Watch the lowest and the most loaded poses of the whole workspace."""
-        squared, forces = self.problem.look(self.x)
+        squared, forces = self.problem.dynamics.omega_squared_and_forces(self.x)
         lowest, spread = (
             np.argsort(squared)[:MEMORY],
             np.arange(0, len(squared), max(1, len(squared) // SPREAD)),
         )
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        known = forces if self.problem.held is self.problem.rows else None
+        known = (
+            forces if self.problem.dynamics.nominal_rows is self.problem.dynamics.rows else None
+        )
         self.holding = np.union1d(self.holding, holding_rows(self.problem, self.x, known)).astype(
             int
         )
         self.squared = float(squared.min())
-        self.limits = limits(self.problem, self.x, self.holding)
+        self.limits = constraints_at(self.problem, self.x, self.holding)
 
     def _improve(self, trust: float, tolerance: float) -> None:
         here = self._trial(self.x, self.limits)
@@ -252,10 +264,10 @@ class Search:
                 break
         self.limits, self.squared = here.limits, float(here.squared.min())
 
-    def _trial(self, x: Array, at: Limits | None = None) -> _Trial:
+    def _trial(self, x: Array, at: Constraints | None = None) -> _Trial:
         """A design looked at on the watched rows."""
-        squared = self.problem.frequencies(x, self.rows)
-        at = limits(self.problem, x, self.holding) if at is None else at
+        squared = self.problem.dynamics.omega_squared(x, self.rows)
+        at = constraints_at(self.problem, x, self.holding) if at is None else at
         return _Trial(x, squared, at, self._merit(float(squared.min()), at))
 
     def _best_trial(
@@ -265,15 +277,19 @@ class Search:
 
         If it disappoints, also the step corrected by what it met there.
 
-        Limits and stiffness bend: the programme is solved again with their values at the trial
+        Constraints and stiffness bend: the programme is solved again with their values at the trial
         (second-order correction), without which steps along a bent limit would have to be tiny.
         """
         none = replace(here, merit=-math.inf)
-        trial = self._trial(here.x + change) if self.problem.closes(here.x + change) else none
+        trial = (
+            self._trial(here.x + change) if self.problem.vector.closes(here.x + change) else none
+        )
         if trial.merit - here.merit > 0.1 * promised or trial is none:
             return trial
         base = (
-            self.problem.scaled(trial.x, model.rows, here.x, float(here.squared.min()))
+            self.problem.dynamics.scaled_stiffness(
+                trial.x, model.rows, here.x, float(here.squared.min())
+            )
             / self.reference
         )
         kept = self.strictness * trial.limits.values[model.keep]
@@ -287,15 +303,17 @@ class Search:
             again = here.x + self._solve(bent, *box).change
         except InfeasibleError:  # the solver gave up: the first trial has to do
             return trial
-        corrected = self._trial(again) if self.problem.closes(again) else none
+        corrected = self._trial(again) if self.problem.vector.closes(again) else none
         return max(trial, corrected, key=lambda t: t.merit)
 
-    def _merit(self, squared: float, at: Limits) -> float:
+    def _merit(self, squared: float, at: Constraints) -> float:
         return squared / self.reference - PRICE * self.strictness * _missed(at)
 
     def _model(self, here: _Trial, rows: Array, low: Array, high: Array) -> _Model:
         """Stiffness of rows, and the limits that could bind in the box, linearised."""
-        base, slopes = self.problem.matrices(here.x, rows, float(here.squared.min()))
+        base, slopes = self.problem.dynamics.scaled_stiffness_and_gradient(
+            here.x, rows, float(here.squared.min())
+        )
         keep = _nearest_limits(here.limits, low, high, 100)
         at = here.limits
         value, jacobian = _padded(
@@ -360,7 +378,7 @@ class Search:
         )
         gains: dict[str, float] = {}
         for name, gain in (
-            *zip(self.limits.names, multipliers * self.limits.relaxation * scale, strict=True),
+            *zip(self.limits.names, multipliers * self.limits.per_percent * scale, strict=True),
             *zip(self._boxes, RELAXED * high_x * at_end * scale, strict=True),
         ):
             gains[name] = gains.get(name, 0.0) + float(gain)
@@ -373,12 +391,14 @@ class Search:
         cylinders = self.problem.machine.cylinders
         return [
             f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else ""
-            for v in self.problem.variables
+            for v in self.problem.vector.variables
         ]
 
     def _gain(self, names: Sequence[str], expected: float) -> float:
         """Relative gain in frequency that is found from here with requirements relaxed by 1 %."""
-        eased = replace(self, problem=self.problem.eased(dict.fromkeys(names, RELAXED)), x=self.x)
+        eased = replace(
+            self, problem=self.problem.relaxed(dict.fromkeys(names, RELAXED)), x=self.x
+        )
         low, high = self.bounds
         more = RELAXED * high * np.isin(self._boxes, names)
         eased.bounds, eased.reference = (low - more, high + more), self.reference
@@ -387,7 +407,7 @@ class Search:
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
-        place = self.problem.pose_of(self.rows)
+        place = self.problem.dynamics.row_coordinates(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
         for spacing in (0.05, 0.0):
             for index in np.argsort(squared):
@@ -400,12 +420,12 @@ class Search:
         return self.rows[chosen]
 
 
-def _amounts(at: Limits) -> Array:
+def _amounts(at: Constraints) -> Array:
     """What each requirement is missed by; infinite where that is not known."""
     return np.where(np.isnan(at.values), np.inf, np.maximum(-at.values, 0.0))
 
 
-def _missed(at: Limits) -> float:
+def _missed(at: Constraints) -> float:
     """Sum of what requirements are missed by."""
     return float(_amounts(at).sum())
 
@@ -419,7 +439,7 @@ def _padded(value: Array, jacobian: Array, count: int = 0) -> tuple[Array, Array
     return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
 
-def _nearest_limits(at: Limits, low: Array, high: Array, count: int) -> Array:
+def _nearest_limits(at: Constraints, low: Array, high: Array, count: int) -> Array:
     """The constraints that a step in the box could bring nearest to violation.
 
     Always the same number of them.

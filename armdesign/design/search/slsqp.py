@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import limits
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.sequential_sdp import ACTIVE, Search
 
 NEARBY = 0.3  # how far any entry of x may go in one round
@@ -40,9 +40,11 @@ def polish(search: Search, tolerance: float = 1e-5) -> None:
         if len(rows) == len(known) and not stopped:
             break
         x = _climbed(trial, rows)
-        if not search.problem.closes(x):
+        if not search.problem.vector.closes(x):
             break
-        stopped = search.problem.bends and bool(np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6))
+        stopped = search.problem.vector.moves_within and bool(
+            np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6)
+        )
         before, trial = trial.merit, replace(trial, x=x)
         trial.look()
         best = max(best, trial, key=lambda s: s.merit)
@@ -54,7 +56,7 @@ def polish(search: Search, tolerance: float = 1e-5) -> None:
 
 def _lowest(search: Search) -> Array:
     """Of the rows watched the lowest, and the lowest that do not nearly coincide."""
-    squared = search.problem.frequencies(search.x, search.rows)
+    squared = search.problem.dynamics.omega_squared(search.x, search.rows)
     return np.union1d(search.rows[np.argsort(squared)[:ACTIVE]], search.active(squared))
 
 
@@ -78,15 +80,18 @@ def _climbed(search: Search, rows: Array) -> Array:
     def constraints(z: Array) -> tuple[Array, Array]:
         """Values ≥ 0 and their derivatives by the free entries of x and by t."""
         x = design(z)
-        if known and not problem.closes(x):  # a line search went too far
+        if known and not problem.vector.closes(x):  # a line search went too far
             value, jacobian = next(iter(known.values()))
             return np.full_like(value, FAILED), jacobian
         if z.tobytes() not in known:
-            at = limits(problem, x, search.holding)
+            at = constraints_at(problem, x, search.holding)
             met = (
-                z[-1] * problem.scale
+                z[-1] * problem.dynamics.omega_squared_scale
             )  # where masses depend on x, slopes are exact for the ω² that bind
-            base, slopes = (part / problem.scale for part in problem.matrices(x, rows, met))
+            base, slopes = (
+                part / problem.dynamics.omega_squared_scale
+                for part in problem.dynamics.scaled_stiffness_and_gradient(x, rows, met)
+            )
             squared, vectors = np.linalg.eigh(base)
             slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES].reshape(
                 -1, len(x)
@@ -102,7 +107,7 @@ def _climbed(search: Search, rows: Array) -> Array:
 
     found = minimize(
         lambda z: -z[-1],
-        np.append(start[free], search.squared / problem.scale),
+        np.append(start[free], search.squared / problem.dynamics.omega_squared_scale),
         jac=lambda z: np.append(np.zeros(len(z) - 1), -1.0),
         bounds=[*zip(low[free], high[free], strict=True), (None, None)],
         constraints={

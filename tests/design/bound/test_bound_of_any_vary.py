@@ -20,8 +20,8 @@ from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.bound.lagrangian import Dual, drives
 from armdesign.design.catalogue import branch_and_bound as selection
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from armdesign.report.designs import design_sheets
@@ -67,13 +67,13 @@ def coarse(name: str) -> Workspace:
 
 def posed(name: str, vary: tuple[str, ...]) -> Problem:
     machine = named(name)
-    return Problem(
+    return Problem.of(
         machine=machine, workspace=coarse(name), requirements=Requirements.of(machine), vary=vary
     )
 
 
 def roughly_solved(problem: Problem) -> Search:
-    return Search(problem=problem, x=problem.start).run(trust=0.2, tolerance=1e-3, looks=1)
+    return Search(problem=problem, x=problem.vector.start).run(trust=0.2, tolerance=1e-3, looks=1)
 
 
 def best_of_random(problem: Problem, near: np.ndarray, seed: int = 0) -> float:
@@ -84,10 +84,12 @@ def best_of_random(problem: Problem, near: np.ndarray, seed: int = 0) -> float:
     for k in range(30):
         reach = (high - low) * 10 ** random.uniform(-3, -0.3)
         x = np.clip(
-            (near if k % 3 else problem.start) + random.uniform(-1, 1, len(low)) * reach, low, high
+            (near if k % 3 else problem.vector.start) + random.uniform(-1, 1, len(low)) * reach,
+            low,
+            high,
         )
-        if problem.closes(x) and limits(problem, x).values.min() >= 0:
-            best = max(best, hertz(float(problem.frequencies(x).min())))
+        if problem.vector.closes(x) and constraints_at(problem, x).values.min() >= 0:
+            best = max(best, hertz(float(problem.dynamics.omega_squared(x).min())))
     return best
 
 
@@ -161,7 +163,7 @@ def test_a_bore_alone_leaves_an_annulus() -> None:
     """
     problem = posed("excavator_20t", ("pins", "cylinder.boom.bore_mm"))
     for x in problem.bounds:
-        areas = problem.areas(x)
+        areas = problem.vector.areas(x)
         assert areas.min() > 0
         assert areas[0, 0] - areas[0, 1] == pytest.approx(2 * math.pi / 4 * 0.085**2)
 
@@ -172,7 +174,9 @@ def test_a_bore_alone_leaves_an_annulus() -> None:
 def test_what_is_not_a_number_is_not_known() -> None:
     """A share whose value is nowhere a number has no upper bound: no box may be dropped."""
     problem = problem_of("double")
-    dual = Dual.begun(problem, drives(problem), problem.start, np.arange(len(problem)))
+    dual = Dual.begun(
+        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    )
     share = dual.shares(dual.prices())[0]
     assert maximum(replace(share, price=np.full(2, np.nan)), 0.02, 500).upper == math.inf
 
@@ -182,7 +186,9 @@ def test_no_share_at_all_is_no_proof() -> None:
     bounded.
     """
     problem = problem_of("double")
-    dual = Dual.begun(problem, drives(problem), problem.start, np.arange(len(problem)))
+    dual = Dual.begun(
+        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    )
     prices = dual.prices()
     some = maximum(dual.shares(prices)[0], 0.1, 200)
     for wrong in (-math.inf, math.nan):

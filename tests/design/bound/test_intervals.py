@@ -17,7 +17,7 @@ from armdesign.design.bound.branch_and_bound import Share
 from armdesign.design.bound.cylinder_constraints import own_limits
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.joint_ranges import sweep
 
 ROUNDING = 1e-9  # what bound.py allows for
@@ -53,7 +53,7 @@ def test_arithmetic_holds_samples(
 def shipped_problem(name: str) -> Problem:
     machine = load(name)
     workspace = Workspace.grid(machine, points=[3] * len(machine.joints))
-    return Problem(
+    return Problem.of(
         machine=machine,
         workspace=workspace,
         requirements=Requirements.of(machine),
@@ -98,7 +98,7 @@ def some_design(problem: Problem, seed: int) -> np.ndarray:
     random = np.random.default_rng(seed)
     low, high = problem.bounds
     x = random.uniform(low, high)
-    pins = np.array([v.pin is not None for v in problem.variables])
+    pins = np.array([v.pin is not None for v in problem.vector.variables])
     return np.where(
         pins & (random.uniform(size=len(x)) < 0.3),
         np.sign(x),
@@ -118,7 +118,7 @@ def test_shapes_hold_lengths_arms_and_bends(
     problem, i, angles, shape = cylinder(name)
     x = some_design(problem, seed)
     joint = problem.machine.linkages[i].joints[0]
-    exact = problem.linkages(x)[i].actuation(sweep(problem.machine.arm, joint, angles))
+    exact = problem.vector.linkages(x)[i].actuation(sweep(problem.machine.arm, joint, angles))
     length, arm = exact.length, exact.moment_arm[:, joint]
     if (arm * shape.sign).min() < 1e-3:
         return  # not a cylinder that works
@@ -197,7 +197,7 @@ def test_shares_hold_stiffness(
     machine, old = problem.machine, problem.machine.cylinders[i]
     joint, limits = machine.linkages[i].joints[0], own_limits(problem, i)
     assert limits is not None
-    exact = problem.linkages(x)[i].actuation(sweep(machine.arm, joint, angles))
+    exact = problem.vector.linkages(x)[i].actuation(sweep(machine.arm, joint, angles))
     arm, curve, stroke = (
         exact.moment_arm[:, joint],
         exact.moment_arm_derivative[:, joint, joint],
@@ -246,19 +246,19 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         np.concatenate([[0, 0], random.uniform(size=n - 2)]),
         np.concatenate([[0, 0], random.normal(size=n - 2)]),
     )
-    dead = problem.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
+    dead = problem.vector.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
     share = Share(
         shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2),
         dead=dead,
         hoses=np.zeros(2),
     )  # fmt: skip
     volume = (
-        problem.areas_today[i]
+        problem.vector.areas_today[i]
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
     # off the telescope's axis
-    at = coordinates(problem, i, shape, problem.start)[:2] + 0.05 * (shape.high - shape.low)
+    at = coordinates(problem, i, shape, problem.vector.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
         return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]

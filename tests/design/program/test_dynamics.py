@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.frequency.modes import lowest_frequency
 from tests.checks import DIFFERENCE, assert_same
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x
@@ -34,10 +34,10 @@ def true_frequencies(problem: Problem, x: np.ndarray) -> np.ndarray:
     describes [Hz].
     """
     machine = as_machine(problem, x)
-    found = np.empty(len(problem))
+    found = np.empty(len(problem.dynamics.rows))
     for k, payload in enumerate(machine.payloads):
-        mine = problem.rows.payload == k
-        rigid = problem.workspace.rigid[problem.rows.pose[mine]]
+        mine = problem.dynamics.rows.payload == k
+        rigid = problem.workspace.rigid[problem.dynamics.rows.pose[mine]]
         found[mine] = lowest_frequency(machine.with_payload(payload.name).evaluate(rigid))
     return found
 
@@ -51,8 +51,8 @@ def test_frequencies_are_those_of_the_machine_that_x_describes(
     round.
     """
     problem = problem_of(name, proportional=proportional)
-    for x in (problem.start, some_x(problem, 1), some_x(problem, 2)):
-        squared = problem.frequencies(x)
+    for x in (problem.vector.start, some_x(problem, 1), some_x(problem, 2)):
+        squared = problem.dynamics.omega_squared(x)
         assert_allclose(np.sqrt(squared) / (2 * np.pi), true_frequencies(problem, x), rtol=1e-9)
 
 
@@ -64,7 +64,7 @@ def test_rows_are_the_load_cases_where_they_exist() -> None:
     machine, q = problem.machine, problem.workspace.q
     held = machine.holds(q, machine.payloads[1])
     assert 0 < held.sum() < len(q)
-    assert len(problem) == len(q) + held.sum()
+    assert len(problem.dynamics.rows) == len(q) + held.sum()
     # planar: the bucket's pitch is the sum of the joint angles
     tilt = np.degrees(q.sum(axis=1)) % 360
     assert np.all((tilt[held] > 119.999) & (tilt[held] < 240.001))
@@ -76,11 +76,11 @@ def test_derivatives_of_stiffness(name: str, proportional: bool) -> None:
     """By every variable against central differences of the value itself."""
     problem = problem_of(name, proportional=proportional)
     x = some_x(problem, 3)
-    rows = np.linspace(0, len(problem) - 1, 5).astype(int)
+    rows = np.linspace(0, len(problem.dynamics.rows) - 1, 5).astype(int)
     # three bores and annuli, four pin coordinates of two cylinders, two of one
     assert len(x) == 2 * 3 + 2 * 4 + 2
-    expected = slopes(lambda y: problem.matrices(y, rows)[0], x)
-    actual = problem.matrices(x, rows)[1]
+    expected = slopes(lambda y: problem.dynamics.scaled_stiffness_and_gradient(y, rows)[0], x)
+    actual = problem.dynamics.scaled_stiffness_and_gradient(x, rows)[1]
     for v in range(len(x)):
         assert_same(actual[v], expected[v], 1e-7)
 
@@ -94,10 +94,10 @@ def test_derivatives_of_limits(name: str, tightening: float) -> None:
     ]
     problem = problem_of(name, tightening=tightening, digging=digging)
     x = some_x(problem, 4)
-    at = limits(problem, x)
-    holding = np.arange(0, len(problem), 7)
-    expected = slopes(lambda y: limits(problem, y, holding).values, x)
-    actual = limits(problem, x, holding)
+    at = constraints_at(problem, x)
+    holding = np.arange(0, len(problem.dynamics.rows), 7)
+    expected = slopes(lambda y: constraints_at(problem, y, holding).values, x)
+    actual = constraints_at(problem, x, holding)
     assert set(actual.names) == set(at.names)
     assert_allclose(actual.jacobian.T, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
 
@@ -108,12 +108,16 @@ def test_chord_is_stiffer_than_any_areas_in_the_box(name: str) -> None:
     the corners.
     """
     problem = problem_of(name, ("areas",))
-    low, high = problem.start - 0.3, problem.start + 0.2
-    rows = np.arange(0, len(problem), 3)
-    base, rise = problem.chord_matrices(low, high, rows)
+    low, high = problem.vector.start - 0.3, problem.vector.start + 0.2
+    rows = np.arange(0, len(problem.dynamics.rows), 3)
+    base, rise = problem.dynamics.scaled_stiffness_chords(low, high, rows)
     random = np.random.default_rng(0)
     for x in [*random.uniform(low, high, (20, len(low))), low, high]:
-        gap = base + np.einsum("vnij,v->nij", rise, x - low) - problem.matrices(x, rows)[0]
+        gap = (
+            base
+            + np.einsum("vnij,v->nij", rise, x - low)
+            - problem.dynamics.scaled_stiffness_and_gradient(x, rows)[0]
+        )
         size = np.abs(base).max()
         assert np.linalg.eigvalsh(gap).min() > -1e-12 * size
         if x is high or x is low:
@@ -123,9 +127,11 @@ def test_chord_is_stiffer_than_any_areas_in_the_box(name: str) -> None:
 def test_proportional_dead_volumes_make_stiffness_linear() -> None:
     """A²/(A s + A v) = A/(s + v) (THEORY §6): the middle of two designs has the mean stiffness."""
     problem = problem_of("excavator", ("areas",), proportional=True)
-    rows = np.arange(0, len(problem), 11)
+    rows = np.arange(0, len(problem.dynamics.rows), 11)
     x, y = some_x(problem, 5, 0.3), some_x(problem, 6, 0.3)
-    ends = [problem.matrices(z, rows)[0] for z in (x, y, (x + y) / 2)]
+    ends = [
+        problem.dynamics.scaled_stiffness_and_gradient(z, rows)[0] for z in (x, y, (x + y) / 2)
+    ]
     assert_same(ends[2], (ends[0] + ends[1]) / 2, 1e-12)
 
 
@@ -138,13 +144,13 @@ def test_pins_vary_only_where_asked_and_where_strokes_follow() -> None:
 
     crossing = named("crossing")
     space = Workspace.grid(crossing, points=4)
-    made = Problem(
+    made = Problem.of(
         machine=crossing, workspace=space, requirements=Requirements(), vary=("areas", "pins")
     )
-    moving = {made.machine.cylinders[v.cylinder].name for v in made.variables if v.pin}
+    moving = {made.machine.cylinders[v.cylinder].name for v in made.vector.variables if v.pin}
     assert moving == {"lift"}
-    assert all(v.pin is None for v in problem_of("double", pin_box=0.0).variables)
+    assert all(v.pin is None for v in problem_of("double", pin_box=0.0).vector.variables)
     fixed = problem_of("double", ("pins",))
     assert [low == high for low, high in zip(*fixed.bounds, strict=True)] == [
-        v.pin is None for v in fixed.variables
+        v.pin is None for v in fixed.vector.variables
     ]

@@ -17,8 +17,8 @@ import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design.bound.certificate import upper_bound
 from armdesign.design.bound.mass_enclosure import barred
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
 from armdesign.design.requirements.settings import Lift
 from armdesign.design.search.sequential_sdp import Search
@@ -57,7 +57,7 @@ def posed(
     **change: object,
 ) -> Problem:
     """The problem of a machine; changes are those of its requirements."""
-    return Problem(
+    return Problem.of(
         machine=machine,
         workspace=Workspace.grid(machine, points=points),
         requirements=replace(Requirements.of(machine), **change),  # type: ignore[arg-type]
@@ -77,8 +77,8 @@ def test_frequencies_are_those_of_the_machine_that_x_describes(vary: tuple[str, 
     and coupler.
     """
     problem = posed(bars("triple"), vary)
-    for x in (problem.start, some_x(problem, 1, 0.1), some_x(problem, 2, 0.1)):
-        found = np.sqrt(problem.frequencies(x)) / (2 * np.pi)
+    for x in (problem.vector.start, some_x(problem, 1, 0.1), some_x(problem, 2, 0.1)):
+        found = np.sqrt(problem.dynamics.omega_squared(x)) / (2 * np.pi)
         assert_allclose(found, true_frequencies(problem, x), rtol=1e-9)
 
 
@@ -108,10 +108,10 @@ def test_derivatives_of_stiffness_less_inertia(machine: Machine, vary: tuple[str
     """
     problem = posed(machine, vary)
     x, squared = some_x(problem, 3), 900.0
-    rows = np.linspace(0, len(problem) - 1, 5).astype(int)
-    expected = slopes(lambda y: problem.scaled(y, rows, x, squared), x)
-    base, actual = problem.matrices(x, rows, squared)
-    assert_allclose(base, problem.scaled(x, rows), rtol=1e-12)
+    rows = np.linspace(0, len(problem.dynamics.rows) - 1, 5).astype(int)
+    expected = slopes(lambda y: problem.dynamics.scaled_stiffness(y, rows, x, squared), x)
+    base, actual = problem.dynamics.scaled_stiffness_and_gradient(x, rows, squared)
+    assert_allclose(base, problem.dynamics.scaled_stiffness(x, rows), rtol=1e-12)
     for v in range(len(x)):
         assert_same(actual[v], expected[v], 1e-7)
 
@@ -123,11 +123,11 @@ def test_derivative_of_a_frequency(vary: tuple[str, ...]) -> None:
     """
     problem = posed(bars("triple"), vary)
     x = some_x(problem, 4)
-    row = np.array([problem.frequencies(x).argmin()])
-    squared = float(problem.frequencies(x, row)[0])
-    base, change = problem.matrices(x, row, squared)
+    row = np.array([problem.dynamics.omega_squared(x).argmin()])
+    squared = float(problem.dynamics.omega_squared(x, row)[0])
+    base, change = problem.dynamics.scaled_stiffness_and_gradient(x, row, squared)
     mode = np.linalg.eigh(base[0])[1][:, 0]
-    expected = slopes(lambda y: problem.frequencies(y, row), x)[:, 0]
+    expected = slopes(lambda y: problem.dynamics.omega_squared(y, row), x)[:, 0]
     actual = np.einsum("i,vij,j->v", mode, change[:, 0], mode)
     assert_allclose(actual, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
@@ -138,9 +138,9 @@ def test_derivatives_of_limits(vary: tuple[str, ...]) -> None:
     lift = Lift(name="hook", mass=200.0, joints={"boom": 0.05, "stick": -0.1, "bucket": 0.1})
     problem = posed(bars("triple"), vary, lifts=(lift,))
     x = some_x(problem, 5)
-    holding = np.arange(0, len(problem), 17)
-    expected = slopes(lambda y: limits(problem, y, holding).values, x)
-    actual = limits(problem, x, holding)
+    holding = np.arange(0, len(problem.dynamics.rows), 17)
+    expected = slopes(lambda y: constraints_at(problem, y, holding).values, x)
+    actual = constraints_at(problem, x, holding)
     assert "lift.hook" in actual.names
     assert_allclose(actual.jacobian.T, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
 
@@ -149,7 +149,7 @@ def test_holding_is_that_of_the_machine_that_x_describes() -> None:
     """Static forces of bars that have grown, by the check's own ``static_loads``."""
     problem = posed(bars("double"), ("areas", "pins"))
     x = some_x(problem, 6, 0.1)
-    at, machine = limits(problem, x), as_machine(problem, x)
+    at, machine = constraints_at(problem, x), as_machine(problem, x)
     push, pull = static_loads(machine, problem.workspace)
     supply, share = machine.supply, problem.requirements.holding_share
     for i, c in enumerate(machine.cylinders):
@@ -175,8 +175,8 @@ def test_only_what_follows_x_is_moved() -> None:
         problem = posed(bars("triple"), vary)
         return (
             {}
-            if problem.own is None
-            else {i: list(names) for i, names in problem.own.bars.items()}
+            if problem.vector.moving_masses is None
+            else {i: list(names) for i, names in problem.vector.moving_masses.bars.items()}
         )
 
     both = ["barrel", "rod"]
@@ -184,9 +184,9 @@ def test_only_what_follows_x_is_moved() -> None:
     assert own("cylinder.tilt.base") == {2: both}
     assert own("cylinder.tilt.four_bar.rocker_mm") == {2: [*both, "rocker", "coupler"]}
     assert own("cylinder.fold.rod_mm") == {1: both}
-    assert posed(named("excavator_20t"), ("areas", "pins")).own is None
+    assert posed(named("excavator_20t"), ("areas", "pins")).vector.moving_masses is None
     # its rocker weighs, but stays
-    assert posed(named("loader_crane"), ("areas", "pins")).own is None
+    assert posed(named("loader_crane"), ("areas", "pins")).vector.moving_masses is None
 
 
 # ------------------------------------------------------------------------------------- closed form
@@ -215,9 +215,15 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     falls, so A1 is as little as Euler's rod leaves: A1 − √(c A1) = A2.
     """
     machine = lever(rod_kg)
-    problem = Problem(
+    problem = Problem.of(
         machine=machine,
-        workspace=Workspace(np.zeros((1, 1)), (np.array([-1e-3, 1e-3]),), 0.02, machine),
+        workspace=Workspace(
+            q=np.zeros((1, 1)),
+            weights=np.ones(1),
+            axes=(np.array([-1e-3, 1e-3]),),
+            end_margin=0.02,
+            machine=machine,
+        ),
         requirements=Requirements(buckling_share=0.3),
         vary=("areas",),
         proportional=True,
@@ -238,7 +244,7 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     stiffness = (per_cap * bore + per_annulus * c.annulus_area) * at.moment_arms[0, 0, 0] ** 2
 
     search = solved(problem)
-    assert_allclose(problem.areas(search.x)[0], [bore, c.annulus_area], rtol=1e-6)
+    assert_allclose(problem.vector.areas(search.x)[0], [bore, c.annulus_area], rtol=1e-6)
     squared = stiffness / (inertia + of_rod * (bore - c.annulus_area))
     assert search.squared == pytest.approx(squared, rel=2e-3)
     bound = search.upper_bound()
@@ -355,7 +361,7 @@ def test_the_bound_is_the_optimum_where_everything_is_affine(name: str) -> None:
     problem = posed(bars(name, 0.1), ("areas",), proportional=True, oil_each_share=1.0)
     search = solved(problem)
     bound = search.upper_bound()
-    assert problem.own is not None
+    assert problem.vector.moving_masses is not None
     assert bound is not None
     assert -1e-9 < bound / hertz(search.squared) - 1 < 1e-6
 
@@ -373,10 +379,10 @@ def test_the_stand_in_changes_sign_at_the_optimum(proportional: bool) -> None:
         buckling_share=0.5,
     )
     search = solved(problem)
-    everywhere = np.arange(len(problem))
+    everywhere = np.arange(len(problem.dynamics.rows))
     lowest = []
     for lam in search.squared * np.array([1 - 1e-6, 1 + 1e-6]):
-        scaled = problem.scaled(search.x, everywhere, problem.start, lam)
+        scaled = problem.dynamics.scaled_stiffness(search.x, everywhere, problem.vector.start, lam)
         lowest.append(np.linalg.eigvalsh(scaled)[:, 0].min() - lam)
     assert lowest[0] > 0 > lowest[1]
 
@@ -428,8 +434,8 @@ def test_no_better_neighbour(vary: tuple[str, ...]) -> None:
     for direction in random.normal(size=(80, len(low))):
         for size in (1e-3, 1e-2, 0.05):
             x = np.clip(search.x + size * direction / np.abs(direction).max(), low, high)
-            if problem.frequencies(x, search.rows).min() > search.squared * (1 + 1e-4):
-                assert limits(problem, x).values.min() < -1e-7
+            if problem.dynamics.omega_squared(x, search.rows).min() > search.squared * (1 + 1e-4):
+                assert constraints_at(problem, x).values.min() < -1e-7
 
 
 def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
@@ -470,8 +476,8 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     enclosed, random = barred(problem), np.random.default_rng(7)
     assert enclosed is not None
     assert [bar.cylinder for bar in enclosed] == list(range(len(machine.cylinders)))
-    rows = np.arange(0, len(problem), 5)
-    rigid = problem.workspace.rigid[problem.rows.pose[rows]]
+    rows = np.arange(0, len(problem.dynamics.rows), 5)
+    rigid = problem.workspace.rigid[problem.dynamics.rows.pose[rows]]
     held = [machine.linkages[bar.cylinder].joints[0] for bar in enclosed if len(bar.per_area) > 2]
     assert bool(held) == (pins == "linkages")
     free = np.setdiff1d(np.arange(len(machine.joints)), held)
@@ -485,11 +491,15 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     tried = 0
     for _ in range(200):
         x = np.clip(random.uniform(bottom, top), None, 1.1)
-        areas = problem.areas(x)
-        if np.any(areas[:, 1] > areas[:, 0]) or not problem.closes(x):
+        areas = problem.vector.areas(x)
+        if np.any(areas[:, 1] > areas[:, 0]) or not problem.vector.closes(x):
             continue
-        mass, torque, slope = problem.loads(x, problem.rows, rows)
-        bare = problem.rows.mass, problem.rows.gravity, problem.rows.slope
+        mass, torque, slope = problem.dynamics.inertia_and_gravity(x, problem.dynamics.rows, rows)
+        bare = (
+            problem.dynamics.rows.mass,
+            problem.dynamics.rows.gravity,
+            problem.dynamics.rows.slope,
+        )
         own = [part - base[rows] for part, base in zip((mass, torque, slope), bare, strict=True)]
         scale = np.abs(own[1]).max()
         assert np.all((own[1] >= low - 1e-9 * scale)[:, free])
@@ -518,12 +528,12 @@ def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     low, high = problem.bounds
     tried = 0
     for _ in range(600):
-        pin = np.array([v.pin is not None for v in problem.variables])
+        pin = np.array([v.pin is not None for v in problem.vector.variables])
         x = np.where(
             pin, random.uniform(low, high) * random.uniform(), random.uniform(0.8, 1.1, len(low))
         )
-        if limits(problem, x).values.min() >= 0:
-            assert hertz(problem.frequencies(x).min()) <= found.frequency
+        if constraints_at(problem, x).values.min() >= 0:
+            assert hertz(problem.dynamics.omega_squared(x).min()) <= found.frequency
             tried += 1
     assert tried > 5
 
@@ -540,19 +550,21 @@ def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> 
     }
     loose |= {"moment_arm_share": 0.5, "buckling_share": 0.5, "digging_share": 0.5}
     problem = posed(named("heavy_bars"), ("areas", "linkages"), points=3, **loose)
-    search = Search(problem=problem, x=problem.start).run(trust=0.2, tolerance=0.02, looks=1)
+    search = Search(problem=problem, x=problem.vector.start).run(
+        trust=0.2, tolerance=0.02, looks=1
+    )
     found, random = upper_bound(problem, search.x, search.rows), np.random.default_rng(8)
     assert found is not None
     assert found.held == ("bucket",)
     reached = []
-    pin = np.array([v.pin is not None for v in problem.variables])
+    pin = np.array([v.pin is not None for v in problem.vector.variables])
     for _ in range(60):
-        x = problem.start + random.uniform() * random.uniform(-0.1, 0.1, len(pin)) * np.where(
-            pin, 1.0, 0.3
-        )
+        x = problem.vector.start + random.uniform() * random.uniform(
+            -0.1, 0.1, len(pin)
+        ) * np.where(pin, 1.0, 0.3)
         x = np.clip(x, *problem.bounds)
-        if problem.closes(x) and limits(problem, x).values.min() >= 0:
-            reached.append(hertz(problem.frequencies(x).min()))
+        if problem.vector.closes(x) and constraints_at(problem, x).values.min() >= 0:
+            reached.append(hertz(problem.dynamics.omega_squared(x).min()))
     assert len(reached) > 3
     assert search.violation < 1e-3
     assert max(reached) < hertz(search.squared) <= found.frequency < 1.25 * hertz(search.squared)

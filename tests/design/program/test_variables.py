@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
 from armdesign.design.search.canonical_pins import settled
@@ -142,14 +142,16 @@ def test_a_bore_and_a_coordinate_by_scan() -> None:
     search, best = solved(problem), 0.0
     for value in np.linspace(0.9, 1.1, 101):
         for move in np.linspace(-1, 1, 81):
-            x = problem.start.copy()
+            x = problem.vector.start.copy()
             x[0], x[4] = value, move
-            if limits(problem, x, search.holding).values.min() >= -1e-9:
-                best = max(best, problem.frequencies(x).min())
-    rods = problem.areas(search.x)[:, 0] - problem.areas(search.x)[:, 1]
-    assert_allclose(rods, problem.areas_today[:, 0] - problem.areas_today[:, 1], rtol=1e-12)
-    assert len(problem.start) == 5
-    assert best > 1.02 * problem.frequencies(problem.start).min()
+            if constraints_at(problem, x, search.holding).values.min() >= -1e-9:
+                best = max(best, problem.dynamics.omega_squared(x).min())
+    rods = problem.vector.areas(search.x)[:, 0] - problem.vector.areas(search.x)[:, 1]
+    assert_allclose(
+        rods, problem.vector.areas_today[:, 0] - problem.vector.areas_today[:, 1], rtol=1e-12
+    )
+    assert len(problem.vector.start) == 5
+    assert best > 1.02 * problem.dynamics.omega_squared(problem.vector.start).min()
     assert search.squared > best * (1 - 1e-6)
     # the scan's steps are 0.2 % of the area, 2.5 % of the box
     assert search.squared == pytest.approx(best, rel=0.01)
@@ -167,8 +169,8 @@ def test_bound_of_a_bore_alone() -> None:
     random = np.random.default_rng(0)
     low, high = problem.bounds
     for x in random.uniform(np.maximum(low, 0.7), np.minimum(high, 1.3), (300, len(low))):
-        if limits(problem, x, search.holding).values.min() >= -1e-9:
-            assert hertz(problem.frequencies(x).min()) <= bound * (1 + 1e-9)
+        if constraints_at(problem, x, search.holding).values.min() >= -1e-9:
+            assert hertz(problem.dynamics.omega_squared(x).min()) <= bound * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +209,7 @@ def test_derivatives_by_every_variable(name: str) -> None:
     """
     digging = {"odd": ("fold", "tilt"), "excavator": ("stick", "bucket")}[name]
     problem = problem_of(name, EVERYTHING, digging=digging)
-    assert {v.pin for v in problem.variables} == {
+    assert {v.pin for v in problem.vector.variables} == {
         None,
         "rod_end",
         "base",
@@ -218,15 +220,15 @@ def test_derivatives_by_every_variable(name: str) -> None:
     }
     x, rows, holding = (
         some_x(problem, 3, 0.03),
-        np.arange(0, len(problem), 37),
-        np.arange(0, len(problem), 11),
+        np.arange(0, len(problem.dynamics.rows), 37),
+        np.arange(0, len(problem.dynamics.rows), 11),
     )
-    expected = slopes(lambda y: problem.matrices(y, rows)[0], x)
-    found = problem.matrices(x, rows)[1]
+    expected = slopes(lambda y: problem.dynamics.scaled_stiffness_and_gradient(y, rows)[0], x)
+    found = problem.dynamics.scaled_stiffness_and_gradient(x, rows)[1]
     for v in range(len(x)):
         assert_allclose(found[v], expected[v], rtol=0, atol=1e-7 * np.abs(expected[v]).max())
-    by_difference = slopes(lambda y: limits(problem, y, holding).values, x)
-    jacobian = limits(problem, x, holding).jacobian.T
+    by_difference = slopes(lambda y: constraints_at(problem, y, holding).values, x)
+    jacobian = constraints_at(problem, x, holding).jacobian.T
     assert_allclose(jacobian, by_difference, rtol=0, atol=1e-8 * np.abs(by_difference).max())
 
 
@@ -237,7 +239,7 @@ def test_transmission_limit_is_the_requirement(seed: int) -> None:
     """
     problem = problem_of("excavator", ("cylinder.bucket.four_bar",), transmission=math.radians(60))
     x = some_x(problem, seed, 0.3)
-    at_x, machine = limits(problem, x), as_machine(problem, x)
+    at_x, machine = constraints_at(problem, x), as_machine(problem, x)
     judged = {
         c.name: c for c in check(machine, problem.machine, problem.workspace, problem.requirements)
     }
@@ -252,7 +254,9 @@ def test_frequencies_with_a_moved_four_bar_are_those_of_the_machine() -> None:
     problem = problem_of("excavator", EVERYTHING)
     for seed in (1, 2):
         x = some_x(problem, seed, 0.1)
-        assert_allclose(hertz_of(problem.frequencies(x)), true_frequencies(problem, x), rtol=1e-9)
+        assert_allclose(
+            hertz_of(problem.dynamics.omega_squared(x)), true_frequencies(problem, x), rtol=1e-9
+        )
 
 
 def hertz_of(squared: np.ndarray) -> np.ndarray:
@@ -298,12 +302,12 @@ def test_an_open_four_bar_is_no_step() -> None:
     it.
     """
     problem = problem_of("excavator", ("cylinder.bucket.four_bar.rocker_mm",), pin_box=0.5)
-    short = problem.start.copy()
+    short = problem.vector.start.copy()
     short[-1] = -1.0
-    assert problem.closes(problem.start)
-    assert not problem.closes(short)
-    search = Search(problem=problem, x=problem.start).run(trust=1.0, tolerance=1e-4)
-    assert problem.closes(search.x)
+    assert problem.vector.closes(problem.vector.start)
+    assert not problem.vector.closes(short)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-4)
+    assert problem.vector.closes(search.x)
     assert search.violation < 1e-5
 
 
@@ -317,13 +321,15 @@ def test_pins_turned_together_are_an_equal_design() -> None:
     problem = problem_of("excavator", EVERYTHING)
     x = some_x(problem, 7, 0.4)
     y = settled(problem, x)
-    moving = np.array([v.pin is not None for v in problem.variables])
+    moving = np.array([v.pin is not None for v in problem.vector.variables])
     assert np.abs(x - y).max() > 0.01
     assert np.all(x[~moving] == y[~moving])
     assert np.sum(y[moving] ** 2) < np.sum(x[moving] ** 2)
-    assert_allclose(problem.frequencies(y), problem.frequencies(x), rtol=1e-10)
-    holding = np.arange(0, len(problem), 7)
-    one, other = (limits(problem, z, holding).values for z in (x, y))
+    assert_allclose(
+        problem.dynamics.omega_squared(y), problem.dynamics.omega_squared(x), rtol=1e-10
+    )
+    holding = np.arange(0, len(problem.dynamics.rows), 7)
+    one, other = (constraints_at(problem, z, holding).values for z in (x, y))
     assert_allclose(one, other, atol=1e-10)
     assert_allclose(settled(problem, y), y, atol=1e-9)
 
@@ -332,7 +338,7 @@ def test_settled_pins_stay_in_the_box() -> None:
     problem = problem_of("excavator")
     for seed in range(20):
         x = some_x(problem, seed, 1.0)
-        moving = np.array([v.pin is not None for v in problem.variables])
+        moving = np.array([v.pin is not None for v in problem.vector.variables])
         assert np.abs(settled(problem, x)[moving]).max() <= 1 + 1e-12
 
 
@@ -342,17 +348,17 @@ def test_answer_does_not_hang_on_the_start(seed: int) -> None:
     millimetre.
     """
     problem = problem_of("excavator")
-    x = problem.start.copy()
-    moving = np.array([v.pin is not None for v in problem.variables])
+    x = problem.vector.start.copy()
+    moving = np.array([v.pin is not None for v in problem.vector.variables])
     x[moving] = np.random.default_rng(seed).uniform(-0.7, 0.7, moving.sum())
     found = [
         Search(problem=problem, x=start).run(trust=0.2, tolerance=1e-7)
-        for start in (problem.start, x)
+        for start in (problem.vector.start, x)
     ]
     one, other = (settled(problem, s.x) for s in found)
     assert found[0].squared == pytest.approx(found[1].squared, rel=1e-6)
     assert_allclose(one[~moving], other[~moving], atol=1e-3)
-    assert np.abs(one - other)[moving].max() * problem.box < 2e-4
+    assert np.abs(one - other)[moving].max() * problem.vector.pin_box < 2e-4
 
 
 def test_order_of_cylinders_does_not_matter_for_pins() -> None:
@@ -361,14 +367,14 @@ def test_order_of_cylinders_does_not_matter_for_pins() -> None:
     for reverse in (False, True):
         machine = double(reverse)
         space = Workspace.grid(machine, points=5)
-        problem = Problem(
+        problem = Problem.of(
             machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
         )
         search = solved(problem, 1e-8)
         made = dict(
             zip(
                 [c.name for c in machine.cylinders],
-                problem.linkages(settled(problem, search.x)),
+                problem.vector.linkages(settled(problem, search.x)),
                 strict=True,
             )
         )
@@ -399,7 +405,7 @@ def twin_problem() -> Problem:
     machine = twins()
     requirements = Requirements(oil_each_share=1.6, thrust_share=1.6, holding_share=5.0)
     space = Workspace.grid(machine, points=5)
-    return Problem(machine=machine, workspace=space, requirements=requirements, vary=("areas",))
+    return Problem.of(machine=machine, workspace=space, requirements=requirements, vary=("areas",))
 
 
 def test_modes_that_coincide_at_the_optimum() -> None:
@@ -410,7 +416,7 @@ def test_modes_that_coincide_at_the_optimum() -> None:
     first allows.
     """
     problem = twin_problem()
-    search = Search(problem=problem, x=problem.start).run(trust=0.3, tolerance=1e-8)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=0.3, tolerance=1e-8)
     poses = as_machine(problem, search.x).evaluate(problem.workspace.rigid)
     frequencies = ad.natural_modes(poses).frequencies
     lowest = frequencies[frequencies[:, 1].argmin()]  # where both arms stand worst
@@ -419,7 +425,7 @@ def test_modes_that_coincide_at_the_optimum() -> None:
     today = ad.natural_modes(twins().evaluate(problem.workspace.rigid)).frequencies
     assert today[:, 1].min() > 1.05 * today[:, 0].min()  # and they did not coincide before
     best = best_on_grid(problem, search.holding, np.linspace(0.8, 1.3, 31))
-    assert best > 1.02 * problem.frequencies(problem.start).min()
+    assert best > 1.02 * problem.dynamics.omega_squared(problem.vector.start).min()
     assert search.squared > best * (1 - 1e-6)
     assert search.squared == pytest.approx(best, rel=0.035)  # the grid's step is 1.7 % of an area
 
@@ -428,20 +434,23 @@ def best_on_grid(problem: Problem, holding: np.ndarray, grid: np.ndarray) -> flo
     """Largest lowest ω² of two arms that share only the oil, bore and annulus areas of both on a
     grid.
     """
-    names, every = [c.name for c in problem.machine.cylinders], np.arange(len(problem))
+    names, every = (
+        [c.name for c in problem.machine.cylinders],
+        np.arange(len(problem.dynamics.rows)),
+    )
     # lowest ω² of one arm, 0 where one of its own limits forbids it
     own = np.zeros((2, len(grid), len(grid)))
     for i, name in enumerate(names):
         for k, cap in enumerate(grid):
             for j, annulus in enumerate(grid):
-                x = problem.start.copy()
+                x = problem.vector.start.copy()
                 x[2 * i : 2 * i + 2] = cap, annulus
-                found = limits(problem, x, holding)
+                found = constraints_at(problem, x, holding)
                 mine = np.array([label.endswith(f".{name}") for label in found.names])
                 if found.values[mine].min() >= -1e-9:
-                    own[i, k, j] = problem.scaled(x, every)[:, i, i].min()
+                    own[i, k, j] = problem.dynamics.scaled_stiffness(x, every)[:, i, i].min()
     reachable = np.maximum.accumulate(np.maximum.accumulate(own[1], axis=0), axis=1)
-    oil = problem.areas_today * np.array([[c.stroke] for c in problem.machine.cylinders])
+    oil = problem.vector.areas_today * np.array([[c.stroke] for c in problem.machine.cylinders])
     # share of today's that the second arm may have, of either side
     left = 1 + (1 - grid)[:, None] * oil[0] / oil[1]
     most = np.searchsorted(grid, left + 1e-12, side="right") - 1
@@ -459,16 +468,16 @@ def test_the_kink_is_the_optimum_along_every_direction() -> None:
     one falls.
     """
     problem = twin_problem()
-    search = Search(problem=problem, x=problem.start).run(trust=0.3, tolerance=1e-8)
-    worst = np.array([int(problem.frequencies(search.x).argmin())])
-    base, slope = problem.matrices(search.x, worst)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=0.3, tolerance=1e-8)
+    worst = np.array([int(problem.dynamics.omega_squared(search.x).argmin())])
+    base, slope = problem.dynamics.scaled_stiffness_and_gradient(search.x, worst)
     _, vectors = np.linalg.eigh(base[0])
     for mode in range(2):
         gradient = np.einsum("i,vij,j->v", vectors[:, mode], slope[:, 0], vectors[:, mode])
         for size in (1e-3, 1e-2):
             x = search.x + size * gradient / np.abs(gradient).max()
-            better = problem.frequencies(x).min() > search.squared * (1 + 1e-6)
-            assert not better or limits(problem, x).values.min() < -1e-7
+            better = problem.dynamics.omega_squared(x).min() > search.squared * (1 + 1e-6)
+            assert not better or constraints_at(problem, x).values.min() < -1e-7
 
 
 def test_keys_of_places() -> None:

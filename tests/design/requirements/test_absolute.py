@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
-from armdesign.design.program.constraints import limits
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import Check, check, digging_forces
 from armdesign.design.requirements.settings import Clearance, Lift, Outline, Speed
@@ -296,9 +296,9 @@ def _turn_back(angle: np.ndarray, x: np.ndarray, z: np.ndarray) -> tuple[np.ndar
 def test_derivatives(column: str) -> None:
     """Every new limit by every variable against central differences of the value itself."""
     problem = problem_of("excavator", **EVERYTHING | {"buckling_column": column}, tightening=1e-3)
-    x, rows = some_x(problem, 4), np.arange(0, len(problem), 7)
-    expected = slopes(lambda y: limits(problem, y, rows).values, x)
-    at = limits(problem, x, rows)
+    x, rows = some_x(problem, 4), np.arange(0, len(problem.dynamics.rows), 7)
+    expected = slopes(lambda y: constraints_at(problem, y, rows).values, x)
+    at = constraints_at(problem, x, rows)
     assert {name.split(".")[0] for name in at.names} >= set(NEW)
     assert_allclose(at.jacobian.T, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
@@ -312,7 +312,7 @@ def test_limits_are_the_checks(seed: int) -> None:
     """
     problem = problem_of("excavator", **EVERYTHING)
     x = some_x(problem, seed, 0.1)
-    at, new = limits(problem, x), as_machine(problem, x)
+    at, new = constraints_at(problem, x), as_machine(problem, x)
     found = {
         c.name: c for c in check(new, problem.machine, problem.workspace, problem.requirements)
     }

@@ -13,8 +13,9 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
-from armdesign.design.program.constraints import buckling_factor, limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.convex_relaxation import buckling_factor
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import Check, check
 from armdesign.hydraulics.chamber_pressures import holding_force
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
@@ -48,19 +49,20 @@ def expected_slack(
     if kind == "oil":
         return [value / (r.oil_total_share if cylinder == "total" else r.oil_each_share)]
     i = [c.name for c in machine.cylinders].index(cylinder)
-    a1, a2 = problem.areas(x)[i]
+    a1, a2 = problem.vector.areas(x)[i]
     if kind == "buckling":  # safety ~ I/(L² A1) ~ (A1 − A2)²/(L² A1)
         needed = machine.cylinders[i].open_length * math.sqrt(buckling_factor(problem, i) * a1)
-        return [((needed + value * problem.areas_today[i, 0]) / needed) ** 2 - 1]
+        return [((needed + value * problem.vector.areas_today[i, 0]) / needed) ** 2 - 1]
     if kind == "holding":  # room over what the supply holds that way
-        scale = machine.supply.pressure * problem.areas_today[i, 0]
+        scale = machine.supply.pressure * problem.vector.areas_today[i, 0]
         held = [float(holding_force(a1, a2, machine.supply, way)) for way in (True, False)]
         return [v * scale / way / r.holding_share for v in values.tolist() for way in held]
     if kind == "transmission":  # room by the angle's cosine
-        poses = problem.ranges[i]
+        poses = problem.vector.range_poses[i]
         assert poses is not None
         least = min(
-            r.transmission, float(problem.machine.linkages[i].transmission_angle(poses).min())
+            r.transmission,
+            float(np.arccos(np.abs(problem.machine.linkages[i].transmission(poses)[0]).max())),
         )
         return [math.acos(math.cos(least) - value * math.sin(least) * least) / least - 1]
     share = {
@@ -82,7 +84,7 @@ def test_constraints_of_the_optimiser_are_the_requirements(name: str, seed: int)
     problem = problem_of(name, digging=digging, holding_share=0.3, oil_each_share=1.02)
     x = some_x(problem, seed, 0.15)
     machine = as_machine(problem, x)
-    at = limits(problem, x)
+    at = constraints_at(problem, x)
     checks = by_name(check(machine, problem.machine, problem.workspace, problem.requirements))
     assert set(at.names) == {n for n in checks if not n.startswith(GUARANTEED)}
     for label in set(at.names):
@@ -96,12 +98,12 @@ def test_constraints_of_the_optimiser_are_the_requirements(name: str, seed: int)
     for label in checks:
         if label.startswith(GUARANTEED):
             assert checks[label].slack >= -1e-9, label
-    moved = {v.cylinder for v in problem.variables if v.pin}
+    moved = {v.cylinder for v in problem.vector.variables if v.pin}
     for i in moved:
         pins = np.array(
             [
                 value
-                for value, v in zip(x, problem.variables, strict=True)
+                for value, v in zip(x, problem.vector.variables, strict=True)
                 if v.cylinder == i and v.pin
             ]
         )
@@ -256,15 +258,15 @@ def test_a_rod_too_thick_to_pull_with(rod: float, holds: bool) -> None:
         "excavator", ("cylinder.bucket.rod_mm",), holding_share=1e9, oil_total_share=9.0
     )
     today = problem.machine
-    forces = problem.held_forces(problem.start)[:, 2]
+    forces = problem.dynamics.nominal_forces(problem.vector.start)[:, 2]
     assert forces.min() < 0
     machine = today.replace({"cylinder.bucket.rod_mm": rod})
     found = by_name(check(machine, today, problem.workspace, problem.requirements))[
         "holding.bucket"
     ]
-    x = problem.start.copy()
+    x = problem.vector.start.copy()
     x[5] = (0.12**2 - (rod / 1000) ** 2) / (0.12**2 - 0.085**2)
-    at = limits(problem, x)
+    at = constraints_at(problem, x)
     room = min(
         value for name, value in zip(at.names, at.values, strict=True) if name == "holding.bucket"
     )

@@ -73,9 +73,9 @@ def test_one_against_the_pin_box() -> None:
     problem = problem_of("single", ("pins",), **settings)
     most = 0.0
     for corner in np.ndindex(*[3] * 4):
-        x = problem.start.copy()
+        x = problem.vector.start.copy()
         x[2:] = np.array(corner) - 1.0
-        (linkage,), (poses,) = problem.linkages(x), problem.ranges
+        (linkage,), (poses,) = problem.vector.linkages(x), problem.vector.range_poses
         assert poses is not None
         most = max(most, float(np.abs(linkage.actuation(poses).moment_arm[:, 0]).min()))
     assert only.name == "moment_arm.lift"
@@ -197,7 +197,7 @@ def test_two_conflicts_at_once() -> None:
 
 def test_nothing_conflicts() -> None:
     problem = problem_of("double")
-    conflict = Conflict(problem, problem.start, holding_rows(problem, problem.start))
+    conflict = Conflict(problem, problem.vector.start, holding_rows(problem, problem.vector.start))
     assert conflict.smallest() == ()
 
 
@@ -293,7 +293,7 @@ def test_where_pins_close_no_linkage_nothing_is_met() -> None:
     machine = four_bar("left")
     problem = posed(machine, ad.Workspace.grid(machine, 3), None, ("linkages",))
     x = problem.bounds[1].copy()
-    while problem.closes(x):
+    while problem.vector.closes(x):
         x[2 * len(machine.cylinders) :] *= -1.5
     conflict = Conflict(problem, x, np.zeros(1, dtype=int))
     assert conflict.violated(x)

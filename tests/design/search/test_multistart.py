@@ -13,8 +13,9 @@ import pytest
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.dynamics import Dynamics
+from armdesign.design.program.problem import Problem
 from armdesign.design.search import multistart as searching
 from armdesign.design.search.multistart import multistart
 from armdesign.design.search.sequential_sdp import Search
@@ -29,7 +30,7 @@ from tests.machines import named
 def coarse(name: str, vary: tuple[str, ...]) -> Problem:
     machine = named(name)
     workspace = Workspace.grid(machine, points=(3, 3, 5))
-    return Problem(
+    return Problem.of(
         machine=machine, workspace=workspace, requirements=Requirements.of(machine), vary=vary
     )
 
@@ -65,17 +66,17 @@ def test_a_start_that_fails_is_named() -> None:
     """
     problem = coarse("excavator_20t", ("linkages",))
     best, starts = multistart(problem, 4, 0, 1)
-    assert starts.reached == (hertz(problem.lowest_today),)
+    assert starts.reached == (hertz(problem.dynamics.omega_squared_today),)
     assert hertz(best.squared) == starts.reached[0]
     assert len(starts.failed) == 3
     random, moving = (
         np.random.default_rng(0),
-        np.array([v.pin is not None for v in problem.variables]),
+        np.array([v.pin is not None for v in problem.vector.variables]),
     )
-    x = np.where(moving, 0.0, problem.start)
+    x = np.where(moving, 0.0, problem.vector.start)
     x[moving] = random.uniform(-0.7, 0.7, moving.sum())
-    assert problem.closes(x)
-    at = limits(problem, x)
+    assert problem.vector.closes(x)
+    at = constraints_at(problem, x)
     assert at.names[int(at.values.argmin())] in starts.failed[0]
 
 
@@ -101,7 +102,7 @@ def test_what_is_not_a_number_is_missed_and_has_no_merit() -> None:
     """A requirement that is not a number is not met; other searches are compared as if this one
     were not.
     """
-    search = Search(problem=problem_of("single"), x=problem_of("single").start)
+    search = Search(problem=problem_of("single"), x=problem_of("single").vector.start)
     search.look()
     values = search.limits.values.copy()
     values[2] = np.nan
@@ -114,19 +115,21 @@ def test_what_is_not_a_number_is_missed_and_has_no_merit() -> None:
 def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stiffness that is not a number gives no step: the search stays where it is."""
     problem = problem_of("single")
-    true = Problem.matrices
+    true = Dynamics.scaled_stiffness_and_gradient
 
-    def dead(self: Problem, *args: Any) -> tuple[np.ndarray, np.ndarray]:
+    def dead(self: Dynamics, *args: Any) -> tuple[np.ndarray, np.ndarray]:
         base, slopes = true(self, *args)
         return base * np.nan, slopes
 
-    monkeypatch.setattr(Problem, "matrices", dead)
-    search = Search(problem=problem, x=problem.start).run(trust=0.2)
-    assert search.x == pytest.approx(problem.start)
+    monkeypatch.setattr(Dynamics, "scaled_stiffness_and_gradient", dead)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=0.2)
+    assert search.x == pytest.approx(problem.vector.start)
     monkeypatch.undo()
-    base, slopes = problem.matrices(problem.start, np.arange(2))
-    step = search._programme((2, 1, 1, len(problem.start)))
-    ends = np.zeros(len(problem.start))
+    base, slopes = problem.dynamics.scaled_stiffness_and_gradient(
+        problem.vector.start, np.arange(2)
+    )
+    step = search._programme((2, 1, 1, len(problem.vector.start)))
+    ends = np.zeros(len(problem.vector.start))
     with pytest.raises(InfeasibleError, match="not finite"):
         step.solve(base, slopes * np.inf, np.ones(1), np.zeros((1, len(ends))), ends, ends)
 
@@ -141,7 +144,9 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
 def test_polishing_ends_where_it_cannot_be_bettered(name: str, vary: tuple[str, ...]) -> None:
     """An optimum stays where it is: polished once more, a four-bar gains nothing."""
     problem = coarse(name, vary)
-    search = Search(problem=problem, x=problem.start).run(trust=0.2, tolerance=2e-3, looks=3)
+    search = Search(problem=problem, x=problem.vector.start).run(
+        trust=0.2, tolerance=2e-3, looks=3
+    )
     searching._follow(search, curved=True, trust=0.05, tolerance=1e-5)
     before = search.merit
     polish(search)

@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.program.constraints import limits, relaxation
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.convex_relaxation import convex_relaxation
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step, dual_bound
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
@@ -121,7 +122,7 @@ def test_one_actuator_whose_rod_limits() -> None:
     That is (A1 − A2)² = c A1, today's Euler safety, at A1 = 1.1, the most that thrust allows.
     """
     problem = problem_of("single", ("areas",), oil_total_share=1.3, oil_each_share=1.3)
-    bore, annulus = problem.areas_today[0]
+    bore, annulus = problem.vector.areas_today[0]
     search = solved(problem)
     wanted = (1.1 * bore - (bore - annulus) * math.sqrt(1.1)) / annulus
     assert 1.1 < wanted < 1.3
@@ -143,10 +144,15 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
         "twins", vary, oil_each_share=4.0, thrust_share=4.0, buckling_share=0.0, proportional=True
     )
     search = solved(problem)
-    modes = np.linalg.eigvalsh(problem.scaled(search.x, np.arange(len(problem)))) / search.squared
+    modes = (
+        np.linalg.eigvalsh(
+            problem.dynamics.scaled_stiffness(search.x, np.arange(len(problem.dynamics.rows)))
+        )
+        / search.squared
+    )
     # at some pose both are at the lowest of all
     assert_allclose(modes.min(axis=0), [1, 1], rtol=1e-6)
-    gain = search.squared / problem.lowest_today
+    gain = search.squared / problem.dynamics.omega_squared_today
     if vary == ("areas",):
         assert gain == pytest.approx(4 / 3, rel=1e-6)
         assert search.upper_bound() == pytest.approx(hertz(search.squared), rel=1e-6)
@@ -215,12 +221,15 @@ def test_any_multipliers_give_a_bound(name: str) -> None:
     """Weak duality: whatever Z ⪰ 0 and y ≥ 0, the value is no less than λ of any allowed areas."""
     problem = problem_of(name, ("areas",), proportional=True)
     search = solved(problem)
-    relaxed = relaxation(problem)
+    relaxed = convex_relaxation(problem)
     assert relaxed is not None
     linear, low, high = relaxed
     rows = search.rows[:10]
-    base, slopes = (part / problem.scale for part in problem.chord_matrices(low, high, rows))
-    reached = search.squared / problem.scale
+    base, slopes = (
+        part / problem.dynamics.omega_squared_scale
+        for part in problem.dynamics.scaled_stiffness_chords(low, high, rows)
+    )
+    reached = search.squared / problem.dynamics.omega_squared_scale
     random = np.random.default_rng(1)
     nothing = np.zeros(len(low))
     for _ in range(50):
@@ -259,12 +268,15 @@ def test_tangents_climb_and_stay_allowed(name: str) -> None:
     keeps its promise on
     the poses it saw, and every design on the way meets all requirements (THEORY §6)."""
     problem = problem_of(name, ("areas",))
-    diary = Diary(problem=problem, x=problem.start)
+    diary = Diary(problem=problem, x=problem.vector.start)
     diary.run(trust=1.0, tolerance=1e-7)
-    reached = [problem.frequencies(x).min() / problem.scale for x in diary.visited]
+    reached = [
+        problem.dynamics.omega_squared(x).min() / problem.dynamics.omega_squared_scale
+        for x in diary.visited
+    ]
     assert len(reached) >= 3
     assert np.all(np.diff(reached) >= -1e-9)
-    assert all(limits(problem, x).values.min() > -1e-7 for x in diary.visited)
+    assert all(constraints_at(problem, x).values.min() > -1e-7 for x in diary.visited)
     assert reached[1] > diary.promised[0] - 1e-6
 
 
@@ -274,13 +286,16 @@ def test_relaxed_constraints_hold_wherever_the_true_ones_do(name: str) -> None:
     are cut off.
     """
     problem = problem_of(name, ("areas",))
-    relaxed = relaxation(problem)
+    relaxed = convex_relaxation(problem)
     assert relaxed is not None
     linear, low, high = relaxed
     random = np.random.default_rng(2)
     x = random.uniform(low, high, (20_000, len(low)))
-    rod = [problem.areas_today[:, 0] * v[::2] - problem.areas_today[:, 1] * v[1::2] for v in x]
-    rod_today = problem.areas_today[:, 0] - problem.areas_today[:, 1]
+    rod = [
+        problem.vector.areas_today[:, 0] * v[::2] - problem.vector.areas_today[:, 1] * v[1::2]
+        for v in x
+    ]
+    rod_today = problem.vector.areas_today[:, 0] - problem.vector.areas_today[:, 1]
     euler = np.array(
         [
             np.all(r > 0) and np.all(r**2 >= rod_today**2 * v[::2])
@@ -291,7 +306,7 @@ def test_relaxed_constraints_hold_wherever_the_true_ones_do(name: str) -> None:
     chords = [label.startswith("buckling") for label in linear.names]
     room = linear.values[chords] + (x[euler] - low) @ linear.jacobian[chords].T
     assert room.min() > -1e-9
-    for best in (solved(problem).x, problem.start):
+    for best in (solved(problem).x, problem.vector.start):
         assert np.all(linear.values + linear.jacobian @ (best - low) > -1e-7)
         assert np.all((best > low - 1e-7) & (best < high + 1e-7))
 

@@ -19,8 +19,8 @@ from scipy.optimize import differential_evolution
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
 from armdesign.design.design import Design
-from armdesign.design.program.constraints import limits
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.settings import Lift, Speed
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
@@ -45,8 +45,11 @@ def cost_of(problem: Problem) -> Callable[[np.ndarray], float]:
     """What the global methods make least: −ω² over the scale, and an exact penalty."""
 
     def cost(x: np.ndarray) -> float:
-        missed = np.maximum(-limits(problem, x).values, 0.0).sum()
-        return float(-problem.frequencies(x).min() / problem.scale + 30 * missed)
+        missed = np.maximum(-constraints_at(problem, x).values, 0.0).sum()
+        return float(
+            -problem.dynamics.omega_squared(x).min() / problem.dynamics.omega_squared_scale
+            + 30 * missed
+        )
 
     return cost
 
@@ -61,7 +64,9 @@ def by_evolution(problem: Problem, low: np.ndarray, high: np.ndarray, generation
 
 def by_adaptation(problem: Problem, low: np.ndarray, high: np.ndarray, generations: int) -> float:
     settings = {"bounds": [low, high], "seed": 1, "maxiter": 4 * generations, "verbose": -9}
-    strategy = cma.CMAEvolutionStrategy(problem.start, 0.1, settings).optimize(cost_of(problem))
+    strategy = cma.CMAEvolutionStrategy(problem.vector.start, 0.1, settings).optimize(
+        cost_of(problem)
+    )
     return float(strategy.result.fbest)
 
 
@@ -74,14 +79,14 @@ def test_never_worse_than_a_global_method(
     penalty (THEORY §6).
     """
     problem = problem_of(name)
-    areas = np.array([v.pin is None for v in problem.variables])
+    areas = np.array([v.pin is None for v in problem.vector.variables])
     low, high = problem.bounds
     # no wider than any good design needs
     low, high = np.where(areas, 0.5, low), np.where(areas, 1.5, high)
     found = method(problem, low, high, generations)
     search = solved(problem, 1e-6)
     assert search.violation < 1e-7
-    assert search.squared / problem.scale > -found * (1 - 1e-5)
+    assert search.squared / problem.dynamics.omega_squared_scale > -found * (1 - 1e-5)
     assert -found > 1.1  # it did find something
 
 
@@ -103,8 +108,8 @@ def test_no_better_neighbour(name: str, vary: tuple[str, ...]) -> None:
     search = solved(problem, 1e-6)
     random = np.random.default_rng(5)
     low, high = problem.bounds
-    worst = np.argsort(problem.frequencies(search.x))[:6]
-    base, slopes = problem.matrices(search.x, worst)
+    worst = np.argsort(problem.dynamics.omega_squared(search.x))[:6]
+    base, slopes = problem.dynamics.scaled_stiffness_and_gradient(search.x, worst)
     gradients = [
         np.einsum("i,vij,j->v", v[:, 0], slopes[:, k], v[:, 0])
         for k, v in enumerate(np.linalg.eigh(base)[1])
@@ -114,10 +119,10 @@ def test_no_better_neighbour(name: str, vary: tuple[str, ...]) -> None:
     for direction in directions:
         for size in (1e-3, 1e-2, 0.05):
             x = np.clip(search.x + size * direction / np.abs(direction).max(), low, high)
-            if problem.closes(x) and problem.frequencies(x, search.rows).min() > search.squared * (
-                1 + 1e-4
-            ):
-                assert limits(problem, x).values.min() < -1e-7
+            if problem.vector.closes(x) and problem.dynamics.omega_squared(
+                x, search.rows
+            ).min() > search.squared * (1 + 1e-4):
+                assert constraints_at(problem, x).values.min() < -1e-7
             tried += 1
     assert tried > 400
 
@@ -183,7 +188,7 @@ def test_gain_of_more_oil_is_its_worth() -> None:
     assert gain > 0
     priced = worth["oil.cap.total"].at_margin + worth["oil.annulus.total"].at_margin
     assert priced == pytest.approx(gain, rel=0.15)
-    assert set(worth) >= set(limits(problem, problem.start).names)
+    assert set(worth) >= set(constraints_at(problem, problem.vector.start).names)
 
 
 def _lift(k: float) -> dict[str, Any]:
@@ -259,7 +264,7 @@ def test_order_of_cylinders_does_not_matter() -> None:
     for reverse in (False, True):
         machine = double(reverse)
         space = Workspace.grid(machine, points=5)
-        problem = Problem(
+        problem = Problem.of(
             machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
         )
         reached.append(solved(problem, 1e-6).squared)
@@ -313,10 +318,10 @@ def test_a_missed_requirement_is_repaired() -> None:
     """
     machine, space = MACHINES["excavator"](), workspace_of("excavator")
     requirements = replace(Requirements.of(machine), holding_share=0.52)
-    problem = Problem(
+    problem = Problem.of(
         machine=machine, workspace=space, requirements=requirements, vary=("areas", "pins")
     )
-    assert limits(problem, problem.start).values.min() < -1e-3
+    assert constraints_at(problem, problem.vector.start).values.min() < -1e-3
     design = ad.optimize(machine, space, requirements, starts=1)
     assert min(design.slacks.values()) >= 0
     assert design.slacks["holding.boom"] < 0.01
@@ -389,7 +394,7 @@ def test_wide_limits_are_used() -> None:
     """
     machine, space = MACHINES["single"](), workspace_of("single")
     wide = Requirements(oil_total_share=9.0, oil_each_share=9.0, thrust_share=9.0)
-    problem = Problem(machine=machine, workspace=space, requirements=wide, vary=("areas",))
-    assert Search(problem=problem, x=problem.start).run(trust=1.0).x[0] == pytest.approx(
+    problem = Problem.of(machine=machine, workspace=space, requirements=wide, vary=("areas",))
+    assert Search(problem=problem, x=problem.vector.start).run(trust=1.0).x[0] == pytest.approx(
         9.0, rel=1e-6
     )

@@ -1,0 +1,184 @@
+"""Gradients by areas and pins: the design at x with a complex step along each entry of x.
+
+Places have the analytic sensitivities of their linkage; what is computed from them goes on in
+complex numbers, so the imaginary part over ``STEP`` is the exact derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.program.design_vector import DesignVector, Geometry
+from armdesign.design.program.moving_masses import InertiaAndGravity, summed
+from armdesign.design.requirements.lifting import unloaded
+from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.linkage.base import Actuation, Linkage
+
+STEP = 1e-30  # complex step: no subtraction, so no cancellation
+
+
+@dataclass(frozen=True, eq=False)
+class SteppedDesign:
+    """The design at x as a ``Candidate``: a variant for each entry of x, stepped along it."""
+
+    vector: DesignVector
+    x: Array
+
+    @property
+    def machine(self) -> Machine:
+        """Today's machine, of which counts, walls and supply stay."""
+        return self.vector.machine
+
+    @cached_property
+    def linkages(self) -> tuple[Linkage, ...]:
+        """Every cylinder's pins and bars at x, without steps."""
+        return self.vector.linkages(self.x)
+
+    @cached_property
+    def areas(self) -> Array:
+        """Bore and annulus of every actuator (nx, nc, 2) [m²]."""
+        vector, areas = self.vector, self._variants(self.vector.areas(self.x))
+        for index, v in enumerate(vector.variables):
+            if v.pin is None and not vector.rod_stays[v.cylinder, v.axis]:
+                today = vector.areas_today[v.cylinder]
+                areas[index, v.cylinder, v.axis] += 1j * STEP * today[v.axis]
+                if v.axis == 0 and vector.rod_stays[v.cylinder, 1]:
+                    areas[index, v.cylinder, 1] += 1j * STEP * today[0]
+        return areas
+
+    @cached_property
+    def sweeps(self) -> list[tuple[Array, Array] | None]:
+        """Length and moment arm of each cylinder over the range of its joint (nx, n).
+
+        None across several joints.
+        """
+        return [
+            None if poses is None else self._swept(i, poses)
+            for i, poses in enumerate(self.vector.range_poses)
+        ]
+
+    def _swept(self, i: int, poses: RigidPoses) -> tuple[Array, Array]:
+        linkage = self.linkages[i]
+        actuation, joint = linkage.actuation(poses), linkage.joints[0]
+        length = self._variants(actuation.length)
+        arm = self._variants(actuation.moment_arm[:, joint])
+        for index, slope in self._sensitivities(i, poses):
+            length[index] += 1j * STEP * slope.length * self.vector.pin_box
+            arm[index] += 1j * STEP * slope.moment_arm[:, joint] * self.vector.pin_box
+        return length, arm
+
+    @cached_property
+    def _closed_and_stroke(self) -> tuple[Array, Array]:
+        closed, stroke = map(self._variants, self.vector.strokes(self.x))
+        for i in self.vector.moving:
+            if (swept := self.sweeps[i]) is not None:
+                length = swept[0]
+                closed[:, i] = length[:, length[0].real.argmin()]
+                stroke[:, i] = length[:, length[0].real.argmax()] - closed[:, i]
+        return closed, stroke
+
+    @property
+    def closed(self) -> Array:
+        """Closed lengths (nx, nc) [m]."""
+        return self._closed_and_stroke[0]
+
+    @property
+    def stroke(self) -> Array:
+        """Strokes (nx, nc) [m]."""
+        return self._closed_and_stroke[1]
+
+    def place(self, i: int, name: str) -> Array | None:
+        """A pin of a cylinder's linkage in its link (nx, 3), or length of a bar (nx, 1) [m]."""
+        place = self.linkages[i].place(name)
+        if place is None:
+            return None
+        at = self._variants(np.array(place))
+        for index, (moved, axis) in self.vector.moves(i).items():
+            if moved == name:
+                at[index, axis] += 1j * STEP * self.vector.pin_box
+        return at
+
+    def transmission(self, i: int) -> Array:
+        """Cosine of the angle between rocker and coupler over the range of the joint (nx, n)."""
+        poses, moves = self.vector.range_poses[i], self.vector.moves(i)
+        assert poses is not None
+        cosine, slopes = self.linkages[i].transmission(poses, list(moves.values()))
+        stepped = self._variants(cosine)
+        for index, slope in zip(moves, slopes, strict=True):
+            stepped[index] += 1j * STEP * slope * self.vector.pin_box
+        return stepped
+
+    def geometry(self, rigid: RigidPoses) -> Geometry:
+        """Lengths, moment arms and their derivatives of every actuator at some poses (nx, n, …)."""
+        at = self.vector.geometry(self.x, rigid)
+        stepped = Geometry(*map(self._variants, (at.length, at.arm, at.curve)))
+        for i in self.vector.moving:
+            for index, slope in self._sensitivities(i, rigid):
+                for part, change in (
+                    (stepped.length, slope.length),
+                    (stepped.arm, slope.moment_arm),
+                    (stepped.curve, slope.moment_arm_derivative),
+                ):
+                    part[index][:, i] += 1j * STEP * (change * self.vector.pin_box)
+        return stepped
+
+    def moment_arms(self, rigid: RigidPoses) -> Array:
+        """∂ℓ/∂q at some poses (nx, n, nc, nq)."""
+        return self.geometry(rigid).arm
+
+    def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
+        """Base pin and rod end of a cylinder in the world (nx, n, 3) [m]."""
+        ends = np.stack(self.linkages[i].ends(rigid))[:, None].astype(complex)
+        ends = np.tile(ends, (1, len(self.x), 1, 1))
+        for index in self.vector.moves(i):
+            ends[:, index] = np.stack(self._stepped_linkage(i, index).ends(rigid))
+        return ends[0], ends[1]
+
+    def bare_gravity(self, rigid: RigidPoses) -> Array:
+        """Gravity torque of links, cylinders and four-bars without a load [N m].
+
+        (nx, n, nq), or (1, n, nq) where it does not depend on x.
+        """
+        known = unloaded(self.vector.bare, rigid)[None]
+        return known if self.vector.moving_masses is None else known + self.mass_terms(rigid)[1]
+
+    def mass_terms(self, rigid: RigidPoses) -> InertiaAndGravity:
+        """M, g and ∂g/∂q of the masses that depend on x (nx, n, …)."""
+        moving, linkages, closed = self.vector.moving_masses, self.linkages, self.closed
+        assert moving is not None
+        masses = moving.masses(self.areas, closed, linkages)
+        units = moving.units(linkages, closed[0].real, rigid)
+        total = summed(masses, units)
+        for i in moving.bars:
+            own = moving.rows(i)
+            for index in self.vector.moves(i):
+                linkage, length = self._stepped_linkage(i, index), closed[index, i]
+                moved = moving.masses_of(i, self.areas[index, i], length, linkage)
+                after = summed(moved, moving.units_of(i, linkage, length, rigid))
+                still = units[0][own], units[1][own], units[2][own]
+                before = summed(masses[index, own], still)
+                for part, new, old in zip(total, after, before, strict=True):
+                    part[index] += new - old
+        return total
+
+    def _variants(self, values: Array) -> Array:
+        """Complex copies of values, one for each entry of x (nx, …)."""
+        return np.tile(values.astype(complex), (len(self.x), *[1] * values.ndim))
+
+    def _sensitivities(self, i: int, poses: RigidPoses) -> Iterator[tuple[int, Actuation]]:
+        """Entries of x that move cylinder ``i``, each with its actuation's derivative."""
+        moves = self.vector.moves(i)
+        return zip(moves, self.linkages[i].sensitivities(poses, list(moves.values())), strict=True)
+
+    def _stepped_linkage(self, i: int, index: int) -> Linkage:
+        """The linkage of cylinder ``i``, stepped along the entry of x that moves a place of it."""
+        place, axis = self.vector.moves(i)[index]
+        at = [complex(value) for value in self.linkages[i].place(place) or ()]
+        at[axis] += 1j * STEP * self.vector.pin_box
+        return self.linkages[i].with_place(place, at)  # type: ignore[arg-type]

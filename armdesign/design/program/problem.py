@@ -1,0 +1,158 @@
+"""The design problem: the highest lowest frequency under requirements, posed in the design vector.
+
+Variants that differ in their limits, margins or chosen sizes share one ``Dynamics``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import relative_areas
+from armdesign.design.program.design_vector import DesignVector
+from armdesign.design.program.dynamics import Dynamics
+from armdesign.design.program.variables import Variable
+from armdesign.design.requirements.settings import Requirements
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+
+LEAST_AREA, LARGEST_AREA = 0.1, 2.0  # over today's; more where the thrust allows more
+
+ChosenSizes = tuple[tuple[float, float] | None, ...]  # bore and rod of each cylinder [m]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Margins:
+    """By how much constraints are moved: inwards, so that rounding has room, or outwards.
+
+    Attributes:
+        tightening: share by which all limits are drawn in.
+        reserve: what named constraints keep in reserve.
+        relaxed: share by which named limits are relaxed.
+    """
+
+    tightening: float = 0.0
+    reserve: Mapping[str, float] = field(default_factory=dict)
+    relaxed: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem:
+    """The lowest ω² of ``dynamics`` is to be made as high as ``requirements`` allow.
+
+    Attributes:
+        dynamics: frequencies and static forces of the designs x.
+        requirements: limits of a design.
+        sizes: bore and rod [m] of cylinders for which they are chosen, None of the others.
+        margins: by how much constraints are moved.
+    """
+
+    dynamics: Dynamics
+    requirements: Requirements
+    sizes: ChosenSizes = ()
+    margins: Margins = field(default_factory=Margins)
+
+    @classmethod
+    def of(
+        cls,
+        machine: Machine,
+        workspace: Workspace,
+        requirements: Requirements,
+        vary: tuple[str, ...],
+        *,
+        proportional: bool = False,
+        bands: Bands | None = None,
+        tightening: float = 0.0,
+    ) -> Problem:
+        """What may ``vary`` of today's machine, on its workspace; see ``Dynamics`` for the rest."""
+        vector = DesignVector.of(machine, workspace, requirements, vary)
+        dynamics = Dynamics(
+            vector=vector, workspace=workspace, bands=bands or Bands(), proportional=proportional
+        )
+        margins = Margins(tightening=tightening)
+        return cls(dynamics=dynamics, requirements=requirements, margins=margins)
+
+    @property
+    def vector(self) -> DesignVector:
+        """What the entries of x mean."""
+        return self.dynamics.vector
+
+    @property
+    def machine(self) -> Machine:
+        """Today's machine."""
+        return self.vector.machine
+
+    @property
+    def workspace(self) -> Workspace:
+        """Today's workspace."""
+        return self.dynamics.workspace
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper end of every entry of x.
+
+        A pin with a smaller box of its own keeps to that, an area of a chosen size to that size.
+        """
+        low, high = np.array([self._ends(v) for v in self.vector.variables]).T
+        return low, high
+
+    def _ends(self, v: Variable) -> tuple[float, float]:
+        if v.pin is not None:
+            reach = self.vector.boxes[v.cylinder][v.pin] / self.vector.pin_box
+            return -reach, reach
+        size = self.sizes[v.cylinder] if v.cylinder < len(self.sizes) else None
+        if size is not None:
+            area = relative_areas(self.machine.cylinders[v.cylinder], *size)[v.axis]
+            return area, area
+        if not v.free:
+            return 1.0, 1.0
+        least = LEAST_AREA
+        if v.axis == 0 and self.vector.rod_stays[v.cylinder, 1]:  # the annulus is what is left
+            cap, annulus = self.vector.areas_today[v.cylinder]
+            least = 1 - (1 - LEAST_AREA) * annulus / cap
+        return least, max(LARGEST_AREA, self.requirements.thrust_share)
+
+    def like(self, x: Array, other: Problem) -> Array:
+        """The design ``x`` of another problem of this machine, as far as it varies here."""
+        entries = zip(x, other.vector.variables, strict=True)
+        moved = {
+            (v.cylinder, v.pin, v.axis): float(value) * other.vector.pin_box
+            for value, v in entries
+            if v.pin is not None
+        }
+        coordinates = [
+            moved.get((v.cylinder, v.pin, v.axis), 0.0) / self.vector.pin_box
+            for v in self.vector.variables
+            if v.pin is not None
+        ]
+        areas = other.vector.areas(x) / self.vector.areas_today
+        return np.clip(np.concatenate([areas.ravel(), coordinates]), *self.bounds)
+
+    def tightened(self, share: float) -> Problem:
+        """The same problem with limits drawn in by a share."""
+        return replace(self, margins=replace(self.margins, tightening=share))
+
+    def with_reserve(self, reserve: Mapping[str, float]) -> Problem:
+        """The same problem where named constraints keep something in reserve."""
+        return replace(self, margins=replace(self.margins, reserve=reserve))
+
+    def relaxed(self, shares: Mapping[str, float]) -> Problem:
+        """The same problem with named limits relaxed by a share."""
+        return replace(self, margins=replace(self.margins, relaxed=shares))
+
+    def under(self, requirements: Requirements) -> Problem:
+        """The same problem under other requirements that leave the pin boxes as they are."""
+        return replace(self, requirements=requirements)
+
+    @property
+    def softest(self) -> Problem:
+        """The problem with the softest oil of the bands: only bands of masses are left."""
+        bands, machine = self.dynamics.bands, self.dynamics.softest
+        masses = Bands(payload=bands.payload, link_mass=bands.link_mass)
+        vector = replace(self.vector, machine=machine)
+        return replace(self, dynamics=replace(self.dynamics, vector=vector, bands=masses))
