@@ -1,4 +1,4 @@
-"""A kind of linkage is one file: a kind that the package does not know works by its class alone, and
+"""A kind of linkage is one file: one that the package does not know works by its class alone, and
 no other module names what belongs to a single kind.
 """
 
@@ -14,7 +14,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.design.program.constraints import limits
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.dynamics import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
@@ -29,7 +29,7 @@ PACKAGE = Path(ad.__file__).parent
 
 @dataclass(frozen=True, kw_only=True)
 class Bracket(Linkage):
-    """A rod end on a bracket that is welded to a link and stands off its pin along the link's x."""
+    """A rod end on a bracket welded to a link at its foot, along the link's x axis."""
 
     number = 99
     key = "bracket"
@@ -114,7 +114,7 @@ def test_a_design_moves_the_places_of_another_kind() -> None:
     moved = [(v.pin, v.axis) for v in problem.variables if v.pin is not None]
     assert moved == [("foot", 0), ("foot", 2), ("arm_length", 0)]
     assert problem.bends
-    assert limits(problem, problem.start).values.min() > -1e-9
+    assert constraints_at(problem, problem.start).values.min() > -1e-9
 
 
 def test_kinds_have_names_and_numbers_of_their_own() -> None:
@@ -123,7 +123,7 @@ def test_kinds_have_names_and_numbers_of_their_own() -> None:
     assert len({kind.key for kind in KINDS}) == len(KINDS)
 
 
-# Modules that may name a pin, a bar or the key of one kind: its own, its table, its compiled rod end.
+# may name a pin, a bar or the key of one kind: its own module, its table, its compiled rod end
 OF_ONE_KIND = {"mechanism.linkage.four_bar", "machine.schema", "simulation.plant.kinematics"}
 
 
