@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.dynamics import Problem
+from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
 from armdesign.mechanism.linkage.direct import Direct
@@ -108,13 +108,13 @@ def test_a_design_moves_the_places_of_another_kind() -> None:
     machine = bracketed(named("excavator_20t"), 1)
     names = tuple(f"cylinder.stick.bracket.{key}" for key in ("foot", "arm_length_mm"))
     workspace = ad.Workspace.grid(machine, points=3)
-    problem = Problem(
+    problem = Problem.of(
         machine=machine, workspace=workspace, requirements=ad.Requirements(), vary=names
     )
-    moved = [(v.pin, v.axis) for v in problem.variables if v.pin is not None]
+    moved = [(v.pin, v.axis) for v in problem.vector.variables if v.pin is not None]
     assert moved == [("foot", 0), ("foot", 2), ("arm_length", 0)]
-    assert problem.bends
-    assert constraints_at(problem, problem.start).values.min() > -1e-9
+    assert problem.vector.moves_within
+    assert constraints_at(problem, problem.vector.start).values.min() > -1e-9
 
 
 def test_kinds_have_names_and_numbers_of_their_own() -> None:
