@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap as ReachMap
     from armdesign.frequency.workspace import Workspace as Workspace
     from armdesign.frequency.worst_frequency import WorstPose as WorstPose
+    from armdesign.machine.loading import load as load
     from armdesign.machine.machine import Machine as Machine
-    from armdesign.machine.machine import load as load
     from armdesign.machine.poses import Poses as Poses
     from armdesign.paper import formulas as formulas
     from armdesign.simulation.excitation import Step as Step
@@ -52,7 +52,7 @@ _HOME = {
     "ArmDesignError": "errors",
     "InfeasibleError": "errors",
     "Machine": "machine.machine",
-    "load": "machine.machine",
+    "load": "machine.loading",
     "Modes": "frequency.modes",
     "natural_modes": "frequency.modes",
     "Poses": "machine.poses",

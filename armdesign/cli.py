@@ -249,14 +249,14 @@ def check(
     implausible values. Writes nothing.
     """
     from armdesign.frequency.workspace import Workspace
-    from armdesign.inspection.file_faults import problems
+    from armdesign.inspection.file_faults import faults as faults_of
     from armdesign.inspection.inspection import inspect
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
     from armdesign.report.inspections import check_sheets
 
     counts = grid_points(points)
     with progress("reading the file"):
-        faults = problems(machine, allow_outside=allow_outside)
+        faults = faults_of(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
@@ -282,7 +282,7 @@ def compare(
     compare.csv and maps on one colour scale.
     """
     from armdesign import plots
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
     from armdesign.report import comparison
 
     with progress("mapping both machines"):
@@ -309,7 +309,8 @@ def new(
 
     They can be mapped at once. Every number in them is a placeholder, to be replaced.
     """
-    from armdesign.machine import scaffold, schema
+    from armdesign.machine import scaffold
+    from armdesign.machine.json_schema import json_schema
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out
@@ -321,7 +322,7 @@ def new(
                 str(folder / file), "exists already", "give another name or --out another folder"
             )
     if not (folder / "machine.schema.json").exists():  # for editors; machines may share it
-        files["machine.schema.json"] = schema.schema()
+        files["machine.schema.json"] = json_schema()
     with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")

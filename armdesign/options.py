@@ -91,7 +91,7 @@ def open_workspace(
 ) -> tuple[Machine, Workspace]:
     """The machine and its workspace; faults of options are raised before anything is computed."""
     from armdesign.frequency.workspace import Workspace
-    from armdesign.machine.machine import load
+    from armdesign.machine.loading import load
 
     counts = grid_points(points)
     check_out(out)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "01_baseline_map"
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 import armdesign as ad
 from armdesign.arrays import percentiles
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "02_which_formula"
 FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static load as a mass"}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "03_areas_only"
 

@@ -1,7 +1,7 @@
 """Every load case over a workspace: the one loop over load cases and the poses of each.
 
 Maps, bands, requirements and designs ask about "all poses and load cases"; all of them loop here.
-What a load case is stands elsewhere: its data in ``machine.parts.Payload``, at which poses it
+What a load case is stands elsewhere: its data in ``machine.parts.LoadCase``, at which poses it
 exists in ``Machine.holds``, what it adds to inertia and gravity in ``Machine.loaded``. A new kind
 of load case changes these three and nothing here.
 """

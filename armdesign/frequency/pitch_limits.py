@@ -9,20 +9,20 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array, chunks
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 
 SMALLEST_SLOPE = 0.1  # of the pitch by the joint, below which the joint cannot set it
 
 
-def tipping_joints(machine: Machine, payload: Payload) -> list[int]:
+def tipping_joints(machine: Machine, payload: LoadCase) -> list[int]:
     """Revolute joints that tip the link of a load case with pitch limits, root first."""
     chain = machine.arm.chain(payload.link) if payload.link and payload.pitch else ()
     return [j for j in chain if machine.arm.joints[j].revolute and j not in machine.arm.slewing]
 
 
 def turned_onto_pitch_limits(
-    machine: Machine, payload: Payload, q: Array, joint: int, ranges: Array
+    machine: Machine, payload: LoadCase, q: Array, joint: int, ranges: Array
 ) -> Array:
     """Poses (n, nq) with ``joint`` turned onto each pitch limit, the other joints as they are.
 
@@ -41,7 +41,7 @@ def turned_onto_pitch_limits(
 
 
 def onto_pitch_limit(
-    machine: Machine, payload: Payload, q: Array, joint: int, limit: float
+    machine: Machine, payload: LoadCase, q: Array, joint: int, limit: float
 ) -> Array:
     """Poses with ``joint`` turned until the link's pitch is ``limit`` [rad] (Newton).
 

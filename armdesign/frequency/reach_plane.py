@@ -15,8 +15,8 @@ from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import Axes, steps_along
 from armdesign.frequency.pitch_limits import wrapped
 from armdesign.frequency.spread import edge_poses
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 
 STARTS = 6  # per cell on each edge of the joint ranges
 
@@ -110,7 +110,7 @@ def _onto_middles(
     starts: Array,
     cell: Array,
     free: Array,
-    payload: Payload | None = None,
+    payload: LoadCase | None = None,
 ) -> tuple[Array, Array, Array]:
     """Poses moved onto the middles of their cells: q (m, nq), cell (m, 2), index of start (m,).
 
@@ -134,7 +134,7 @@ def _onto_middles(
     return q[met], cell[met], np.flatnonzero(met)
 
 
-def _place_and_pitch(machine: Machine, q: Array, payload: Payload | None) -> tuple[Array, Array]:
+def _place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tuple[Array, Array]:
     """Reach, height [m] and with a payload its link's pitch [rad] (n, 2 or 3), and their slopes.
 
     The slopes by the joints are (n, 2 or 3, nq).

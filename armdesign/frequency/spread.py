@@ -15,8 +15,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import mesh
 from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 from armdesign.mechanism.joint_ranges import over
 
 ON_EDGE = (
@@ -42,7 +42,7 @@ def spread(case: Machine, ranges: Array, count: int) -> Array:
 
 def edge_poses(
     machine: Machine, ranges: Array, count: int
-) -> Iterator[tuple[Array, Payload | None]]:
+) -> Iterator[tuple[Array, LoadCase | None]]:
     """Poses on the faces of the joint box, then poses on pitch limits with their load case.
 
     ``count`` for each combination of joint ends; none where two joints or fewer move the tool.

@@ -19,8 +19,8 @@ from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
 from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
 from armdesign.frequency.reach_plane import poses_on_cells
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 
@@ -191,7 +191,7 @@ class Workspace:
         for rows in shown(chunks(len(self)), len(self), what):
             yield rows, self.rigid[rows] if kept else self.machine.rigid_poses(self.q[rows])
 
-    def holds(self, payload: Payload) -> Flags:
+    def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""
         if payload.pitch is None:
             return np.ones(len(self), dtype=bool)

@@ -95,7 +95,7 @@ def _locate(robot: ET.Element, text: str) -> None:
             element.line = line
 
 
-def faults_of_text(
+def faults(
     text: str, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
 ) -> list[MachineFileError]:
     """Every fault of a URDF's text; one alone if it cannot be parsed."""

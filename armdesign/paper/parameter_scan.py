@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.machine.machine import load
+from armdesign.machine.loading import load
 from armdesign.paper.configurations import FORMULAS, LENGTHS, MACHINE, MASSES, Mechanism, rms_error
 from armdesign.units import GRAVITY, MPa, litre, mm
 

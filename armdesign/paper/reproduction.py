@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.machine.machine import Machine, load
+from armdesign.machine.loading import load
+from armdesign.machine.machine import Machine
 from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, Mechanism, error_of, grid
 from armdesign.simulation.excitation import Sweep
 from armdesign.simulation.experiment import Experiment

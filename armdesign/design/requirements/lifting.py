@@ -10,8 +10,8 @@ from armdesign.arrays import Array
 from armdesign.design.requirements.settings import Lift
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.chamber_pressures import holding_force
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
@@ -32,7 +32,7 @@ class LiftPose:
 
 def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
     """Gravity torque (n, nq) of links, cylinders and four-bars without a load [N m]."""
-    return replace(machine, payload=Payload(name="nothing")).loaded(rigid)[1]
+    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
 
 
 def liftable(

@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.errors import ArmDesignError, Concession, MachineFileError, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
-from armdesign.machine.schema import (
+from armdesign.machine.requirements_schema import (
     ClearanceSection,
     LiftSection,
     OutlineSection,
