@@ -278,7 +278,7 @@ def test_a_joint_that_the_urdf_lacks_says_the_line_of_the_machine_file(
     assert fault.endswith(f" (line {line} of x.toml)")
     assert str(other.value) == fault
     assert str(pickle.loads(pickle.dumps(one.value))) == fault
-    assert fault in map(str, problems(tmp_path / "x.toml"))
+    assert fault in map(str, faults(tmp_path / "x.toml"))
 
 
 def test_replace_says_the_line_of_the_file_and_generated_files_none() -> None:
