@@ -123,8 +123,12 @@ def test_kinds_have_names_and_numbers_of_their_own() -> None:
     assert len({kind.key for kind in KINDS}) == len(KINDS)
 
 
-# may name a pin, a bar or the key of one kind: its own module, its table, its compiled rod end
-OF_ONE_KIND = {"mechanism.linkage.four_bar", "machine.schema", "simulation.plant.kinematics"}
+# May name a pin, a bar or the key of one kind: its own module, its table and that table's
+# descriptions for editors, its compiled rod end.
+OF_ONE_KIND = {
+    *("mechanism.linkage.four_bar", "machine.schema", "machine.json_schema"),
+    "simulation.plant.kinematics",
+}
 
 
 def test_no_other_module_asks_for_the_four_bar() -> None:

@@ -87,6 +87,7 @@ class Linkage(Drive):
        apply, ``observer``, ``closes``, ``fault``, ``transmission``. Then the class in ``kinds.py``.
     2. Its table in ``machine/schema.py``, in ``CylinderSection`` under its ``key``: a pin for each
        of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
+       ``machine/json_schema.py`` describes them to editors.
     3. To simulate it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
     """
 
