@@ -32,6 +32,7 @@ class ArmDesignError(Exception):
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
         key: key path of the machine file that causes it, where the part is another file's.
+        table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class ArmDesignError(Exception):
     ) -> None:
         super().__init__()
         self.part, self.problem, self.remedy, self.key = part, problem, remedy, key
+        self.table = ""
         self.tell_line(line)
 
     def tell_line(self, line: int | None, file: str = "") -> None:
@@ -108,10 +110,15 @@ class InfeasibleError(ArmDesignError):
     """
 
     def __init__(
-        self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()
+        self,
+        part: str,
+        problem: str,
+        remedy: str = "",
+        conflict: tuple[Concession, ...] = (),
+        table: str = "",
     ) -> None:
         super().__init__(part, problem, remedy)
-        self.conflict = conflict
+        self.conflict, self.table = conflict, table
 
 
 class UntriedError(InfeasibleError):

@@ -84,7 +84,7 @@ class Linkage(Drive):
     To add a kind of linkage:
 
     1. A subclass in a file of its own: fields, class attributes, ``rod_end_from`` and, where they
-       apply, ``observer``, ``closes``, ``fault``, ``transmission``. Then the class in ``kinds.py``.
+       apply, ``observer``, ``closes``, ``fault``, ``transmission``; its name in ``kinds.py``.
     2. Its table in ``machine/schema.py``, in ``CylinderSection`` under its ``key``: a pin for each
        of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
        ``machine/json_schema.py`` describes them to editors.
