@@ -23,7 +23,7 @@ ROOMS = (
     *("plots", "report", "paper", "output", "options", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
+    "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
     "matplotlib": {"plots.canvas"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.toml_writing", "design.provenance"},
