@@ -21,7 +21,8 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.catalogue.sizes import Sizes, offered, sized
-from armdesign.design.requirements.check import Check, check, slacks, static_loads
+from armdesign.design.requirements.check import check, slacks, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility import concessions, nearest, remedy, sentence
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError

@@ -14,10 +14,10 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import conditions_at, drawn_in, holding_rows
+from armdesign.design.program.constraints import drawn_in, evaluations_at, holding_rows
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.candidate import Condition
+from armdesign.design.requirements.record import Evaluation
 from armdesign.design.search.grid import grid_sizes
 from armdesign.errors import InfeasibleError
 
@@ -97,14 +97,14 @@ class Elastic:
         return not names or self.least((), names, ROUGH).met
 
     @np.errstate(invalid="ignore", divide="ignore")
-    def amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
+    def amounts(self, x: Array) -> dict[str, tuple[Evaluation, float]]:
         """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
         found = {}
-        for c in conditions_at(self.problem, x, holding_rows(self.problem, x)):
+        for c in evaluations_at(self.problem, x, holding_rows(self.problem, x)):
             missed = (c.limit - c.value[0].real) * (1 if c.at_least else -1)
-            kept = np.broadcast_to(drawn_in(self.problem, c), c.room.shape)[
+            kept = np.broadcast_to(drawn_in(self.problem, c), c.constraint.shape)[
                 0
-            ].real / _room_per_limit(c)
+            ].real / _constraint_per_slack(c)
             size = abs(c.limit) if c.slack_scale is None else c.slack_scale
             found[c.name] = c, max(0.0, float(np.max(missed + kept * size)))
         return found
@@ -172,10 +172,11 @@ class Elastic:
         watched = names is None or any(name.startswith("holding.") for name in names)
         rows = self.holding if watched else self.holding[:0]
         kept = [
-            c for c in conditions_at(self.problem, x, rows) if names is None or c.name in names
+            c for c in evaluations_at(self.problem, x, rows) if names is None or c.name in names
         ]
         share = [
-            (c.room - drawn_in(self.problem, c)) / _room_per_limit(c) - self.depth for c in kept
+            (c.constraint - drawn_in(self.problem, c)) / _constraint_per_slack(c) - self.depth
+            for c in kept
         ]
         room = np.concatenate(share, axis=1)
         labels = [
@@ -233,12 +234,12 @@ class Elastic:
         return Answer(x, *_least_of(at, soft), tight)
 
 
-def _room_per_limit(condition: Condition) -> Array:
+def _constraint_per_slack(evaluation: Evaluation) -> Array:
     """Room of a condition per relative slack (k,); of what nothing changes, one."""
-    if condition.slack_scale is not None:
-        return np.ones(condition.room.shape[1])  # its room is a share of that scale already
-    easing = np.broadcast_to(condition.easing, condition.room.shape)[0].real
-    return np.where(easing > 0, easing, 1.0)
+    if evaluation.slack_scale is not None:
+        return np.ones(evaluation.constraint.shape[1])  # its room is a share of that scale already
+    sensitivity = evaluation.limit_sensitivity[0].real
+    return np.where(sensitivity > 0, sensitivity, 1.0)
 
 
 def _least_of(at: _Missed, soft: Groups) -> tuple[float, float]:

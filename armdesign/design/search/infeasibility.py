@@ -12,11 +12,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Condition
-from armdesign.design.requirements.check import Check
+from armdesign.design.requirements.record import Concession, Evaluation, Requirement
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.elastic import MET, STARTS, Answer, Elastic
-from armdesign.errors import Concession
 from armdesign.units import WORKSHOP, deg, outward
 
 PAIRS = 60  # of requirements that are tried for a smaller conflict
@@ -28,7 +26,7 @@ DIGITS = 6  # of a setting that gives
 class Relaxation:
     """By how much requirements give, in their units, and a design that then meets all, as the limits are drawn in."""
 
-    conditions: dict[str, Condition]
+    conditions: dict[str, Evaluation]
     amounts: dict[str, float]
     x: Array
 
@@ -136,7 +134,7 @@ class Conflict(Elastic):
 def concessions(
     requirements: Requirements,
     parts: Sequence[Sequence[str]],
-    of: Mapping[str, Check | Condition],
+    of: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
 ) -> tuple[Concession, ...]:
@@ -162,27 +160,22 @@ def concessions(
             value = values.get(c.setting) if amount > 0 else None
             found.append(
                 Concession(
-                    name=name,
-                    words=c.words,
-                    unit=c.unit,
-                    limit=c.limit,
-                    at_least=c.at_least,
+                    **c.identity,
                     together=amount,
                     alone=amount if len(names) == 1 else alone.get(name),
                     part=part,
-                    setting=c.setting,
                     value=value,
                 )
             )
     return tuple(found)
 
 
-def _falls(c: Check | Condition) -> bool:
+def _falls(c: Requirement) -> bool:
     """Whether its setting falls when it gives: a lower limit, or the speed that an upper limit of flow allows."""
     return c.at_least or c.setting.startswith("speed.")
 
 
-def _stated(requirements: Requirements, c: Check | Condition) -> float:
+def _stated(requirements: Requirements, c: Requirement) -> float:
     """The setting that states a limit as it is.
 
     An angle of today's that is lower than the setting counts instead.
@@ -190,7 +183,7 @@ def _stated(requirements: Requirements, c: Check | Condition) -> float:
     return c.limit / deg if c.setting == "transmission_deg" else requirements.setting(c.setting)
 
 
-def _value(requirements: Requirements, c: Check | Condition, amount: float) -> float:
+def _value(requirements: Requirements, c: Requirement, amount: float) -> float:
     """The setting that grants an amount, rounded to the granting side."""
     ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
     value = _stated(requirements, c) * (

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Condition
-from armdesign.design.requirements.check import Check
+from armdesign.design.requirements.record import Concession, Evaluation, Requirement
 from armdesign.design.search.elastic import MET
 from armdesign.design.search.infeasibility import (
     Conflict,
@@ -26,7 +25,7 @@ from armdesign.design.search.infeasibility import (
 )
 from armdesign.design.search.rounding import inmost, nearest_misses
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.errors import Concession, InfeasibleError
+from armdesign.errors import InfeasibleError
 
 STRICT = (
     30.0  # times dearer a missed requirement is for a search that left the designs that meet all
@@ -134,7 +133,7 @@ def _alone(
     search: Search,
     conflict: Conflict,
     parts: Sequence[Sequence[str]],
-    of: Mapping[str, Condition],
+    of: Mapping[str, Evaluation],
     together: Mapping[str, float],
     near: Array,
 ) -> dict[str, float | None]:
@@ -165,7 +164,7 @@ def _alone(
 def _enough(
     search: Search,
     parts: Sequence[Sequence[str]],
-    of: Mapping[str, Check | Condition],
+    of: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,

@@ -19,7 +19,8 @@ from armdesign.design.catalogue.sizes import size_in_mm
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import SIZES
-from armdesign.design.requirements.check import Check, check, meets, static_loads
+from armdesign.design.requirements.check import check, meets, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.search.elastic import Elastic
 from armdesign.design.search.grid import GRID, diameters, neighbours
 from armdesign.design.search.sequential_sdp import Search

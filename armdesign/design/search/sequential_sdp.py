@@ -17,8 +17,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import (
     Constraints,
-    conditions_at,
     constraints_at,
+    evaluations_at,
     holding_rows,
 )
 from armdesign.design.program.convex_relaxation import convex_relaxation
@@ -345,7 +345,7 @@ class Search:
         here.bounds, here.reference = self.bounds, self.reference
         here.run(PRICING, 10 * FINE, looks=2)
         margins = here.margins()
-        settings = {c.name: c.setting for c in conditions_at(self.problem, self.x, self.holding)}
+        settings = {c.name: c.setting for c in evaluations_at(self.problem, self.x, self.holding)}
         together: dict[str, list[str]] = {}
         for name in margins:
             together.setdefault(settings.get(name) or name, []).append(name)
