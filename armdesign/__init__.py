@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from armdesign.frequency.bands import FrequencyBand as FrequencyBand
     from armdesign.frequency.bands import frequency_band as frequency_band
     from armdesign.frequency.maps import FrequencyMap as FrequencyMap
-    from armdesign.frequency.maps import ReachMap as ReachMap
     from armdesign.frequency.maps import frequency_map as frequency_map
     from armdesign.frequency.modes import Modes as Modes
     from armdesign.frequency.modes import natural_modes as natural_modes
+    from armdesign.frequency.reach_map import ReachMap as ReachMap
     from armdesign.frequency.workspace import Workspace as Workspace
     from armdesign.frequency.worst_frequency import WorstPose as WorstPose
+    from armdesign.machine.loading import load as load
     from armdesign.machine.machine import Machine as Machine
-    from armdesign.machine.machine import load as load
     from armdesign.machine.poses import Poses as Poses
     from armdesign.paper import formulas as formulas
     from armdesign.simulation.excitation import Step as Step
@@ -52,13 +52,13 @@ _HOME = {
     "ArmDesignError": "errors",
     "InfeasibleError": "errors",
     "Machine": "machine.machine",
-    "load": "machine.machine",
+    "load": "machine.loading",
     "Modes": "frequency.modes",
     "natural_modes": "frequency.modes",
     "Poses": "machine.poses",
     "Workspace": "frequency.workspace",
     "FrequencyMap": "frequency.maps",
-    "ReachMap": "frequency.maps",
+    "ReachMap": "frequency.reach_map",
     "WorstPose": "frequency.worst_frequency",
     "frequency_map": "frequency.maps",
     "Bands": "frequency.bands",

@@ -33,11 +33,13 @@ class ArmDesignError(Exception):
         remedy: what to do about it.
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
+        table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
 
     def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
         super().__init__()
         self.part, self.problem, self.remedy = part, problem, remedy
+        self.table = ""
         self.tell_line(line)
 
     def tell_line(self, line: int | None) -> None:
@@ -70,14 +72,19 @@ class InfeasibleError(ArmDesignError):
     """
 
     def __init__(
-        self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()
+        self,
+        part: str,
+        problem: str,
+        remedy: str = "",
+        conflict: tuple[Concession, ...] = (),
+        table: str = "",
     ) -> None:
         super().__init__(part, problem, remedy)
-        self.conflict = conflict
+        self.conflict, self.table = conflict, table
 
     def __reduce__(self):  # type: ignore[no-untyped-def]
         """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.conflict)
+        return type(self), (self.part, self.problem, self.remedy, self.conflict, self.table)
 
 
 class UntriedError(InfeasibleError):

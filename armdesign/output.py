@@ -1,4 +1,4 @@
-"""What commands leave behind: files in one folder, all or none of them, and words in the terminal."""
+"""What commands leave behind: files in one folder, all or none, and text in the terminal."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ changed: list[Path] = []  # folders that this process has written into
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """A frame with nine digits."""
+    """Write a frame as CSV with nine digits."""
     frame.to_csv(path, index=False, float_format="%.9g")
 
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
-    """Lowest frequency over joints and over the tool's places, and the pressure that holds the load."""
+    """Pictures of the lowest frequency, over joints and by place of the tool, and of pressures."""
     from armdesign import plots
 
     for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
@@ -46,34 +46,59 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
 
 
 def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
-    """Machine file, maps and pictures of a design; returns the pictures with their captions."""
+    """Write machine file, maps and pictures of a design; returns captions and pictures."""
     from armdesign import plots
 
     design.written_by(command_line()).save(folder / made_of(design.today))
     write_csv(design.before.frame, folder / "map_before.csv")
     write_csv(design.after.frame, folder / "map_after.csv")
-    one = len(plots.drawn_joints(design.today)) == 1
-    over = (
-        "Natural frequencies over the joint" if one else "Lowest natural frequency over two joints"
-    )
-    pictures = [
-        (over, plots.before_after(design), "map_joints.png"),
-        (
-            "Lowest natural frequency at each place of the tool",
-            plots.before_after(design, "reach"),
-            "map_reach.png",
-        ),
-        (
-            "What the pins buy: the shape of the moment arms",
-            plots.moment_arms(design),
-            "moment_arms.png",
-        ),
-    ]
-    return [(caption, plots.save(fig, folder / name)) for caption, fig, name in pictures]
+    over_joints = "Lowest natural frequency over two joints"
+    if len(plots.drawn_joints(design.today)) == 1:
+        over_joints = "Natural frequencies over the joint"
+    by_place = "Lowest natural frequency by place of the tool"
+    pictures = {
+        "map_joints.png": (over_joints, plots.before_after(design)),
+        "map_reach.png": (by_place, plots.before_after(design, "reach")),
+        "moment_arms.png": ("Moment arms over the joint ranges", plots.moment_arms(design)),
+    }
+    return [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
+
+
+def write_report(
+    design: Design, proofs: dict[str, Validation], sheets: Sequence[Sheet], folder: Path
+) -> None:
+    """Everything that ``armdesign design`` leaves behind, report.html among it.
+
+    Args:
+        design: with both maps.
+        proofs: nonlinear runs of today's and the new machine, by these names.
+        sheets: of the design.
+        folder: for the files.
+    """
+    from armdesign import plots
+    from armdesign.report.designs import summary
+    from armdesign.report.sheet import html
+    from armdesign.report.validations import validation_sheet, verdict
+
+    pictures = write_design(design, folder)
+    write_validations(proofs, folder, "version")
+    at_worst = {label: proof.by_pose["worst"] for label, proof in proofs.items()}
+    responses = plots.frequency_responses(at_worst)
+    caption = "Nonlinear simulation: a small slow sweep at the worst pose of each machine"
+    pictures.append((caption, plots.save(responses, folder / "frequency_responses.png")))
+    all_runs = {
+        f"{label} {pose}": validation
+        for label, proof in proofs.items()
+        for pose, validation in proof.by_pose.items()
+    }
+    title = f"{design.today.section.title or design.today.name}: new cylinders and pins"
+    lead = f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}."
+    page = html(title, lead, [*sheets, validation_sheet(all_runs)], pictures)
+    (folder / "report.html").write_text(page, encoding="utf-8")
 
 
 def command_line() -> str:
-    """What was typed in the terminal."""
+    """The command as typed in the terminal."""
     return shlex.join(["armdesign", *sys.argv[1:]])
 
 
@@ -95,7 +120,7 @@ def check_urdf(machine: Machine, out: Path) -> None:
 
 
 def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
-    """All of them in one file; the names go into a column ``label``."""
+    """Write all validations as one CSV file; their names go into a column ``label``."""
     import pandas as pd
 
     frames = [
@@ -105,77 +130,77 @@ def write_validations(validations: dict[str, Validation], folder: Path, label: s
 
 
 def check_out(out: Path) -> None:
-    """Raise if nothing can be written there; what a killed run left half done there is ended."""
+    """Raise if a folder cannot be written; complete or undo what a killed run left there."""
     try:
-        there = next(place for place in (out, *out.absolute().parents) if place.exists())
+        existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     except OSError as error:
         raise ArmDesignError(
             f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
         ) from None
-    if not there.is_dir() or not os.access(there, os.W_OK):
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise ArmDesignError(
-            f"--out {out}", f"{there} is not a folder to write into", "name another folder"
+            f"--out {out}", f"{existing} is not a folder to write into", "name another folder"
         )
     transaction.mend(out)
 
 
 @contextmanager
 def outputs(out: Path) -> Iterator[Path]:
-    """A folder to write into.
-
-    Its files move to ``out`` when all of them are there, all or none.
-    """
-    with ExitStack() as told:
+    """A folder to write into, whose files move to ``out`` when they are complete, all or none."""
+    with ExitStack() as undisturbed:
         try:
             with transaction.staged(out) as folder:
                 yield folder
                 written = sorted(
                     str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()
                 )
-                told.enter_context(transaction.undisturbed())
+                undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
-            words = f"cannot be written ({error.strerror})"
-            raise ArmDesignError(f"--out {out}", words, "name another folder") from None
+            raise ArmDesignError(
+                f"--out {out}", f"cannot be written ({error.strerror})", "name another folder"
+            ) from None
         changed.append(out)
         tell(f"wrote {', '.join(written)} to {out}/")
 
 
 def tell(text: str, file: TextIO | None = None) -> None:
-    """A line in the terminal: on stdout, or on a stream that is given."""
+    """Print a line: on stdout, or on a stream that is given."""
     print(printable(text), file=file)
+
+
+def tell_error(error: ArmDesignError) -> None:
+    """Print an error as one line on stderr; of several conflicting requirements also the table."""
+    tell(f"armdesign: {error}", sys.stderr)
+    for line in getattr(error, "table", "").splitlines():
+        tell(line, sys.stderr)
 
 
 @contextmanager
 def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """A progress display on stderr that leaves no trace.
-
-    Call what it yields to change the text.
-    """
+    """Show progress on stderr without a trace; yields a function that changes the text."""
     from rich.text import Text
 
     from armdesign.arrays import terminal
 
     with terminal().status(Text(printable(text))) as status:
-        yield lambda words: status.update(Text(printable(words)))
+        yield lambda changed_text: status.update(Text(printable(changed_text)))
 
 
 def show(items: Sequence[Sheet | str]) -> None:
-    """Sheets and sentences, one after the other, in the terminal."""
+    """Print sheets and sentences one after the other."""
     from rich.console import Console
 
     from armdesign.report.sheet import rich_table
 
-    console = Console()
+    console = Console(highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = 100
     for item in items:
         if isinstance(item, str):
-            console.print(printable(item), highlight=False, markup=False, emoji=False)
+            console.print(printable(item))
             continue
-        console.print(item.title, style="bold", highlight=False, markup=False, emoji=False)
+        console.print(item.title, style="bold")
         if item.rows:
-            console.print(rich_table(item), highlight=False)
+            console.print(rich_table(item))
         if item.note:
-            console.print(
-                f"{item.note}\n", style="italic", highlight=False, markup=False, emoji=False
-            )
+            console.print(f"{item.note}\n", style="italic")

@@ -43,9 +43,8 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.settings import evaluations
-from armdesign.design.search.multistart import MISSED
+from armdesign.design.search.sequential_sdp import MISSED
 from armdesign.frequency.modes import hertz
-from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
 
@@ -231,7 +230,7 @@ class Task:
     def judge(self) -> Judge:
         """Over the poses that count so far."""
         whole = self.problem.workspace
-        some = Workspace(whole.q[self.poses], whole.axes, whole.end_margin, whole.machine)
+        some = whole.subset(self.poses)
         limits_ = replace(self.problem.requirements, pin_box=self.problem.vector.pin_box)
         return Judge(Problem.of(self.problem.machine, some, limits_, self.problem.vector.vary))
 

@@ -1,7 +1,6 @@
-"""How far are the source paper's formulas from simulated frequencies over its 40 configurations?
+"""How far are the paper's formulas from simulated frequencies over its 40 configurations?
 
-Root mean square: static mass in (11) 158.5 rad/s, (42) as printed 11.4; exact within 0.01 %
-of each.
+Root mean square error: (11) 158.5 rad/s, (42) as printed 11.4; the exact formula within 0.01 %.
 """
 
 from __future__ import annotations
@@ -12,7 +11,10 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.paper import reproduction as paper
+from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, error_of, grid
+from armdesign.paper.errata import errata, errata_frame
+from armdesign.paper.parameter_scan import scan
+from armdesign.paper.reproduction import SWEEP, Reproduction, reproduce
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 
 OUT = Path("out") / "00_paper_validation"
@@ -20,21 +22,22 @@ OPENINGS = (0.002, 0.01, 0.05)  # of the valve in the raw sweep; the paper does 
 CORNERS = (50.0, 400.0), (0.5, 1.5)  # [kg, m]
 
 
-def run(fast: bool = False) -> tuple[pd.DataFrame, paper.Reproduction]:
-    """Errors [rad/s] of every formula, and the measurements; ``fast`` measures four corners.
+def run(fast: bool = False) -> tuple[pd.DataFrame, Reproduction]:
+    """Errors [rad/s] of every formula, and the measurements at the usual opening of the valve.
 
     Columns: against the linear answer (closed form, always all 40), the frequencies fitted at
-    small amplitude, and the highest line of sweeps with each opening.
+    small amplitude, and the highest spectral line of sweeps with each opening. ``fast`` measures
+    four corners.
     """
-    grid = paper.grid(ad.load(paper.MACHINE))
-    computed = grid.frequencies
-    table = pd.DataFrame({"linear": paper.error_of(computed, computed["joint_exact"])})
-    for opening in (paper.SWEEP.amplitude,) if fast else OPENINGS:
-        masses, lengths = CORNERS if fast else (paper.MASSES, paper.LENGTHS)
-        found = paper.reproduce(None, masses, lengths, replace(paper.SWEEP, amplitude=opening))
+    configurations = grid(ad.load(MACHINE))
+    computed = configurations.frequencies
+    table = pd.DataFrame({"linear": error_of(computed, computed["joint_exact"])})
+    for opening in (SWEEP.amplitude,) if fast else OPENINGS:
+        masses, lengths = CORNERS if fast else (MASSES, LENGTHS)
+        found = reproduce(None, masses, lengths, replace(SWEEP, amplitude=opening))
         table["fitted"] = found.errors["identified"]
         table[f"sweep {100 * opening:g} %"] = found.errors["swept"]
-        if opening == paper.SWEEP.amplitude:
+        if opening == SWEEP.amplitude:
             usual = found
     return table.rename_axis("formula"), usual
 
@@ -48,8 +51,8 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "errors.csv")
     found.frame.to_csv(OUT / "paper.csv", index=False)
-    paper.errata_frame(paper.errata(found.mechanism)).to_csv(OUT / "errata.csv", index=False)
-    paper.scan().to_csv(OUT / "scan.csv", index=False)
+    errata_frame(errata(found.mechanism)).to_csv(OUT / "errata.csv", index=False)
+    scan().to_csv(OUT / "scan.csv", index=False)
     sweep_bias().to_csv(OUT / "sweep_bias.csv", index=False)  # what a sweep alone gets wrong
     for formula in ("static_11", "joint_42_as_printed", "joint_exact"):
         plots.save(found.plot(formula), OUT / f"{formula}.png")

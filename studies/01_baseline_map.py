@@ -1,7 +1,6 @@
-"""Where in its workspace does each shipped machine swing slowest, and which cylinder is to blame?
+"""Where in its workspace is each shipped machine's lowest frequency, and which cylinder limits?
 
-At 0.910 Hz the 20 t excavator, boom up, full bucket curled; its lowest cylinder limits ≥ 86 %
-on every machine.
+At 0.910 Hz the 20 t excavator, boom up; on every machine its lowest cylinder limits ≥ 86 %.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "01_baseline_map"
 

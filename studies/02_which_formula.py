@@ -1,7 +1,7 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
-The rigid load: ×2.85 to ×4.2 in the median, up to ×23 (boom upright); one cylinder alone: up
-to +5 %, at worst +36 %.
+Rigid load: ×2.85 to ×4.2 in the median, at most ×23 (boom upright); one cylinder alone: +5 % in
+the median, at most +36 %.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pandas as pd
 
 import armdesign as ad
 from armdesign.arrays import percentiles
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "02_which_formula"
 FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static load as a mass"}

@@ -1,7 +1,7 @@
-"""How far do new bores and rods alone, with all pins kept, raise each machine's lowest frequency?
+"""How much do new bores and rods alone raise every machine's lowest frequency, pins as today?
 
-By +8.2 % at most (loader crane), +5.5 % (20 t), not at all with one joint; no sizes exceed what is
-found by 0.9 %.
+By at most +8.2 % (loader crane), +5.5 % (20 t), nothing with one joint; no sizes exceed the
+answers by more than 0.9 %.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 import armdesign as ad
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 
 OUT = Path("out") / "03_areas_only"
 

@@ -1,8 +1,7 @@
-"""What does a 20 t excavator cost and gain that is made for the worst of payload, air and oil?
+"""What does a 20 t excavator designed for uncertain payload, air and oil gain, and what lose?
 
-Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % as the file has it; the
-optimum for the file keeps next to nothing of its own +38 % there (+2 %; up to +15 % on coarser
-grids).
+Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % at the file's values;
+the design for those keeps little of its own +38 % there (+2 %; up to +15 % on coarser grids).
 """
 
 from __future__ import annotations

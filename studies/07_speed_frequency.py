@@ -1,7 +1,7 @@
-"""Do bigger cylinders on the 20 t excavator buy more frequency than they cost in joint speed?
+"""Do bigger cylinders on the 20 t excavator raise frequency more than they lower joint speed?
 
-Bores do not: frequency² × speed stays within 0.1 % of today's if dead volumes grow along (+12 %
-with 20 % more oil if they are fixed). At today's oil new sizes make it ×1.11, new pins too ×1.92.
+No: frequency² × speed stays within 0.1 % of today's if dead volumes grow in proportion (+12 % with
+20 % more oil if not). At today's oil the best sizes make it ×1.11, with new pins ×1.92.
 """
 
 from __future__ import annotations

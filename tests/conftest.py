@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 import armdesign as ad
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 

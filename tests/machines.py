@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from armdesign import ArmDesignError, Machine, load
-from armdesign.machine import machine_file
+from armdesign.machine import toml_writing
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.mechanism.linkage.direct import Direct
@@ -453,5 +453,5 @@ def scaled(
 
     kept = {"tool", "payload", "fluid", "cylinder"}
     visit(machine.section.model_dump(include=kept, exclude_unset=True), "")
-    text = machine_file.write(machine.text, changes, "scaled.toml")
+    text = toml_writing.edit(machine.text, changes, "scaled.toml")
     return Machine.from_text(text, ET.tostring(robot, encoding="unicode"), machine.source)

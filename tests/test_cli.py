@@ -192,7 +192,7 @@ def test_robust_without_bands_is_refused(
     assert main(words, monkeypatch) == 2
     assert (
         capsys.readouterr().err
-        == "armdesign: --robust: excavator_20t.toml states no bands; add [bands] to it, like"
+        == "armdesign: --robust: excavator_20t.toml has no bands; add [bands] to it, for example"
         " payload_share = [0.8, 1.2]\n"
     )
     assert not (tmp_path / "a").exists()

@@ -23,7 +23,8 @@ from armdesign.errors import printable
 from armdesign.frequency.bands import Bands
 from armdesign.machine import machine_file, saving
 from armdesign.machine.machine import Machine
-from armdesign.machine.schema import NAME_LENGTH
+from armdesign.machine.schema_types import NAME_LENGTH
+from armdesign.machine.toml_writing import edit
 
 NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
 WAS = "# was "
@@ -48,11 +49,12 @@ def documented(
     changes = _changes(machine, today)
     changes["name"] = today.name[: NAME_LENGTH - len(NEW_NAME)] + NEW_NAME
     changes["title"] = (today.section.title or today.name) + NEW_TITLE
-    told = _without_stories(today.text) if saving.tells_of_making(today.text) else today.text
-    text = machine_file.write(told, changes, today.source.name)
+    told = _without_stories(today.text) if saving.is_made(today.text) else today.text
+    text = edit(told, changes, today.source.name)
     text = _with_head(_with_old_values(text, told, changes), _head(today, requirements, command))
     source = today.source.with_name(f"{changes['name']}.toml")
-    return Machine.from_text(text, today.urdf_text, source, machine.arm).loaded_like(machine)
+    signed = Machine.from_text(text, today.urdf_text, source, arm=machine.arm)
+    return signed.loaded_like(machine)
 
 
 def call(function: str, **arguments: Any) -> str:

@@ -1,4 +1,4 @@
-"""What is not known exactly: bands of oil, air, load and mass, and the worst frequency within them.
+"""Uncertainty bands of oil, air, load and mass, and the worst frequency within them.
 
 Without air K − λM is affine in bulk modulus, payload and link masses, so the lowest λ of a pose is
 quasi-concave in them and least at a corner of the bands (THEORY §6). Softer oil, more air and more
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -31,7 +32,7 @@ F = TypeVar("F", Cylinder, Motor)
 
 @dataclass(frozen=True, kw_only=True)
 class Bands:
-    """Lower and upper end of what is not known exactly, as shares of the machine's values.
+    """Lower and upper end of uncertain data, as shares of the machine's values.
 
     Attributes:
         bulk_modulus: of the oil.
@@ -50,17 +51,15 @@ class Bands:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            band, limits = (
-                getattr(self, field.name),
-                (0.0, 0.5) if field.name == "air" else (0.1, 10.0),
-            )
+            band = getattr(self, field.name)
+            least, most = (0.0, 0.5) if field.name == "air" else (0.1, 10.0)
             if band is None:
                 continue
             numbers = len(band) == 2 and all(
                 isinstance(x, int | float | np.number) and math.isfinite(x) for x in band
             )
-            if not (numbers and limits[0] <= band[0] <= band[1] <= limits[1]):
-                remedy = f"give (lower, upper) within [{limits[0]:g}, {limits[1]:g}]"
+            if not (numbers and least <= band[0] <= band[1] <= most):
+                remedy = f"give (lower, upper) within [{least:g}, {most:g}]"
                 raise ArmDesignError(f"bands.{field.name}", f"{band!r} is not allowed", remedy)
 
     @classmethod
@@ -76,46 +75,42 @@ class Bands:
             air=(air[0] / 100, air[1] / 100) if air else None,
         )
 
-    def oil(self, machine: Machine, softest: bool) -> Machine:
-        """The machine with the softest or the stiffest oil: bulk modulus, air and dead volumes at one end."""
+    def with_oil(self, machine: Machine, softest: bool) -> Machine:
+        """The machine with bulk modulus, air and dead volumes at their soft or stiff ends."""
         end = 0 if softest else 1
+        modulus, volume = self.bulk_modulus[end], self.dead_volume[1 - end]
         air = machine.fluid.air if self.air is None else self.air[1 - end]
-        modulus, volume = (
-            self.bulk_modulus[end] * machine.fluid.bulk_modulus,
-            self.dead_volume[1 - end],
-        )
+        fluid = replace(machine.fluid, bulk_modulus=modulus * machine.fluid.bulk_modulus, air=air)
         return replace(
             machine,
-            fluid=replace(machine.fluid, bulk_modulus=modulus, air=air),
-            cylinders=tuple(_with_oil(cylinder, volume) for cylinder in machine.cylinders),
-            motors=tuple(_with_oil(motor, volume) for motor in machine.motors),
+            fluid=fluid,
+            cylinders=tuple(_with_volumes(cylinder, volume) for cylinder in machine.cylinders),
+            motors=tuple(_with_volumes(motor, volume) for motor in machine.motors),
         )
 
-    def softest(self, cylinder: Cylinder) -> Cylinder:
-        """The cylinder with the largest dead volumes: as ``oil`` has it at the soft end."""
-        return _with_oil(cylinder, self.dead_volume[1])
+    def with_largest_volumes(self, cylinder: Cylinder) -> Cylinder:
+        """The cylinder with the largest dead volumes, as it is with the softest oil."""
+        return _with_volumes(cylinder, self.dead_volume[1])
 
-    def masses(self, machine: Machine) -> list[tuple[float, float]]:
-        """Shares of payload and of link mass to try: the corners, and values between them where there is air."""
+    def mass_shares(self, machine: Machine) -> list[tuple[float, float]]:
+        """Shares of payload and of link mass to try: the corners, with air also between them."""
         air = machine.fluid.air > 0 or (self.air is not None and self.air[1] > 0)
-        ends = (
-            np.linspace(*band, SAMPLES if air else 2).tolist()
-            for band in (self.payload, self.link_mass)
-        )
-        return list(dict.fromkeys(itertools.product(*ends)))
+        count = SAMPLES if air else 2
+        values = (np.linspace(*band, count).tolist() for band in (self.payload, self.link_mass))
+        return list(dict.fromkeys(itertools.product(*values)))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Extreme:
-    """One set of values within the bands and the worst frequency there, over all poses and load cases.
+class Scenario:
+    """One set of values within the bands, and the worst frequency over poses and load cases there.
 
     Attributes:
         frequency: worst coupled natural frequency [Hz].
-        payload: name of the load case.
-        q: pose (nq,) [rad, m].
-        softest: whether the oil is at its soft end; else at its stiff one.
-        payload_share: of the load case's mass.
-        link_share: of the links' masses.
+        payload: name of its load case.
+        q: its pose (nq,) [rad, m].
+        softest: whether the oil is at its soft ends; else at its stiff ends.
+        payload_share: factor on the mass of every load case.
+        link_share: factor on all masses and inertias of the bare links.
     """
 
     frequency: float
@@ -128,11 +123,11 @@ class Extreme:
 
 @dataclass(frozen=True, kw_only=True)
 class FrequencyBand:
-    """The worst frequency at the bad and at the good end of what is not known exactly, and as the file has it [Hz]."""
+    """The worst frequency [Hz] in the worst and the best scenario, and with the file's values."""
 
-    low: Extreme
+    low: Scenario
     nominal: float
-    high: Extreme
+    high: Scenario
 
 
 def frequency_band(
@@ -146,47 +141,42 @@ def frequency_band(
         bands: what is not known exactly; those of the machine's file if None.
     """
     bands = bands or Bands.of(machine)
-    stiffest = [
-        _worst(machine, workspace, bands, False, *shares) for shares in bands.masses(machine)
-    ]
     return FrequencyBand(
         low=worst_within(machine, workspace, bands),
-        nominal=_worst(machine, workspace, Bands(), True, 1.0, 1.0).frequency,
-        high=max(stiffest, key=lambda case: case.frequency),
+        nominal=worst_frequency(machine, workspace).frequency,
+        high=max(_scenarios(machine, workspace, bands, softest=False), key=_frequency),
     )
 
 
-def worst_within(machine: Machine, workspace: Workspace, bands: Bands) -> Extreme:
-    """The lower end of ``frequency_band``: the worst that bands allow."""
-    softest = [
-        _worst(machine, workspace, bands, True, *shares) for shares in bands.masses(machine)
-    ]
-    return min(softest, key=lambda case: case.frequency)
+def worst_within(machine: Machine, workspace: Workspace, bands: Bands) -> Scenario:
+    """The worst scenario within the bands, the lower end of ``frequency_band``."""
+    return min(_scenarios(machine, workspace, bands, softest=True), key=_frequency)
 
 
-def _worst(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    softest: bool,
-    payload_share: float,
-    link_share: float,
-) -> Extreme:
-    worst = worst_frequency(bands.oil(machine, softest), workspace, payload_share, link_share)
-    return Extreme(
-        frequency=worst.frequency,
-        payload=worst.payload,
-        q=worst.q,
-        softest=softest,
-        payload_share=payload_share,
-        link_share=link_share,
-    )
+def _scenarios(
+    machine: Machine, workspace: Workspace, bands: Bands, softest: bool
+) -> Iterator[Scenario]:
+    with_oil = bands.with_oil(machine, softest)
+    for shares in bands.mass_shares(machine):
+        frequency, payload, q = worst_frequency(with_oil, workspace, *shares)
+        yield Scenario(
+            frequency=frequency,
+            payload=payload,
+            q=q,
+            softest=softest,
+            payload_share=shares[0],
+            link_share=shares[1],
+        )
+
+
+def _frequency(scenario: Scenario) -> float:
+    return scenario.frequency
+
+
+def _with_volumes(actuator: F, share: float) -> F:
+    names = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
+    return replace(actuator, **{name: share * getattr(actuator, name) for name in names})
 
 
 def _pair(band: list[float] | None) -> tuple[float, float]:
     return (band[0], band[1]) if band else EXACT
-
-
-def _with_oil(actuator: F, volume: float) -> F:
-    names = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
-    return replace(actuator, **{name: volume * getattr(actuator, name) for name in names})

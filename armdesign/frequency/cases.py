@@ -1,7 +1,7 @@
-"""Every load case over a workspace: the one loop over load cases, each at the poses where it exists.
+"""Every load case over a workspace: the one loop over load cases and the poses of each.
 
 Maps, bands, requirements and designs ask about "all poses and load cases"; all of them loop here.
-What a load case is stands elsewhere: its data in ``machine.parts.Payload``, at which poses it
+What a load case is stands elsewhere: its data in ``machine.parts.LoadCase``, at which poses it
 exists in ``Machine.holds``, what it adds to inertia and gravity in ``Machine.loaded``. A new kind
 of load case changes these three and nothing here.
 """
@@ -92,7 +92,7 @@ def in_chunks(
 
 
 def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:
-    """The bare links with all masses and inertias times a share: M, g and ∂g/∂q are linear in them."""
+    """The bare links with all masses and inertias times a share: M, g and ∂g/∂q are linear."""
     if share == 1.0:
         return rigid
     return replace(

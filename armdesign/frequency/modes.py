@@ -49,7 +49,7 @@ class Modes:
 
 
 def natural_modes(poses: Poses) -> Modes:
-    """Coupled, locked and rigid-load natural frequencies at every pose, valves closed and no damping.
+    """Coupled, locked and rigid-load natural frequencies, valves closed and without damping.
 
     Raises:
         PoseError: the inertia is not positive definite (a massless joint without payload).
@@ -81,9 +81,10 @@ def lowest_frequency(poses: Poses) -> Array:
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:
-    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc): k_i (r_i·v)² over their sum.
+    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc).
 
-    The cylinder with the largest share in the lowest mode is the one that limits the pose.
+    The energy of cylinder i is k_i (r_i·v)². The cylinder with the largest share in the lowest
+    mode limits the pose.
     """
     energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
     return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
@@ -113,9 +114,7 @@ def hertz(squared: Numbers) -> Numbers:
 
 
 def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
-    """Lowest frequency of each cylinder with all others locked (n, nc) [Hz].
-
-    Inf where they leave no motion.
+    """Lowest frequency of each cylinder with all others locked (n, nc) [Hz]; inf without motion.
 
     Locked cylinders hold the rows of R that are theirs, so only motions in the null space of these
     rows remain: K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its
@@ -145,9 +144,10 @@ def _in_span(rows: Array, row: Array) -> Flags:
 
 
 def _null_spaces(held: Array) -> list[tuple[Array, Array]]:
-    """Motions that leave the rows ``held`` (n, k, nq) unmoved: poses of one rank, and their orthonormal basis.
+    """Orthonormal bases of the motions that leave the rows ``held`` (n, k, nq) unmoved.
 
-    Poses at which they leave none are left out.
+    One basis for all poses of one rank, with their indices; poses without such a motion are left
+    out.
     """
     _, sizes, right = np.linalg.svd(held)
     rank = (sizes > 1e-9).sum(axis=1)

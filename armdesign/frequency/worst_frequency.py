@@ -1,4 +1,4 @@
-"""The worst frequency over all poses and load cases: on the poses of a workspace, and between them.
+"""The worst frequency over all poses and load cases: on the poses of a workspace and between.
 
 ``worst_frequency`` takes the lowest of the poses as they are; ``refined`` starts a local search
 from the lowest of them, and finds the worst pose off the grid too.
@@ -14,14 +14,15 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
 from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
-from armdesign.frequency.workspace import Workspace, onto_pitch_limit, tipping_joints
+from armdesign.frequency.pitch_limits import onto_pitch_limit, tipping_joints
+from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 STARTS = 4  # local searches per load case
 
 
 class Worst(NamedTuple):
-    """The lowest coupled natural frequency [Hz] of some poses, its load case and its pose (nq,)."""
+    """The lowest coupled natural frequency [Hz] of many poses, its load case and pose (nq,)."""
 
     frequency: float
     payload: str
@@ -52,7 +53,7 @@ class WorstPose:
 def worst_frequency(
     machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
 ) -> Worst:
-    """The worst frequency over the workspace's poses and all load cases, where and with which load.
+    """The worst frequency over a workspace's poses and all load cases.
 
     Args:
         machine: the machine.
@@ -75,9 +76,9 @@ def worst_frequency(
 
 
 def refined(case: CasePoses, frequency: Array) -> WorstPose:
-    """The worst pose of a load case between its poses too, from their lowest frequencies (m,) [Hz].
+    """The worst pose of a load case, on its poses and between.
 
-    Local searches start from the lowest poses; the lowest pose of all is taken.
+    Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
     machine, workspace, q = case.machine, case.workspace, case.workspace.q[case.exists]
     best_q, best = q[frequency.argmin()], float(frequency.min())
@@ -111,7 +112,7 @@ def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[A
 
 
 def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | None:
-    """Local minimum of the lowest frequency inside the workspace (SLSQP), or None where it leaves the workspace."""
+    """Local minimum of the lowest frequency in the workspace (SLSQP); None if it leaves it."""
     from scipy.optimize import minimize
 
     low, high = workspace.ranges.T

@@ -10,16 +10,20 @@ from pathlib import Path
 from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine import machine_file
+from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.from_urdf import FLUID, SUPPLY
 from armdesign.machine.key_lines import Places, tell_line
-from armdesign.machine.machine import Machine, faults_of, find, load
-from armdesign.machine.parts import linkage, unknown_joints, unknown_links
+from armdesign.machine.loading import find, load
+from armdesign.machine.machine import Machine
+from armdesign.machine.parts import linkage
 from armdesign.machine.schema import MachineSection
+from armdesign.machine.toml_writing import dump
+from armdesign.machine.urdf_names import unknown_joints, unknown_links
 from armdesign.mechanism import urdf_faults
 from armdesign.mechanism.arm import Arm
 
 
-def problems(path_or_name: str | Path, *, allow_outside: bool = False) -> list[ArmDesignError]:
+def faults(path_or_name: str | Path, *, allow_outside: bool = False) -> list[ArmDesignError]:
     """Everything that makes a machine file unusable, one error each; empty if it can be used.
 
     Schema, keys that contradict each other, faults of the URDF, links and joints that it does not
@@ -44,7 +48,7 @@ def problems(path_or_name: str | Path, *, allow_outside: bool = False) -> list[A
 
 def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     """Every fault, in the order in which they are looked for."""
-    section, faults, wrong = machine_file.problems(text, path.name)
+    section, faults, wrong = machine_file.faults(text, path.name)
     found: list[ArmDesignError] = [*faults]
     if (
         section is None
@@ -57,16 +61,16 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     except ArmDesignError as error:
         return [*found, error]
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
-    in_urdf = urdf_faults.problems(urdf_text, joints, section.frozen, section.urdf)
+    in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf)
     found += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
     geometry = _without_masses(urdf_text) if in_urdf else urdf_text
     if joints is None or any(fault.part.endswith(": joints") for fault in faults):
         return found
-    if in_urdf and urdf_faults.problems(geometry, joints, section.frozen, section.urdf):
+    if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf):
         return found
     try:
         if not found:
-            found += faults_of(Machine.unchecked(text, urdf_text, path))
+            found += assembly_faults(Machine.unchecked(text, urdf_text, path))
         if found:
             return [*found, *_faults_of_the_rest(section, geometry, path, _blamed(found))]
         Workspace.grid(load(path, allow_outside=allow_outside))
@@ -150,8 +154,8 @@ def _faults_of_the_rest(
                 name: table.model_dump(exclude_none=True) for name, table in sound.items()
             },
         }
-        machine = Machine.unchecked(machine_file.dump(data, "what is sound"), urdf_text, path)
-        faults = [fault for fault in faults_of(machine) if _blamed([fault])]
+        machine = Machine.unchecked(dump(data, "what is sound"), urdf_text, path)
+        faults = [fault for fault in assembly_faults(machine) if _blamed([fault])]
         yield from faults
         if not faults:
             return

@@ -19,10 +19,11 @@ import numpy as np
 
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine import machine_file
+from armdesign.machine.assembly_faults import place_in_urdf
+from armdesign.machine.key_paths import unit_of
 from armdesign.machine.likely_values import USUAL, Meant, meant, rounded, usual
-from armdesign.machine.machine import Machine, place_in_urdf
+from armdesign.machine.machine import Machine
 from armdesign.machine.range_causes import LARGEST_ARM, TURN, Cause, cause_of
-from armdesign.machine.schema import unit_of
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.urdf import Joint

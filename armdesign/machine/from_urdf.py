@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.errors import MachineFileError
-from armdesign.machine import machine_file, schema
+from armdesign.machine import machine_file
+from armdesign.machine.schema_types import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
+PLURAL = {"cylinder": "cylinders", "payload": "payloads", "motor": "motors"}  # arguments
 SUPPLY = {"pressure_bar": 250.0, "return_pressure_bar": 5.0, "flow_l_per_min": 100.0}
 
 
@@ -36,79 +39,47 @@ def read(urdf: str | Path) -> tuple[str, Path]:
 def machine_text(
     urdf_text: str,
     path: Path,
-    cylinders: Mapping[str, Any],
-    *,
     name: str | None,
     joints: Iterable[str] | None,
-    frozen: Mapping[str, float] | None,
-    payloads: Mapping[str, Any] | None,
-    tool: Mapping[str, Any] | None,
-    fluid: Mapping[str, Any] | None,
-    supply: Mapping[str, Any] | None,
-    requirements: Mapping[str, Any] | None,
-    motors: Mapping[str, Any] | None,
+    tables: Mapping[str, Any],
 ) -> str:
-    """Text of the machine file; what is None takes its default.
+    """Text of the machine file.
 
     Args:
         urdf_text: the URDF.
         path: its path: its file name goes into the machine file.
-        cylinders: tables by name, as in a machine file.
-        name: default: the URDF's file name.
-        joints: default: every movable joint that a cylinder spans or a motor turns, from the root
-            outwards.
-        frozen: values of other joints [rad or m]; default 0.
-        payloads: tables by name; default: one empty load case.
-        tool: a pin; default: the origin of the outermost link that the last joint moves.
-        fluid: keys that differ from ``FLUID``.
-        supply: keys that differ from ``SUPPLY``.
-        requirements: as in a machine file.
-        motors: tables by name, as in a machine file.
+        name: of the machine; None: the URDF's file name.
+        joints: the coordinates; None: every movable joint that a cylinder spans or a motor turns,
+            from the root outwards.
+        tables: tables of the machine file by their keys; None, or missing: the default.
 
     Raises:
         MachineFileError: no well-formed XML, or something that is no table.
     """
-    given = {
-        "cylinders": cylinders,
-        "payloads": payloads,
-        "tool": tool,
-        "fluid": fluid,
-        "supply": supply,
-    }
-    for key, value in {
-        **given,
-        "frozen": frozen,
-        "requirements": requirements,
-        "motors": motors,
-    }.items():
-        if value is not None and not isinstance(value, Mapping):
+    given = {key: value for key, value in tables.items() if value is not None}
+    for key, value in given.items():
+        if not isinstance(value, Mapping):
             raise MachineFileError(
-                key,
+                PLURAL.get(key, key),
                 f"a {type(value).__name__} is not allowed",
-                "give a mapping as in a machine file",
+                "expected {key: value} as in a machine file",
             )
     robot = _robot(urdf_text, path.name)
-    found = (
-        [str(joint) for joint in joints]
-        if joints is not None
-        else _driven(robot, cylinders, motors or {})
-    )
-    data: dict[str, Any] = {
-        "name": name if name is not None else _usable_name(path.stem),
+    if joints is None:
+        joints = _driven(robot, given.get("cylinder", {}), given.get("motor", {}))
+    joints = [str(joint) for joint in joints]
+    data = {
+        "name": _usable_name(path.stem) if name is None else name,
         "urdf": path.name,
-        "joints": found,
-        "frozen": frozen,
-        "tool": tool or {"link": _outermost(robot, found), "at_mm": [0.0, 0.0, 0.0]},
-        "payload": payloads or {"empty": {"mass_kg": 0.0}},
-        "fluid": {**FLUID, **(fluid or {})},
-        "supply": {**SUPPLY, **(supply or {})},
-        "cylinder": cylinders,
-        "motor": motors,
-        "requirements": requirements,
+        "joints": joints,
+        **tables,
+        "tool": given.get("tool") or {"link": _outermost(robot, joints), "at_mm": [0.0, 0.0, 0.0]},
+        "payload": given.get("payload") or {"empty": {"mass_kg": 0.0}},
+        "fluid": {**FLUID, **given.get("fluid", {})},
+        "supply": {**SUPPLY, **given.get("supply", {})},
     }
-    return machine_file.dump(
-        {key: value for key, value in data.items() if value is not None}, f"made from {path.name}"
-    )
+    present = {key: value for key, value in data.items() if value is not None}
+    return dump(present, f"made from {path.name}")
 
 
 def _robot(text: str, source: str) -> ET.Element:
@@ -121,8 +92,8 @@ def _robot(text: str, source: str) -> ET.Element:
 
 
 def _usable_name(words: str) -> str:
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", words)[: schema.NAME_LENGTH]
-    return name if re.match(schema.NAME_PATTERN, name) else "machine"
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", words)[:NAME_LENGTH]
+    return name if re.match(NAME_PATTERN, name) else "machine"
 
 
 def _parents(robot: ET.Element) -> dict[str, tuple[ET.Element, str]]:

@@ -7,13 +7,11 @@ only where the number as it stands is implausible and the number in the key's ow
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from armdesign.machine.schema import unit_of
+from armdesign.machine.key_paths import unit_of
 from armdesign.units import deg
 
 PSI = 6894.757  # [Pa]
@@ -118,65 +116,3 @@ def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:
     """Whether a number is one that machines have at a key path; none is where nothing is known."""
     low, high = USUAL.get(str(path[-1]), (float("inf"), float("-inf")))
     return lambda value: low <= value <= high
-
-
-# -------------------------------------------------------------------------------- as it is written
-
-_COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
-_THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
-
-
-def with_point(written: str) -> str:
-    """A remedy for a number with a decimal comma."""
-    point = written.replace(",", ".")
-    if _THOUSANDS.fullmatch(written):
-        return f"write {point}, or {written.replace(',', '')} where the comma parts thousands"
-    return f"write {point}"
-
-
-def bare_point(line: str) -> str:
-    """A remedy for a line of TOML with a number that begins or ends with its point.
-
-    "" if it has none.
-    """
-    match = re.search(r"[=,\[]\s*([+-]?)(?:(\.\d+)|(\d+)\.)\s*(?:[,\]}#\r]|$)", line)
-    return f"write {match[1]}{f'0{match[2]}' if match[2] else f'{match[3]}.0'}" if match else ""
-
-
-def comma_in(line: str) -> re.Match[str] | None:
-    """Where a line of TOML gives a key a number with a decimal comma."""
-    return re.search(rf"(?<==)\s*({_COMMA.pattern})", line)
-
-
-def list_meant(written: str, count: int) -> str:
-    """A list of so many numbers that was written with decimal commas, as TOML has it.
-
-    "" if it was not.
-    """
-    points = _COMMA.sub(r"\1.\2", written)
-    try:
-        items = tomllib.loads(f"list = {points}")["list"]
-    except tomllib.TOMLDecodeError:
-        return ""
-    return (
-        "[" + ", ".join(map(str, items)) + "]" if points != written and len(items) == count else ""
-    )
-
-
-def number_meant(text: str, unit: str) -> tuple[str, str]:
-    """What is wrong with a text where a number belongs, if not the quotes alone, and the remedy.
-
-    "" if it is none.
-    """
-    text = text.strip()
-    if _COMMA.fullmatch(text):
-        return "decimal comma, and a text", with_point(text)
-    if match := _NUMBER.fullmatch(text):
-        words = (
-            f"write the number alone, in {unit}"
-            if match[2] and unit
-            else "write it without quotes"
-        )
-        return "", f"{words}: {match[1]}"
-    return "", ""

@@ -1,59 +1,45 @@
-"""The parts of a machine, made from the tables of its file: here, and only here, workshop units become SI."""
+"""The parts of a machine from the tables of its file; only here do workshop units become SI."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass
 from typing import Any
 
-from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid
 from armdesign.hydraulics.friction import Friction
 from armdesign.hydraulics.supply import Supply
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.schema import (
     CylinderSection,
     FluidSection,
     LoadHoldingSection,
     MachineSection,
     MotorSection,
+    PayloadSection,
     PinSection,
-    Section,
     SupplySection,
     ValveSection,
 )
+from armdesign.machine.schema_types import Section
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 
-@dataclass(frozen=True, kw_only=True)
-class Payload:
-    """A load case: a point mass [kg] on a link.
-
-    ``pitch`` [rad] limits the poses at which the link holds it.
-    """
-
-    name: str
-    mass: float = 0.0
-    link: str | None = None
-    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    pitch: tuple[float, float] | None = None
-
-
-def payloads(section: MachineSection) -> tuple[Payload, ...]:
+def load_cases(section: MachineSection) -> tuple[LoadCase, ...]:
     """Load cases in the order of the file."""
-    made = []
-    for name, case in section.payload.items():
-        x, y, z = (value * mm for value in case.at_mm or (0.0, 0.0, 0.0))
-        pitch = (case.pitch_deg[0] * deg, case.pitch_deg[1] * deg) if case.pitch_deg else None
-        made.append(
-            Payload(name=name, mass=case.mass_kg, link=case.link, at=(x, y, z), pitch=pitch)
-        )
-    return tuple(made)
+    return tuple(_load_case(name, table) for name, table in section.payload.items())
+
+
+def _load_case(name: str, section: PayloadSection) -> LoadCase:
+    x, y, z = (value * mm for value in section.at_mm or (0.0, 0.0, 0.0))
+    pitch = None
+    if section.pitch_deg is not None:
+        pitch = (section.pitch_deg[0] * deg, section.pitch_deg[1] * deg)
+    return LoadCase(name=name, mass=section.mass_kg, link=section.link, at=(x, y, z), pitch=pitch)
 
 
 def fluid(section: FluidSection) -> Fluid:
@@ -110,7 +96,7 @@ def _lengths(section: Section) -> dict[str, Any]:
     return values
 
 
-def _pin_sections(section: CylinderSection) -> dict[str, PinSection]:
+def pin_sections(section: CylinderSection) -> dict[str, PinSection]:
     """Every pin of a cylinder by its key path."""
     kind, table = _kind(section)
     inner = {f"{kind.key}.{key}": value for key, value in table}
@@ -177,20 +163,20 @@ def cylinder(name: str, section: CylinderSection) -> Cylinder:
 
 
 def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
-    """Cylinders that stand still because every joint between their pins is frozen, each with those joints."""
-    found = {}
+    """Cylinders between whose pins all joints are frozen, each with those joints."""
+    idle = {}
     for name, table in section.cylinder.items():
-        made = linkage(table, arm)
-        between = arm.frozen_between(at.link for at in made.pins)
-        if between and not made.joints:
-            found[name] = sorted(between, key=arm.movable_joints.index)
-    return found
+        own = linkage(table, arm)
+        frozen = arm.frozen_between(at.link for at in own.pins)
+        if frozen and not own.joints:
+            idle[name] = sorted(frozen, key=arm.movable_joints.index)
+    return idle
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
     """Motors of the joints that are coordinates; those of frozen joints stand still."""
-    made = (_motor(name, motor) for name, motor in section.motor.items())
-    return tuple(motor for motor in made if motor.joint in section.joints)
+    motors = (_motor(name, motor) for name, motor in section.motor.items())
+    return tuple(motor for motor in motors if motor.joint in section.joints)
 
 
 def _motor(name: str, section: MotorSection) -> Motor:
@@ -215,51 +201,3 @@ def _motor(name: str, section: MotorSection) -> Motor:
             viscous=friction.viscous_N_m_s_per_rad / count,
         ),
     )
-
-
-def unknown_links(
-    section: MachineSection, links: Collection[str], source: str
-) -> list[MachineFileError]:
-    """A fault for every link that the machine file names and the URDF does not have."""
-    named = {f"payload.{name}": case.link for name, case in section.payload.items()}
-    named["tool"] = section.tool.link
-    asked = section.requirements
-    named |= {f"requirements.lift.{name}": lift.link for name, lift in asked.lift.items()}
-    named |= {
-        f"requirements.clearance.{name}": clearance.link
-        for name, clearance in asked.clearance.items()
-    }
-    for name, cylinder in section.cylinder.items():
-        pins = _pin_sections(cylinder)
-        named |= {f"cylinder.{name}.{key}": pin.link for key, pin in pins.items()}
-    outlined = [link for link in asked.outline if link not in links]
-    return [
-        MachineFileError(
-            f"{source}: requirements.outline", f'no link "{link}" in the URDF', choose(link, links)
-        )
-        for link in outlined
-    ] + [
-        MachineFileError(
-            f"{source}: {path}.link", f'no link "{link}" in the URDF', choose(link, links)
-        )
-        for path, link in named.items()
-        if link is not None and link not in links
-    ]
-
-
-def unknown_joints(
-    section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
-) -> list[MachineFileError]:
-    """A fault for every motor on a joint that the URDF does not have.
-
-    Those that can move are offered instead.
-    """
-    return [
-        MachineFileError(
-            f"{source}: motor.{name}.joint",
-            f'no joint "{joint}" in the URDF',
-            choose(joint, movable),
-        )
-        for name, joint in ((name, motor.joint or name) for name, motor in section.motor.items())
-        if joint not in joints
-    ]

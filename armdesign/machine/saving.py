@@ -1,4 +1,4 @@
-"""Machine file and URDF on the way to the disk: both or none, and nothing of somebody else's replaced unasked."""
+"""Saving a machine file with its URDF: both or none, and no foreign file is replaced unasked."""
 
 from __future__ import annotations
 
@@ -7,14 +7,62 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdesign import transaction
 from armdesign.errors import MachineFileError
+from armdesign.machine import machine_file
+from armdesign.machine.json_schema import json_schema
+from armdesign.machine.toml_writing import edit
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
 
 MADE = "# Made by armdesign"  # begins a comment at the top of files that hold a design
 DIRECTIVE = "#:schema"  # begins the line that names an editor's JSON Schema
 
 _written: set[str] = set()  # files that this process wrote, links followed
+
+
+def files(machine: Machine, path: str | Path) -> dict[Path, str]:
+    """Paths and texts that ``save`` writes: machine file, URDF, JSON Schema if it is missing.
+
+    Raises:
+        MachineFileError: a path that no machine file can have.
+    """
+    target, text = machine_file.path_of(path), machine.text
+    if target.suffix != ".toml":
+        raise MachineFileError(str(target), "is not a .toml path", "end the name in .toml")
+    named = machine.section.urdf
+    urdf = target.parent / named
+    if any(machine_file.leads_out(file.parent, named) for file in (machine.source, target)):
+        urdf = target.parent / Path(named).name
+        text = edit(text, {"urdf": urdf.name}, machine.source.name)
+    if urdf == target:
+        raise MachineFileError(
+            str(urdf), "is the name of the URDF too", "give machine file and URDF two names"
+        )
+    text, schema = _with_schema_beside(text)
+    place = target.parent / schema
+    missing = {place: json_schema()} if schema and not place.exists() else {}
+    return {target: text, urdf: machine.urdf_text} | missing
+
+
+def save(machine: Machine, path: str | Path, overwrite: bool) -> Path:
+    """Write the files of a machine, and return the path of the machine file.
+
+    Raises:
+        MachineFileError: a place that cannot be written, or holds a file of somebody else.
+    """
+    texts = files(machine, path)
+    target, urdf, *_ = texts
+    if not overwrite:
+        refuse_foreign(target, texts[target])
+        if urdf.is_file() and machine_file.read_text(urdf) != machine.urdf_text:
+            remedy = "save into another folder, or give overwrite=True"
+            raise MachineFileError(str(urdf), "another URDF of this name exists", remedy)
+    write_files(texts)
+    return target
 
 
 def write_files(texts: Mapping[Path, str]) -> None:
@@ -31,11 +79,9 @@ def write_files(texts: Mapping[Path, str]) -> None:
         with transaction.staged(first.parent) as folder:
             base = os.path.realpath(first.parent)
             for path, text in texts.items():
-                written = (
-                    folder / Path(os.path.realpath(path.parent)).relative_to(base) / path.name
-                )
-                written.parent.mkdir(parents=True, exist_ok=True)
-                written.write_bytes(text.encode())
+                within = Path(os.path.realpath(path.parent)).relative_to(base)
+                (folder / within).mkdir(parents=True, exist_ok=True)
+                (folder / within / path.name).write_bytes(text.encode())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise MachineFileError(
@@ -45,14 +91,14 @@ def write_files(texts: Mapping[Path, str]) -> None:
 
 
 def _text(path: Path) -> str | None:
-    """What a file holds; None where there is none, or no text."""
+    """Text of a file; None where there is none, or it is no text."""
     try:
         return path.read_bytes().decode("utf-8")
     except (OSError, ValueError):
         return None
 
 
-def tells_of_making(text: str) -> bool:
+def is_made(text: str) -> bool:
     """Whether the head of a machine file says that this package made it as a design."""
     lines = text.removeprefix("\ufeff").splitlines()
     heading = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
@@ -73,15 +119,15 @@ def refuse_foreign(path: Path, text: str) -> None:
     """
     if not os.path.lexists(path) or path.is_dir():  # a folder is refused in any case
         return
-    there = _text(path)
-    ours = os.path.realpath(path) in _written or tells_of_making(there or "")
-    if not ours and there != text:
+    present = _text(path)
+    ours = os.path.realpath(path) in _written or is_made(present or "")
+    if not ours and present != text:
         remedy = "name another place, or give overwrite=True"
         raise MachineFileError(str(path), "exists, and armdesign did not make it", remedy)
 
 
-def schema_beside(text: str) -> tuple[str, str]:
-    """The text with the JSON Schema that its ``#:schema`` line names beside it, and the schema's file name.
+def _with_schema_beside(text: str) -> tuple[str, str]:
+    """The text with the JSON Schema of its ``#:schema`` line beside it, and the schema's file name.
 
     The name is empty where the line is missing, or names an address or an absolute path, which
     hold anywhere.

@@ -38,6 +38,11 @@ class Joint:
     lower: float  # [rad] or [m]
     upper: float
 
+    @property
+    def unit(self) -> str:
+        """Unit of its position: "rad" or "m"."""
+        return "rad" if self.revolute else "m"
+
 
 @dataclass(frozen=True)
 class Link:

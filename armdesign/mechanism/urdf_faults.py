@@ -96,7 +96,7 @@ def _tell_lines(robot: ET.Element, text: str) -> None:
             element.line = line
 
 
-def problems(
+def faults(
     text: str, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
 ) -> list[MachineFileError]:
     """Every fault of a URDF, as ``faults_of`` tells them; one alone if it cannot be parsed."""

@@ -1,1 +1,1 @@
-"""The source paper: its equations, and its 40 configurations reproduced."""
+"""The source paper: its equations, and its 40 configurations, simulated."""

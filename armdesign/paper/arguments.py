@@ -1,4 +1,4 @@
-"""Arguments of formulas: numbers or arrays of them, each within the interval that its name allows."""
+"""Arguments of formulas: numbers or arrays, each within the interval that its name allows."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.paper.reproduction import FORMULAS
+from armdesign.paper.configurations import FORMULAS
 from armdesign.plots.canvas import COMPUTED, MARK, figure, literal
 
 if TYPE_CHECKING:
@@ -15,28 +15,28 @@ if TYPE_CHECKING:
 
 
 @literal
-def paper_pair(found: Reproduction, formula: str) -> Any:
+def paper_pair(reproduction: Reproduction, formula: str) -> Any:
     """Figure of identified (red) and computed (blue) frequencies, in the paper's form.
 
     Dots: identified in the sweep, the paper's way; rings: at small amplitude.
     """
-    mass, length = found.mechanism.load_mass, found.mechanism.link_length
-    computed = found.computed[formula]
+    mass, length = reproduction.mechanism.load_mass, reproduction.mechanism.link_length
+    computed = reproduction.computed[formula]
     fig, axes = figure(2, 6.2, 5.4)
     pairs = (("load mass m2 [kg]", mass, length, "m"), ("link length l2 [m]", length, mass, "kg"))
     for ax, (label, x, family, unit) in zip(axes, pairs, strict=True):
         curve_family(ax, x, family, computed, color=COMPUTED, marker="s", label="computed")
         sweep = {"color": MARK, "marker": "o", "label": "identified in the sweep"}
-        curve_family(ax, x, family, found.swept, **sweep)
+        curve_family(ax, x, family, reproduction.swept, **sweep)
         small = {"mfc": "none", "mec": MARK, "ms": 6, "label": "identified at small amplitude"}
-        ax.plot(x, found.identified, "o", **small)
+        ax.plot(x, reproduction.identified, "o", **small)
         title = f"a curve for each {'length' if unit == 'm' else 'mass'}"
         ax.set(xlabel=label, ylim=(0, None), title=title)
         name_ends(ax, x, family, computed, unit)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("frequency [Hz]")
     axes[0].legend(frameon=False)
-    error = float(found.errors["swept"][formula])
+    error = float(reproduction.errors["swept"][formula])
     fig.suptitle(f"{FORMULAS[formula]}: {error:.3g} rad/s from the peaks of the sweep")
     return fig
 

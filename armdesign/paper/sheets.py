@@ -1,4 +1,4 @@
-"""Sheets of the paper's reproduction: configurations, errors, errata, what gives the printed error."""
+"""Sheets of the paper's reproduction: configurations, errors, errata, and the scan."""
 
 from __future__ import annotations
 
@@ -7,31 +7,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdesign.paper.configurations import FORMULAS, PUBLISHED
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from armdesign.paper.reproduction import Erratum, Reproduction
+    from armdesign.paper.errata import Erratum
+    from armdesign.paper.reproduction import Reproduction
 
 
 def paper_sheets(
-    found: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame, bias: pd.DataFrame
+    reproduction: Reproduction, errata: Sequence[Erratum], scan: pd.DataFrame, bias: pd.DataFrame
 ) -> list[Sheet]:
-    """What was chosen, the configurations, what a peak is worth, errors, errata, what gives the printed error."""
+    """Parameters, configurations, error of the sweep itself, errors, errata, scan."""
     return [
-        _paper_choices(found),
-        _paper_frequencies(found),
+        _paper_choices(reproduction),
+        _paper_frequencies(reproduction),
         _sweep_bias(bias),
-        _paper_errors(found),
+        _paper_errors(reproduction),
         _paper_errata(errata),
         *_paper_scan(scan),
     ]
 
 
-def _paper_choices(found: Reproduction) -> Sheet:
-    machine, at, sweep = found.machine, found.mechanism, found.sweep
+def _paper_choices(reproduction: Reproduction) -> Sheet:
+    machine, at, sweep = reproduction.machine, reproduction.mechanism, reproduction.sweep
     cylinder, valve, units = machine.cylinders[0], machine.cylinders[0].valve, WORKSHOP
     masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
     sizes = "/".join(units.number(size, "m") for size in (cylinder.bore, cylinder.rod))
@@ -42,7 +44,7 @@ def _paper_choices(found: Reproduction) -> Sheet:
         ("load masses m2", "eight", f"{len(masses)}: {masses[0]:g} to {masses[-1]:g} kg"),
         ("link lengths l2", "five", f"{len(lengths)}: {lengths[0]:g} to {lengths[-1]:g} m"),
         ("pins a1, d1", "–", ", ".join(units.text(float(v), "m") for v in at.pins.values())),
-        ("pose", "θ0 = γ = 90 deg", "the same; the piston then stands at mid-stroke"),
+        ("pose", "θ0 = γ = 90 deg", "the same; the piston is then at mid-stroke"),
         (
             "cylinder",
             "asymmetric",
@@ -56,12 +58,8 @@ def _paper_choices(found: Reproduction) -> Sheet:
             f"{sweep.start:g} to {sweep.stop:g} Hz in {sweep.duration:g} s, open loop",
         ),
         ("its amplitude", "–", f"{100 * sweep.amplitude:g} % of the spool's travel"),
-        ("mass in (11)", "average static load", "static force at θ0 / 9.81 m/s²"),
-        (
-            "A, V0 in (11), (42)",
-            "symmetric piston",
-            "bore area and its chamber; also the means of both sides",
-        ),
+        ("mass in (11)", "average static load", "static force at θ0 over 9.81 m/s²"),
+        ("A, V0 in (11), (42)", "symmetric piston", "of the bore side; also means of both sides"),
     ]
     if valve is not None:
         flow = (
@@ -70,34 +68,33 @@ def _paper_choices(found: Reproduction) -> Sheet:
         )
         rows.insert(5, ("4/3 valve", "commercial", f"{flow}, {valve.natural_frequency:g} Hz"))
     return Sheet(
-        title="What the paper gives, and what stands in for the rest",
-        columns=("", "the paper", "where"),
+        title="Parameters: the paper's, and those used here",
+        columns=("", "the paper", "here"),
         rows=tuple(rows),
-        note=(
-            "no curve of the paper can be reproduced in number: it gives no dimension of anything"
-        ),
+        note="the paper gives no dimensions, so its curves cannot be reproduced in number",
+        words=("here",),
     )
 
 
-def _paper_frequencies(found: Reproduction) -> Sheet:
-    at = found.mechanism
+def _paper_frequencies(reproduction: Reproduction) -> Sheet:
+    at = reproduction.mechanism
     masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
-    exact, swept = found.computed["joint_exact"], found.swept
+    exact, swept = reproduction.computed["joint_exact"], reproduction.swept
     cells = [
         f"{f:.2f} {100 * (peak / f - 1):+5.1f} %" for f, peak in zip(exact, swept, strict=True)
     ]
     by_place = {
         (m, n): cell for m, n, cell in zip(at.load_mass, at.link_length, cells, strict=True)
     }
-    worst = float(np.abs(found.identified / exact - 1).max())
+    worst = float(np.abs(reproduction.identified / exact - 1).max())
     return Sheet(
-        title="Exact natural frequency [Hz], and how far off the sweep's highest line is",
+        title="Exact natural frequency [Hz], and deviation of the sweep's spectral peak",
         columns=("m2", *(f"l2 = {length:g} m" for length in lengths)),
         rows=tuple((f"{m:g} kg", *(by_place.get((m, n), "") for n in lengths)) for m in masses),
         note=(
-            f"fitted at small amplitude: at most {100 * worst:.2g} % off; the sweep made the oil"
-            f" cavitate in {found.cavitated} of {len(exact)} and moved the piston by up to"
-            f" {1000 * max(abs(one.drift) for one in found.measurements):.0f} mm"
+            f"fitted at small amplitude: within {100 * worst:.2g} %; in the sweep the oil cavitated"
+            f" in {reproduction.cavitated} of {len(exact)} configurations and the piston drifted by up to"
+            f" {1000 * max(abs(one.drift) for one in reproduction.measurements):.0f} mm"
         ),
     )
 
@@ -112,29 +109,26 @@ def _sweep_bias(bias: pd.DataFrame) -> Sheet:
         for _, one in bias.iterrows()
     ]
     return Sheet(
-        title=(
-            "What a sweep alone gets wrong: an oscillator's highest point in a spectrum, and"
-            " the fit"
-        ),
+        title="Error of the sweep itself: spectral peaks and fit of a linear oscillator",
         columns=("periods in the sweep", "ζ", *BIASES.values()),
         rows=tuple(rows),
         note=(
-            "a short record ends while it still rings; the position of a long one peaks at √(1 −"
-            " 2ζ²) of the natural frequency: a resonance, not a bias; lines as wide as 1/T add up"
-            " to half of one"
+            "a short record ends while the oscillator still rings; the position of a long one peaks"
+            " at √(1 − 2ζ²) of the natural frequency, its resonance; spectral lines 1/T apart add up"
+            " to half a line"
         ),
     )
 
 
-def _paper_errors(found: Reproduction) -> Sheet:
-    from armdesign.paper.reproduction import FORMULAS, PUBLISHED, WAYS
+def _paper_errors(reproduction: Reproduction) -> Sheet:
+    from armdesign.paper.reproduction import WAYS
 
-    errors = found.errors
+    errors = reproduction.errors
     rows = [
         (words, *(f"{errors[way][name]:.4g}" for way in WAYS)) for name, words in FORMULAS.items()
     ]
     return Sheet(
-        title=f"Root mean square error over the {len(found.swept)} configurations [rad/s]",
+        title=f"Root mean square error over the {len(reproduction.swept)} configurations [rad/s]",
         columns=("formula", *WAYS.values()),
         rows=tuple(rows),
         note=(
@@ -154,7 +148,7 @@ def _paper_errata(errata: Sequence[Erratum]) -> Sheet:
             cells = (f"{low} %" if low == high else f"{low} to {high} %", f"{item.error:.3g}")
         rows.append((item.equation, item.printed, item.right, *cells))
     return Sheet(
-        title="The paper's errata, each by itself: what it does to the frequency",
+        title="Errata of the paper: effect of each alone on the frequency",
         columns=("equation", "printed", "right", "change", "rms [rad/s]"),
         rows=tuple(rows),
         note="; ".join(f"{item.equation}: {item.remark}" for item in errata if item.remark)
@@ -163,14 +157,9 @@ def _paper_errata(errata: Sequence[Erratum]) -> Sheet:
 
 
 def _paper_scan(scan: pd.DataFrame) -> list[Sheet]:
-    """What comes near the printed error, read in its unit and, as the formulas give Hz, in that."""
-    from armdesign.paper.reproduction import PUBLISHED
-
-    head = f"Cylinders and grids that come near the printed {PUBLISHED:g}"
-    titles = {
-        f"{head} rad/s": PUBLISHED,
-        f"{head} if it were Hz, {2 * np.pi * PUBLISHED:.1f} rad/s": 2 * np.pi * PUBLISHED,
-    }
+    """Dimensions near the printed error, read in its unit and, as the formulas give Hz, in Hz."""
+    head, hertz = f"Dimensions with an error near the printed {PUBLISHED:g}", 2 * np.pi * PUBLISHED
+    titles = {f"{head} rad/s": PUBLISHED, f"{head} if that is in Hz, {hertz:.1f} rad/s": hertz}
     return [_paper_near(scan, title, target) for title, target in titles.items()]
 
 
@@ -198,7 +187,7 @@ def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
         rows=tuple(rows),
         note=(
             f"root mean square errors [rad/s] against the exact frequency; of {len(scan)}"
-            f" combinations whose load the supply holds, within 5 %: {within}"
+            f" combinations whose load the supply can hold, within 5 %: {within}"
         ),
     )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.frequency.workspace import nearest
+from armdesign.frequency.joint_grid import nearest
 from armdesign.plots.canvas import (
     COLOURS,
     CYLINDER,

@@ -213,7 +213,7 @@ def _binding(design: Design, units: Units) -> Sheet:
             c.words,
             units.short(c.value, c.unit),
             units.short(c.limit, c.unit),
-            f"{100 * design.worth[c.name]:+.2f} %",
+            f"{100 * design.prices[c.name]:+.2f} %",
         )
         for c in design.binding
     ]

@@ -1,4 +1,4 @@
-"""A table of words, shown alike in the terminal and in the HTML report.
+"""A table as text, shown in the terminal and in the HTML report.
 
 Numbers are printed in workshop units (mm, bar, l, kN, deg) or in SI.
 """
@@ -27,9 +27,15 @@ MANY = 9  # columns stand closer together
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """A titled table of words, made printable; the first column is text, the others are numbers.
+    """A titled table of printable text; the first column holds words, the others numbers.
 
-    ``bold`` rows stand out.
+    Attributes:
+        title: of the table.
+        columns: heads; none for a list of names and values.
+        rows: cells.
+        note: what to know below the table.
+        bold: indices of rows that stand out.
+        words: heads of further columns with words, which are aligned left and wrapped.
     """
 
     title: str
@@ -37,19 +43,15 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     bold: tuple[int, ...] = ()
+    words: tuple[str, ...] = ("where",)
 
     def __post_init__(self) -> None:
-        """Words of a machine file may hold control characters.
-
-        No reader shall take them for commands.
-        """
-        words = {name: printable(getattr(self, name)) for name in ("title", "note")}
-        columns, rows = (
-            tuple(map(printable, self.columns)),
-            tuple(tuple(map(printable, row)) for row in self.rows),
-        )
-        for name, value in {**words, "columns": columns, "rows": rows}.items():
-            object.__setattr__(self, name, value)
+        """Make all text printable: names in a machine file may hold control characters."""
+        for name in ("title", "note"):
+            object.__setattr__(self, name, printable(getattr(self, name)))
+        object.__setattr__(self, "columns", tuple(map(printable, self.columns)))
+        rows = tuple(tuple(map(printable, row)) for row in self.rows)
+        object.__setattr__(self, "rows", rows)
 
 
 def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
@@ -75,7 +77,7 @@ def dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:
 
 
 def rich_table(sheet: Sheet) -> Table:
-    """A sheet for the terminal, but for its title and note, which are wider than some tables."""
+    """A sheet as a table for the terminal, without title and note, which may be wider."""
     from rich import box
     from rich.table import Table
     from rich.text import Text  # a unit in brackets looks like markup
@@ -87,11 +89,11 @@ def rich_table(sheet: Sheet) -> Table:
         show_header=bool(sheet.columns),
     )
     for index, column in enumerate(sheet.columns or ("", "")):
-        words = index == 0 or not sheet.columns or column == "where"
+        wraps = not sheet.columns or column in sheet.words
         table.add_column(
             Text(column.replace(" [", "\n[")),
-            justify="left" if words else "right",
-            no_wrap=column != "where" and bool(sheet.columns),
+            justify="left" if index == 0 or wraps else "right",
+            no_wrap=not wraps,
         )
     for index, row in enumerate(sheet.rows):
         table.add_row(*map(Text, row), style="bold" if index in sheet.bold else None)
@@ -101,7 +103,7 @@ def rich_table(sheet: Sheet) -> Table:
 def html(
     title: str, lead: str, sheets: Sequence[Sheet], pictures: Sequence[tuple[str, Path]]
 ) -> str:
-    """One self-contained page: sheets as tables, pictures (caption, PNG file) inside it."""
+    """Self-contained HTML page: sheets as tables, then pictures (caption, PNG file)."""
     import jinja2
 
     template = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")

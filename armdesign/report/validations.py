@@ -2,73 +2,90 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.validation import Validation
+    from armdesign.simulation.validation import Sweep, Validation
+
+COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
 
 
-def validation_sheet(validations: dict[str, Validation]) -> Sheet:
-    """Linear against identified frequencies; one validation per label.
-
-    What failed is told below the table.
-    """
-    from armdesign.simulation.validation import AGREES, Failure, Run
-
-    rough = any(
-        run.with_friction for validation in validations.values() for run in validation.runs
-    )
-    columns = ["pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ"]
-    columns += ["dry"] * rough
-    rows, told = [], []
+def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
+    """Linear against fitted frequencies of validations by label; failures below the table."""
+    friction = any(run.with_friction for one in validations.values() for run in one.runs)
+    rows, failures = [], []
     for label, validation in validations.items():
-        for one in validation.sweeps:
-            place = f"{label}, {one.payload}"
-            cells = [place, one.cylinder]
-            cells.append("–" if math.isnan(one.amplitude) else f"{100 * one.amplitude:.2g} %")
-            cells.append(f"{one.linear_frequency:.4f}")
-            for failed in (one, one.with_friction if isinstance(one, Run) else None):
-                if isinstance(failed, Failure):
-                    told.append(f"{place}, {one.cylinder}: {failed.error}")
-            if isinstance(one, Failure):
-                rows.append((*cells, *["–"] * (len(columns) - len(cells)), "failed"))
-                continue
-            cells += [f"{one.identified_frequency:.4f}", f"{100 * one.deviation:+.2f} %"]
-            cells += [f"{one.linear_damping:.4f}", f"{one.identified_damping:.4f}"]
-            if rough:
-                other = one.with_friction
-                cells.append(
-                    f"{other.identified_frequency:.4f}" if isinstance(other, Run) else "failed"
-                )
-            rows.append((*cells, one.remark))
-    note = (
-        "valve: mean opening in the sweep; an open valve adds damping, so ζ falls with it;"
-        f" remark: agrees within {100 * AGREES:g} %, or what the deviation is due to: amplitude"
-        " (falls with it), leaks (which make other pressures, and damp), creep (of what no spool"
-        " position makes up for), or a fault; oil without air is swept under a preload, p1 + p2 ="
-        " supply + return or less where a relief would open, on which its frequency does not"
-        " depend; oil with air under the static pressures that check and map name"
-    )
-    if rough:
-        note += (
-            "; dry friction, of which no linear answer knows, is left out; dry: fitted with the"
-            " machine's own, which holds small motions"
-        )
+        for sweep in validation.sweeps:
+            rows.append(_row(label, sweep, friction))
+            failures += _failures(label, sweep)
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
-        columns=(*columns, "remark"),
+        columns=(*COLUMNS, *(("dry",) if friction else ()), "remark"),
         rows=tuple(rows),
-        note=". Failed: ".join([note, *told]),
+        note=". Failed: ".join([_note(friction), *failures]),
     )
+
+
+def _row(label: str, sweep: Sweep, friction: bool) -> tuple[str, ...]:
+    """One sweep; ``friction``: with the column of what dry friction makes of it."""
+    from armdesign.simulation.validation import Run
+
+    valve = "–" if math.isnan(sweep.amplitude) else f"{100 * sweep.amplitude:.2g} %"
+    linear = f"{sweep.linear_frequency:.4f}"
+    cells = [f"{label}, {sweep.payload}", sweep.cylinder, valve, linear]
+    if not isinstance(sweep, Run):
+        return (*cells, *["–"] * (len(COLUMNS) + friction - len(cells)), "failed")
+    cells += [f"{sweep.identified_frequency:.4f}", f"{100 * sweep.deviation:+.2f} %"]
+    cells += [f"{sweep.linear_damping:.4f}", f"{sweep.identified_damping:.4f}"]
+    if friction:
+        dry = sweep.with_friction
+        cells.append(f"{dry.identified_frequency:.4f}" if isinstance(dry, Run) else "failed")
+    return (*cells, sweep.remark)
+
+
+def _failures(label: str, sweep: Sweep) -> list[str]:
+    """Why a sweep, or its repetition with dry friction, failed; empty if neither did."""
+    from armdesign.simulation.validation import Failure, Run
+
+    both = (sweep, sweep.with_friction if isinstance(sweep, Run) else None)
+    place = f"{label}, {sweep.payload}, {sweep.cylinder}"
+    return [f"{place}: {one.error}" for one in both if isinstance(one, Failure)]
+
+
+def _note(friction: bool) -> str:
+    from armdesign.simulation.validation import AGREES
+
+    note = (
+        "valve: mean opening in the sweep, which adds damping: ζ falls with it; remark: agrees"
+        f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with the"
+        " amplitude), leaks (they change pressures, and damp), creep (no spool position makes up"
+        " for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply + return"
+        " or less where a relief would open: its frequency does not depend on pressure; oil with"
+        " air under the static pressures, as printed by check and map"
+    )
+    if friction:
+        note += (
+            "; dry friction is in no linear model and left out of the sweep; dry: fitted with the"
+            " machine's own friction, which holds small motions"
+        )
+    return note
+
+
+def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
+    """Of several machines, the limiting cylinder's sweeps at the worst pose, with the verdict."""
+    sheet = validation_sheet({k: proof.by_pose["worst"].limiting for k, proof in proofs.items()})
+    said = verdict(list(proofs.values()))
+    return dataclasses.replace(sheet, note=f"{said} (validation.csv); {sheet.note}")
 
 
 def verdict(validations: Sequence[Validation]) -> str:
-    """How many sweeps of how many there are agree, what is said of the others, and how far off they are."""
+    """How many of all sweeps agree, what the others remark, and the largest deviation."""
     from armdesign.simulation.validation import Run
 
     runs = [run for validation in validations for run in validation.runs]
@@ -76,12 +93,12 @@ def verdict(validations: Sequence[Validation]) -> str:
     agree = remarks.pop("agrees", 0)
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
-    rough = [run.with_friction for run in runs if isinstance(run.with_friction, Run)]
+    dry = [run.with_friction for run in runs if isinstance(run.with_friction, Run)]
     largest = [
-        f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, rough) if some
+        f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, dry) if some
     ]
-    far = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
+    deviation = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
     return (
-        f"{agree} of all {agree + remarks.total()} sweeps at the worst, the median and the best"
-        f" poses, every cylinder, agree{others}{far}"
+        f"{agree} of {agree + remarks.total()} sweeps agree (every cylinder at the worst, the"
+        f" median and the best pose){others}{deviation}"
     )

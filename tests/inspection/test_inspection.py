@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
+from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect
 from armdesign.machine.machine import Machine
 from armdesign.mechanism import urdf_faults
@@ -273,7 +273,7 @@ def test_problems_of_the_assembled_machine(tmp_path: Path) -> None:
         ("closed_length_mm = 1825", "closed_length_mm = 9000"),
         ("closed_length_mm = 1800", "closed_length_mm = 9"),
     )
-    parts = [problem.part for problem in problems(name)]
+    parts = [fault.part for fault in faults(name)]
     assert parts == ["x.toml: cylinder.boom.stroke_mm", "x.toml: cylinder.stick.stroke_mm"]
 
 
@@ -286,7 +286,7 @@ def test_problems_of_the_urdf(tmp_path: Path) -> None:
     urdf = re.sub(r'(<joint name="stick" type=)"revolute"', r'\1"floating"', urdf)
     urdf = re.sub(r'(<joint name="boom" type="revolute">)', r'\1<mimic joint="bucket"/>', urdf)
     (tmp_path / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
-    words = [str(problem) for problem in problems(name)]
+    words = [str(fault) for fault in faults(name)]
     assert len(words) == 4, words
     for part in (
         'no link "chasis"',
@@ -300,7 +300,7 @@ def test_problems_of_the_urdf(tmp_path: Path) -> None:
 def told(folder: Path, urdf: str, *pairs: tuple[str, str]) -> list[str]:
     name = written(folder, *pairs)
     (folder / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
-    return [str(problem) for problem in problems(name)]
+    return [str(fault) for fault in faults(name)]
 
 
 def test_faults_of_everything_at_once(tmp_path: Path) -> None:
@@ -375,7 +375,7 @@ def test_no_root_at_all() -> None:
         '<robot><link name="a"/><link'
         f' name="b"/>{joint.format("a", "b")}{joint.format("b", "a")}</robot>'
     )
-    assert [str(fault) for fault in urdf_faults.problems(urdf, [], {}, "x.urdf")] == [
+    assert [str(fault) for fault in urdf_faults.faults(urdf, [], {}, "x.urdf")] == [
         "x.urdf: 0 root links; one link must have no parent",
         (
             "x.urdf: links a, b are not connected to the root; a URDF is one tree: no link may"
@@ -486,7 +486,7 @@ def test_a_urdf_outside_the_folder(
 
 @pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "loader_crane"])
 def test_no_problems(name: str) -> None:
-    assert problems(name) == []
+    assert faults(name) == []
 
 
 @pytest.mark.parametrize("what", ["toml", "urdf"])
@@ -502,7 +502,7 @@ def test_whatever_is_refused_has_a_problem_and_the_other_way_round(
         file.write_text(texts[kind], encoding="utf-8")
     for seed in range(100):
         files[what].write_text(damaged(texts[what], random.Random(seed)), encoding="utf-8")
-        found = problems(files["toml"])
+        found = faults(files["toml"])
         assert all(
             "\n" not in str(problem) and "stand_in" not in str(problem) for problem in found
         ), found

@@ -395,7 +395,7 @@ CASES: list[tuple[str, Any, str]] = [
         0.5,
         r"end_margin: 0\.5 is not allowed; give a number in \[0, 0\.5\)",
     ),
-    ("urdf", "..", r'urdf: "\.\." is no file name'),
+    ("urdf", "..", r'urdf: "\.\." is not a file name'),
     ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters, digits'),
 ]
 

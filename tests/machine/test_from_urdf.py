@@ -122,7 +122,7 @@ BAD = [
     ({"urdf": "none.urdf"}, "none.urdf: no such file"),
     ({"urdf": 5}, "urdf: a int is not allowed; give a path or the URDF's text"),
     ({"cylinders": {}}, "cylinder: an empty table is not allowed"),
-    ({"cylinders": []}, "cylinders: a list is not allowed; give a mapping"),
+    ({"cylinders": []}, "cylinders: a list is not allowed; expected {key: value}"),
     ({"cylinders": {"boom": 5}}, "cylinder.boom: 5 is not allowed; give a table with bore_mm"),
     ({"cylinders": {"boom": {"bore": 1}}}, "cylinder.boom.bore: unknown key"),
     (

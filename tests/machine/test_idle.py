@@ -13,9 +13,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
+from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import inspect
-from armdesign.machine import machine_file
+from armdesign.machine import toml_writing
 from armdesign.machine.machine import Machine
 from tests import machines
 from tests.commands import main
@@ -29,7 +29,7 @@ def without(cylinder: str) -> Machine:
     data = tomllib.loads(FROZEN.text)
     del data["cylinder"][cylinder]
     data["requirements"]["digging"]["cylinders"].remove(cylinder)
-    text = machine_file.dump(data, "without")
+    text = toml_writing.dump(data, "without")
     return Machine.from_text(text, FROZEN.urdf_text, Path("x.toml"))
 
 
@@ -63,7 +63,7 @@ def test_check_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = FROZEN.save(tmp_path / "a.toml")
-    assert problems(path) == []
+    assert faults(path) == []
     assert main(["check", str(path)], monkeypatch) == 0
     assert "idle: joint bucket is frozen" in re.sub(r"\s+", " ", capfd.readouterr().out)
     found = {f.part: f.words for f in inspect(FROZEN, ad.Workspace.grid(FROZEN, 4)).findings()}

@@ -14,9 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
+from armdesign.inspection.file_faults import faults
 from armdesign.machine.key_lines import Places
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from tests import machines
 
 EXCAVATOR = machines.named("excavator_20t")
@@ -247,7 +248,7 @@ def test_errors_of_the_file_say_the_line(old: str, new: str, path: str, tmp_path
     assert str(one.value) == str(other.value)
     assert one.value.line == line
     assert str(one.value).endswith(f"(line {line})")
-    assert any(fault.line == line for fault in problems(tmp_path / "x.toml"))
+    assert any(fault.line == line for fault in faults(tmp_path / "x.toml"))
 
 
 def test_replace_says_the_line_of_the_file_and_generated_files_none() -> None:

@@ -11,7 +11,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from tests import machines
 
 EXCAVATOR = machines.named("excavator_20t")
@@ -273,9 +274,9 @@ BAD_CHANGES = [
         r"rod_mm: 85 mm does not fit the bore; give a rod in \(0, 50\) mm",
     ),
     ({"cylinder.boom.count": 2.0}, "whole number in"),
-    ({"urdf": "a/.."}, "is no file name"),
-    (None, "give .*key path: value"),
-    ("cylinder.boom.bore_mm", "give .*key path: value"),
+    ({"urdf": "a/.."}, "is not a file name"),
+    (None, "expected {key path: value}"),
+    ("cylinder.boom.bore_mm", "expected {key path: value}"),
 ]
 
 

@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
+from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import inspect
-from armdesign.machine import scaffold, schema
+from armdesign.machine import scaffold
+from armdesign.machine.json_schema import DESCRIPTIONS, json_schema
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 
@@ -34,7 +35,7 @@ def test_it_loads_maps_and_looks_sound(
         "my_boom.urdf",
         "machine.schema.json",
     }
-    assert problems("my_boom") == []
+    assert faults("my_boom") == []
     machine = ad.load("my_boom")
     assert len(machine.joints) == links
     workspace = ad.Workspace.grid(machine, 5 if links < 5 else 3)
@@ -114,8 +115,8 @@ def test_bad_input(words: list[str], message: str, refused: Refused) -> None:
 
 
 def test_the_shipped_schema_is_that_of_the_model() -> None:
-    """Else write it again: open(armdesign/machine.schema.json, "w").write(schema.schema())."""
-    assert SHIPPED.read_text(encoding="utf-8") == schema.schema()
+    """Else write it again: open(armdesign/machine.schema.json, "w").write(json_schema())."""
+    assert SHIPPED.read_text(encoding="utf-8") == json_schema()
 
 
 def described(schema: dict[str, Any], node: dict[str, Any], data: Any, path: str) -> None:
@@ -140,19 +141,19 @@ def described(schema: dict[str, Any], node: dict[str, Any], data: Any, path: str
     "name", ["excavator_20t", "loader_crane", "paper_1dof", "mini_excavator_2t"]
 )
 def test_the_shipped_machines_follow_it(name: str) -> None:
-    document = json.loads(schema.schema())
+    document = json.loads(json_schema())
     described(document, document, tomllib.loads(machines.named(name).text), name)
 
 
 def test_units_and_descriptions_are_in_it() -> None:
-    document = json.loads(schema.schema())
+    document = json.loads(json_schema())
     cylinder = document["$defs"]["CylinderSection"]["properties"]
     assert cylinder["bore_mm"]["description"] == "inner diameter of the barrel [mm]"
     assert cylinder["compliance_m_per_N"]["description"].endswith("[m/N]")
-    assert "null" not in schema.schema()
+    assert "null" not in json_schema()
     keys = {
         key
         for section in (document, *document["$defs"].values())
         for key in section.get("properties", {})
     }
-    assert set(schema.DESCRIPTIONS) <= keys
+    assert set(DESCRIPTIONS) <= keys

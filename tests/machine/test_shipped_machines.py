@@ -26,7 +26,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from tests import machines
 
 MPA = 1e6

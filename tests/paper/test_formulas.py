@@ -403,12 +403,9 @@ EACH = [(name, argument) for name, given in WHOLE.items() for argument in given]
 
 
 def test_every_function_is_looked_at() -> None:
-    own = {
-        n
-        for n, f in vars(formulas).items()
-        if getattr(f, "__module__", "") == formulas.__name__ and n[0] != "_"
-    }
-    assert set(WHOLE) == own - {"TransferFunction"}
+    public = {name for name, value in vars(formulas).items() if callable(value)}
+    assert set(WHOLE) == public - {"TransferFunction"}
+    assert public == set(formulas.__all__)
 
 
 @pytest.mark.parametrize(("name", "argument"), EACH)

@@ -13,7 +13,7 @@ from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.hydraulics.friction import Friction
-from armdesign.machine.machine import shipped
+from armdesign.machine.loading import shipped
 from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import simulate as motion
 from armdesign.simulation import validation as judging

@@ -65,12 +65,12 @@ class Dynamics:
     @cached_property
     def rows(self) -> Rows:
         """Every pose with every load case that exists there, at all masses within the bands."""
-        return self._rows(self.bands.masses(self.vector.machine))
+        return self._rows(self.bands.mass_shares(self.vector.machine))
 
     @cached_property
     def nominal_rows(self) -> Rows:
         """Every pose with every load case at the masses of the file, which requirements count."""
-        masses = self.bands.masses(self.vector.machine)
+        masses = self.bands.mass_shares(self.vector.machine)
         return self.rows if masses == [(1.0, 1.0)] else self._rows([(1.0, 1.0)])
 
     def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
@@ -312,7 +312,7 @@ class Dynamics:
     @cached_property
     def softest(self) -> Machine:
         """Today's machine with the softest oil of the bands."""
-        return self.bands.oil(self.vector.machine, softest=True)
+        return self.bands.with_oil(self.vector.machine, softest=True)
 
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array

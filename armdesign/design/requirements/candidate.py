@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import Payload
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Linkage
@@ -183,7 +183,7 @@ class SizeCandidates(MachineCandidate):
 
 def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
     """Gravity torque (n, nq) of links, cylinders and four-bars without a load [N m]."""
-    return replace(machine, payload=Payload(name="nothing")).loaded(rigid)[1]
+    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
 
 
 @lru_cache(maxsize=64)

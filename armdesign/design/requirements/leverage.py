@@ -13,7 +13,7 @@ from armdesign.design.requirements.candidate import Candidate, Reference, peak
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Stated, at_work, cylinders, number, stated
 from armdesign.machine.machine import Machine
-from armdesign.machine.schema import DiggingSection
+from armdesign.machine.requirements_schema import DiggingSection
 from armdesign.units import deg
 
 SHARE: float = DiggingSection.model_fields["share"].default
@@ -112,4 +112,5 @@ def transmissions(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             at_least=True,
             reformulated=(constraint, np.ones(1)),
             setting="transmission_deg",
+            stated=least / deg,  # today's where that is lower than the setting
         )

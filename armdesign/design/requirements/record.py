@@ -1,7 +1,7 @@
 """What a requirement is: one record, evaluated on designs, judged on a machine, or conceded.
 
 To add one, say a largest rod speed: (1) its key with its default in
-``machine.schema.RequirementsSection``; (2) in the file of its family here, which the key belongs
+``machine.requirements_schema.RequirementsSection``; (2) in the file of its family here, which the key belongs
 to, a field ``number(key, unit)`` and (3) a function that yields its ``Evaluation`` on a
 ``Candidate``. Check, constraints, slacks, rounding, conflicts and reports take it from there.
 A new family is one more base class in ``settings.py`` and one more line of ``evaluations``.
@@ -31,6 +31,8 @@ class Requirement:
         at_least: whether the limit is a lower one.
         setting: key under ``[requirements]`` that states the limit; empty where none does.
             ``speed.NAME`` stands for all speeds of a motion.
+        stated: number in the key's unit that would state this limit; None: the setting does.
+        inverse: whether the setting is a factor on the value, such as a speed, not on the limit.
     """
 
     name: str
@@ -39,6 +41,8 @@ class Requirement:
     limit: float
     at_least: bool = False
     setting: str = ""
+    stated: float | None = None
+    inverse: bool = False
 
     @property
     def identity(self) -> dict[str, Any]:

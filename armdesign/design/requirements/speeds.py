@@ -115,6 +115,7 @@ def speeds(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             value=flow(new, reference, speed),
             limit=new.machine.supply.flow,
             setting=f"speed.{speed.name}",
+            inverse=True,
         )
 
 

@@ -16,11 +16,11 @@ from typing import Any
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.file_faults import problems
 from armdesign.inspection.inspection import Finding, inspect
 from armdesign.inspection.plausibility import suspicions
-from armdesign.machine import machine_file, scaffold
-from armdesign.machine.machine import Machine, shipped
+from armdesign.machine import machine_file, scaffold, toml_writing
+from armdesign.machine.loading import shipped
+from armdesign.machine.machine import Machine
 from armdesign.units import deg
 from tests import machines
 
@@ -65,7 +65,7 @@ def with_value(
     try:
         return (
             Machine.from_text(
-                machine_file.dump(data, "x"), urdf or machine.urdf_text, Path("x.toml")
+                toml_writing.dump(data, "x"), urdf or machine.urdf_text, Path("x.toml")
             ),
             "",
         )
@@ -296,83 +296,6 @@ def test_inertia_and_mass_that_do_not_go_together() -> None:
         f.part: f.words for f in findings(Machine.from_text(mini.text, drawn, Path("x.toml")))
     }
     assert "the inertia like kg mm²" in words["link stick"]
-
-
-# -------------------------------------------------------------------------------- as it is written
-
-WRITTEN = [
-    (
-        "stroke_mm = 1260",
-        "stroke_mm = 673,6",
-        r"decimal comma in 673,6 \(at line 36, column 16\); write 673\.6$",
-    ),
-    (
-        "stroke_mm = 1260",
-        "stroke_mm = 1,260",
-        r"write 1\.260, or 1260 where the comma parts thousands",
-    ),
-    (
-        "swing = 0.0 }",
-        "swing = 0,5 }",
-        r"decimal comma in 0,5 \(at line 8, column 21\); write 0\.5",
-    ),
-    ("cap = 5.6,", "cap = 5,6,", r"decimal comma in 5,6 \(at line 38, column 26\); write 5\.6"),
-    ("annulus = 5.6 }", "annulus = 5,6 }", r"decimal comma in 5,6 .*; write 5\.6"),
-    (
-        "[461.5, 0, -602.5]",
-        "[461,5, 0, -602,5]",
-        r"boom\.base\.at_mm: decimal commas.*write \[461\.5, 0, -602\.5\].*line 39",
-    ),
-    ("[461.5, 0, -602.5]", "[461,5,0,-602,5]", r"write \[461\.5, 0, -602\.5\]"),
-    ("[120, 240]", "[120,5, 240]", r"pitch_deg: decimal commas.*write \[120\.5, 240\]"),
-    (
-        "bore_mm = 120",
-        'bore_mm = "120,5"',
-        r'boom\.bore_mm: decimal comma, and a text: "120,5" .*write 120\.5; give a number',
-    ),
-    (
-        "bore_mm = 120",
-        'bore_mm = "120"',
-        r'"120" is not allowed; give a number .*; write it without quotes: 120',
-    ),
-    (
-        "bore_mm = 120",
-        'bore_mm = "120 mm"',
-        r'"120 mm" is not allowed; .*; write the number alone, in mm: 120',
-    ),
-    (
-        "bore_mm = 120",
-        "bore_mm = .5",
-        r"no digit on one side of a point \(at line 34, column \d+\); write 0\.5",
-    ),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "message"), WRITTEN, ids=[new for _, new, _ in WRITTEN])
-def test_numbers_as_other_people_write_them(
-    old: str, new: str, message: str, tmp_path: Path
-) -> None:
-    text = EXCAVATOR.text.replace(old, new, 1)
-    assert text != EXCAVATOR.text
-    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
-    (fault,) = problems(tmp_path / "x.toml")
-    assert re.search(message, str(fault)), str(fault)
-
-
-def test_three_whole_numbers_are_no_decimal_commas() -> None:
-    _, message = with_value(EXCAVATOR, "tool.at_mm", [1, 2])
-    assert "comma" not in message
-    assert "give a list of 3 values" in message
-
-
-@pytest.mark.parametrize("text", ["0,5 0 0", "0.5, 0, 0", "0,5, 0, 0", "0.5,0,0"])
-def test_commas_in_the_urdf(text: str) -> None:
-    urdf = EXCAVATOR.urdf_text.replace('xyz="5.6479 0 0" rpy="0 0 0"', f'xyz="{text}"', 1)
-    with pytest.raises(
-        ad.ArmDesignError, match=r'decimal comma\? write xyz="0\.5 0(\.0)? 0" \(line 287\)'
-    ):
-        Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml"))
 
 
 # ---------------------------------------------------------------------------------- sound machines

@@ -1,0 +1,183 @@
+"""What the schema cannot say of a machine file: keys that must agree with each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from armdesign.errors import MachineFileError
+from armdesign.hydraulics.valve import RELIEF_SHARE
+from armdesign.machine.likely_values import meant, usual
+from armdesign.machine.requirements_schema import LiftSection, RequirementsSection
+from armdesign.machine.schema import (
+    CylinderSection,
+    MachineSection,
+    PayloadSection,
+    SupplySection,
+    ValveSection,
+)
+from armdesign.machine.schema_types import Section
+from armdesign.mechanism.linkage.kinds import KINDS
+
+COLUMNS = {  # of the CSV files, beside those of joints
+    "payload",
+    "tool_x_m",
+    "tool_y_m",
+    "tool_z_m",
+    "cylinder",
+    "mode",
+    "linear_hz",
+    "identified_hz",
+    "deviation",
+}
+Fault = tuple[str, str, str]  # key path, problem, remedy
+
+
+def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFileError]:
+    """Every fault of keys that do not agree with each other."""
+    for path, problem, remedy in _faults(machine):
+        yield MachineFileError(f"{source}: {path}", problem, remedy)
+
+
+def _faults(machine: MachineSection) -> Iterator[Fault]:
+    yield from _of_names(machine)
+    yield from _of_supply(machine.supply)
+    for name, payload in machine.payload.items():
+        yield from _of_payload(f"payload.{name}", payload)
+    for name, cylinder in machine.cylinder.items():
+        yield from _of_cylinder(f"cylinder.{name}", cylinder)
+    for name, motor in machine.motor.items():
+        path, friction = f"motor.{name}", motor.friction
+        yield from _of_hoses(path, motor.hose, motor.trapped_volume_l)
+        yield from _of_friction(path, friction.static_N_m, friction.coulomb_N_m, "N m")
+    for kind, actuators in (("cylinder", machine.cylinder), ("motor", machine.motor)):
+        for name, actuator in actuators.items():
+            yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
+    for key, band in machine.bands:
+        if band and not band[0] <= band[1]:
+            problem = f"[{band[0]:g}, {band[1]:g}] is upside down"
+            yield f"bands.{key}", problem, "give [lower, upper]"
+    yield from _of_requirements(machine)
+
+
+def _of_names(machine: MachineSection) -> Iterator[Fault]:
+    if len(set(machine.joints)) < len(machine.joints):
+        yield "joints", "a joint is named twice", "name each joint once"
+    for name in machine.joints:
+        if name in COLUMNS or re.fullmatch(r"f\d+_hz", name):
+            yield "joints", f'"{name}" is a column of the CSV files', "rename the joint"
+    for name in machine.motor:
+        if name in machine.cylinder:
+            remedy = "give each actuator a name of its own"
+            yield f"motor.{name}", "is the name of a cylinder too", remedy
+    if Path(machine.urdf).name in ("", ".."):
+        yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_supply(supply: SupplySection) -> Iterator[Fault]:
+    back = supply.return_pressure_bar
+    if back >= supply.pressure_bar:
+        keys, remedy = ("supply", "return_pressure_bar"), "give a lower return pressure"
+        unit = meant(keys, back, usual(keys))
+        if unit and back > 100:
+            remedy = f"it looks like {unit.unit}: {unit.remedy}, or {remedy}"
+        problem = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
+        yield "supply.return_pressure_bar", problem, remedy
+
+
+def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
+    if payload.mass_kg > 0 and (payload.link is None or payload.at_mm is None):
+        key = "link" if payload.link is None else "at_mm"
+        yield f"{path}.{key}", "missing: a mass must sit somewhere", f"add {key}"
+    if payload.pitch_deg is not None:
+        low, high = payload.pitch_deg
+        if not low < high or high - low > 360:
+            problem = f"[{low:g}, {high:g}] deg is empty"
+            yield f"{path}.pitch_deg", problem, "give [lower, upper] within one turn"
+        if payload.link is None:
+            yield f"{path}.link", "missing: the pitch is that of a link", "add link"
+
+
+def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
+    bore, rod, closed = cylinder.bore_mm, cylinder.rod_mm, cylinder.closed_length_mm
+    slender = bore < closed / 40  # as no barrel is
+    unit = meant(
+        ("cylinder", path, "bore_mm"), bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x
+    )
+    if rod >= bore and unit:
+        problem = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
+        yield f"{path}.bore_mm", problem, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
+    elif rod >= bore:
+        remedy = f"give a rod in (0, {bore:g}) mm"
+        yield f"{path}.rod_mm", f"{rod:g} mm does not fit the bore", remedy
+    keys = [kind.key for kind in KINDS]
+    given = [key for key in keys if getattr(cylinder, key) is not None]
+    if len(given) != 1:
+        words = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(keys)}"
+        yield f"{path}.{keys[0]}", f"{words} given", "give exactly one of them"
+    friction = cylinder.friction
+    yield from _of_hoses(path, cylinder.hose, cylinder.dead_volume_l)
+    yield from _of_friction(path, friction.static_N, friction.coulomb_N, "N")
+
+
+def _of_hoses(path: str, hose: Section, volumes: Section) -> Iterator[Fault]:
+    """Hoses hold a share of the oil that the piston does not sweep, not more."""
+    for side in type(volumes).model_fields:
+        inside, whole = getattr(hose, f"{side}_l"), getattr(volumes, side)
+        if inside > whole:
+            remedy = f"give a volume in [0, {whole:g}] l"
+            yield f"{path}.hose.{side}_l", f"{inside:g} l exceeds the dead volume", remedy
+
+
+def _of_friction(path: str, static: float, coulomb: float, unit: str) -> Iterator[Fault]:
+    if static and static < coulomb:
+        key = f"{path}.friction.static_{unit.replace(' ', '_')}"
+        problem = f"{static:g} {unit} is below the Coulomb friction"
+        yield key, problem, f"give 0 or at least {coulomb:g} {unit}"
+
+
+def _of_preload(path: str, valve: ValveSection | None, supply: SupplySection) -> Iterator[Fault]:
+    """A shut chamber keeps no less than return pressure, and no more than its relief holds."""
+    if valve is None or valve.preload_bar is None:
+        return
+    back, own = supply.return_pressure_bar, valve.relief_bar
+    relief = round(RELIEF_SHARE * supply.pressure_bar, 6) if own is None else own
+    if not back <= valve.preload_bar < relief:
+        low, high = "return pressure", "1.1 × supply pressure" if own is None else "relief_bar"
+        remedy = f"give a pressure in [{back:g}, {relief:g}) bar, from {low} to below {high}"
+        yield f"{path}.preload_bar", f"{valve.preload_bar:g} bar is not allowed", remedy
+
+
+def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
+    for name, lift in machine.requirements.lift.items():
+        yield from _of_place(f"requirements.lift.{name}", lift)
+    for path, kind, names in _names_in(machine.requirements):
+        known = machine.cylinder if kind == "cylinder" else machine.joints
+        for name in names:
+            if name not in known:
+                remedy = f"choose from: {', '.join(known)}"
+                yield f"requirements.{path}", f'no {kind} "{name}"', remedy
+
+
+def _of_place(path: str, lift: LiftSection) -> Iterator[Fault]:
+    if (lift.reach_mm is None) != (lift.height_mm is None):
+        key = "reach_mm" if lift.reach_mm is None else "height_mm"
+        yield f"{path}.{key}", "missing: a place has both", f"add {key}"
+
+
+def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Iterable[str]]]:
+    """Key path, kind and names of all cylinders and joints that requirements name."""
+    if requirements.digging:
+        yield "digging.cylinders", "cylinder", requirements.digging.cylinders
+    yield "digging_kN", "cylinder", requirements.digging_kN
+    yield "pin_boxes_mm", "cylinder", requirements.pin_boxes_mm
+    for name, speed in requirements.speed.items():
+        yield f"speed.{name}.joint_deg_per_s", "joint", speed.joint_deg_per_s
+        yield f"speed.{name}.joint_mm_per_s", "joint", speed.joint_mm_per_s
+        yield f"speed.{name}.cylinder_mm_per_s", "cylinder", speed.cylinder_mm_per_s
+    for name, lift in requirements.lift.items():
+        yield f"lift.{name}.joint_deg", "joint", lift.joint_deg
+        yield f"lift.{name}.joint_mm", "joint", lift.joint_mm
+    for name, clearance in requirements.clearance.items():
+        yield f"clearance.{name}.cylinders", "cylinder", clearance.cylinders

@@ -1,0 +1,162 @@
+"""The JSON Schema of the machine file, which editors show and check while a file is written."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from armdesign.machine.key_paths import named_unit, unwrap
+from armdesign.machine.schema import MachineSection
+from armdesign.machine.schema_types import Section
+
+DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
+    "name": "short name: letters, digits, _ and -",
+    "title": "name for people",
+    "urdf": "the URDF, relative to this file",
+    "joints": "the coordinates, in this order; every other joint of the URDF is frozen",
+    "frozen": "values of frozen joints [rad or m]; 0 where none is given",
+    "tool": "the point whose place is reported",
+    "payload": "load cases by name; the worst one counts",
+    "cylinder": "hydraulic actuators by name",
+    "link": "link of the URDF",
+    "at_mm": "x, y, z in the frame of the link",
+    "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
+    "bulk_modulus_MPa": "of oil without air, or of the hose",
+    "entrained_air_percent": "by volume at atmospheric pressure",
+    "flow_l_per_min": "of the pump",
+    "count": "equal cylinders in parallel that share their pins",
+    "bore_mm": "inner diameter of the barrel",
+    "rod_mm": "diameter of the rod",
+    "closed_length_mm": "pin to pin, rod in",
+    "dead_volume_l": (
+        "oil that the piston never sweeps, hoses included, all parallel cylinders together"
+    ),
+    "base": "pin of the barrel",
+    "rod_end": "pin of the rod; or give four_bar",
+    "four_bar": "rocker and coupler that the rod end drives",
+    "pivot": "pin of the rocker",
+    "lug": "pin of the coupler on the driven link",
+    "rocker_mm": "pivot to knee",
+    "coupler_mm": "knee to lug",
+    "knee": "side of the line from pivot to lug, seen with x right and z up",
+    "barrel_kg": "of each cylinder",
+    "rod_kg": "of each cylinder",
+    "compliance_m_per_N": "of pins, brackets and links in series, all together",
+    "hose": "the share of the dead volume that lies in hoses",
+    "motor": "hydraulic motors by name, on joints that turn without end",
+    "joint": "joint that the motor turns; default: the one of the motor's name",
+    "displacement_cm3": "oil per turn of one motor",
+    "gear_ratio": "turns of a motor per turn of the joint",
+    "trapped_volume_l": (
+        "oil between valve and pistons, hoses included, all parallel motors together; a drives"
+        " forward"
+    ),
+    "compliance_rad_per_N_m": "of gear and mounting in series, at the joint",
+    "valve": "one valve for all parallel cylinders or motors together",
+    "rated_drop_bar": "per metering edge",
+    "overlap_percent": "of full spool stroke; negative: underlap",
+    "leakage_l_per_min_per_bar": "across the piston, all parallel cylinders or motors together",
+    "tank_leakage_l_per_min_per_bar": (
+        "from each chamber to the tank, all parallel cylinders or motors together"
+    ),
+    "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
+    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
+    "preload_bar": (
+        "of the chamber without load while the valve is shut and tight; default: return pressure"
+    ),
+    "edges": "gains of the four metering edges, relative to the rated flow",
+    "load_holding": "counterbalance or pilot-operated check valve on one chamber",
+    "side": "the chamber that it holds",
+    "setting_bar": "chamber pressure that opens it without pilot pressure",
+    "pilot_ratio": "weight of the other chamber's pressure in opening it",
+    "opening_range_bar": "from where it opens to where it is fully open",
+    "pump": "ideal: holds its pressure; flow_limited: gives no more than its flow",
+    "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
+    "line_volume_l": "oil between a flow-limited pump and its valves",
+    "friction": "per cylinder; of a motor at the joint, all together",
+    "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
+    "requirements": "what a new design must keep, relative to today's machine",
+    "end_margin": "share of the stroke that stays free at both ends",
+    "holding_share": "static force over what supply against return pressure gives",
+    "oil_total_share": "oil of all cylinders, at most",
+    "oil_each_share": "oil of each cylinder and side, at most",
+    "thrust_share": "supply pressure × bore area of each cylinder, at most",
+    "moment_arm_share": "smallest moment arm over the range, at least",
+    "transmission_deg": "angle between rocker and coupler, at least",
+    "digging": "cylinders whose digging force counts, and the share of it that must remain",
+    "pin_box_mm": "how far each pin coordinate may move",
+    "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
+    "digging_kN": (
+        "digging force at the tool by cylinder, at least: it alone, supply pressure, best angle"
+        " (ISO 6015)"
+    ),
+    "buckling_share": "Euler safety of each rod, at least",
+    "buckling_factor": (
+        "buckling load over supply pressure × bore area, at least; default: no such limit"
+    ),
+    "buckling_column": (
+        "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod"
+    ),
+    "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "barrel_wall_mm": (
+        "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)"
+    ),
+    "speed": "motions at pump flow by name: what one entry names moves together",
+    "joint_deg_per_s": "speed of joints, at least; negative: against the joint's direction",
+    "joint_mm_per_s": (
+        "speed of prismatic joints, at least; negative: against the joint's direction"
+    ),
+    "cylinder_mm_per_s": "speed of cylinders, at least; negative: retracting",
+    "at": "mean: over the joint's range (stroke time); every: at every pose of it",
+    "lift": "masses to hold within holding_share, by name",
+    "joint_deg": "where joints stand; all of them, or all but two with reach_mm and height_mm",
+    "joint_mm": "where prismatic joints stand",
+    "reach_mm": "of the mass from the root's vertical axis",
+    "height_mm": "of the mass over the root",
+    "outline": "outlines by link; pins of cylinders on the link must lie within by their radius",
+    "points_mm": "corners x, z in the frame of the link, in order",
+    "pin_radius_mm": "of the pins, with what must surround them",
+    "clearance": "parts of links that barrels keep clear of, by name",
+    "distance_mm": "between barrel and part, at least",
+}
+IN_SECTION = {  # where a key means something else than in most tables
+    "MotorSection": {
+        "count": "equal motors in parallel on one joint",
+        "hose": "the share of the trapped volume that lies in hoses",
+    },
+    "PinBoxSection": {
+        "base": "of the barrel's pin: how far each of its coordinates may move [mm]",
+        "rod_end": "of the rod's pin: how far each of its coordinates may move [mm]",
+    },
+}
+
+
+def json_schema() -> str:
+    """The JSON Schema as text: ``machine.schema.json`` in the package is this."""
+    document = MachineSection.model_json_schema()
+    classes = {kind.__name__: kind for kind in Section.__subclasses__()}
+    for name, section in {MachineSection.__name__: document, **document["$defs"]}.items():
+        section.pop("title", None)
+        for key, value in section.get("properties", {}).items():
+            unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
+            words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
+            _describe(
+                value, " ".join(part for part in (words, f"[{unit}]" if unit else "") if part)
+            )
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "armdesign machine file",
+    }
+    return json.dumps({**head, **document}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _describe(value: dict[str, Any], description: str) -> None:
+    """Give a key its description, and take out what TOML has not or the key's own table says."""
+    value.pop("title", None)
+    if {"type": "null"} in value.get("anyOf", []):  # TOML has no null: the key is left out
+        value.update(next(kind for kind in value.pop("anyOf") if kind != {"type": "null"}))
+        value.pop("default", None)
+    if isinstance(value.get("default"), dict):  # the defaults of a table are in its keys
+        value.pop("default")
+    if description:
+        value["description"] = description

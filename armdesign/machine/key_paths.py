@@ -1,0 +1,165 @@
+"""What the schema says at a key path of the machine file: type, range, unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
+
+from armdesign.machine.schema import MachineSection
+from armdesign.machine.schema_types import Name, Section
+
+Location = tuple[Any, ...]  # a key path in its parts: names of keys, indices of lists
+
+UNITS = {  # by the end of the key, longer ends first
+    "kg_per_m3": "kg/m³",
+    "rad_per_N_m": "rad/(N m)",
+    "N_m_s_per_rad": "N m s/rad",
+    "deg_per_s": "deg/s",
+    "cm3": "cm³",
+    "l_per_min_per_bar": "l/min/bar",
+    "l_per_min": "l/min",
+    "mm_per_s": "mm/s",
+    "m_per_N": "m/N",
+    "N_s_per_m": "N s/m",
+    "ms": "ms",
+    "percent": "%",
+    "MPa": "MPa",
+    "bar": "bar",
+    "deg": "deg",
+    "mm": "mm",
+    "kg": "kg",
+    "hz": "Hz",
+    "kN": "kN",
+    "N_m": "N m",
+    "N": "N",
+    "l": "l",
+}
+UNIT_END = re.compile(rf"_({'|'.join(UNITS)})$")
+
+
+def unwrap(annotation: Any) -> tuple[Any, list[Any]]:
+    """Type and constraints of an annotation, without Annotated and ``| None``."""
+    constraints: list[Any] = []
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *extra = get_args(annotation)
+            for item in extra:
+                constraints += getattr(item, "metadata", [item])
+            continue
+        arguments = [a for a in get_args(annotation) if a is not type(None)]
+        if type(None) in get_args(annotation) and len(arguments) == 1:
+            annotation = arguments[0]
+            continue
+        return annotation, constraints
+
+
+def is_table(kind: Any) -> bool:
+    """Whether a type of the schema is a table with keys of its own."""
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
+def annotation(location: Location) -> tuple[Any, list[Any]]:
+    """Type and constraints that the schema has at a key path; KeyError where it has none."""
+    kind: Any = MachineSection
+    constraints: list[Any] = []
+    for key in location:
+        if is_table(kind):
+            field = kind.model_fields[key]
+            kind, constraints = unwrap(field.annotation)
+            constraints = [*constraints, *field.metadata]
+        elif get_origin(kind) in (dict, list):
+            kind, constraints = unwrap(get_args(kind)[-1])
+        else:
+            raise KeyError(key)
+    return kind, constraints
+
+
+def allowed(location: Location) -> str:
+    """Description of the values that a key path may have."""
+    try:
+        kind, constraints = annotation(location)
+    except KeyError:
+        return ""
+    if get_origin(kind) is Literal:
+        return "one of " + ", ".join(f'"{choice}"' for choice in get_args(kind))
+    if kind in (float, int):
+        number = "a whole number" if kind is int else "a number"
+        return f"{number} in {_interval(constraints)}{unit_of(location)}"
+    if get_origin(kind) is list:
+        return f"a list of {_how_many(constraints)}, each {allowed((*location, 0))}"
+    if kind is str:
+        is_name = (kind, constraints) == unwrap(Name)
+        return "a text of letters, digits, _ and -" if is_name else "a text"
+    if get_origin(kind) is dict:
+        return "a table of named entries (names of letters, digits, _ and -)"
+    required = [name for name, field in kind.model_fields.items() if field.is_required()]
+    return f"a table with {', '.join(required)}" if required else "a table"
+
+
+def _limits(constraints: list[Any]) -> dict[str, Any]:
+    """The limits of a number among its constraints, by gt, ge, lt, le."""
+    return {
+        name: value
+        for constraint in constraints
+        if isinstance(constraint, Gt | Ge | Lt | Le)
+        for name, value in asdict(constraint).items()
+    }
+
+
+def _interval(constraints: list[Any]) -> str:
+    limits, low, high = _limits(constraints), "(-∞", "∞)"
+    if "gt" in limits or "ge" in limits:
+        low = f"({limits['gt']:g}" if "gt" in limits else f"[{limits['ge']:g}"
+    if "lt" in limits or "le" in limits:
+        high = f"{limits['lt']:g})" if "lt" in limits else f"{limits['le']:g}]"
+    return f"{low}, {high}"
+
+
+def _how_many(constraints: list[Any]) -> str:
+    least, most = lengths(constraints)
+    if least == most:
+        return f"{least} values"
+    return f"at least {least}" if least else "any number of values"
+
+
+def lengths(constraints: list[Any]) -> tuple[int, int | None]:
+    """Least and largest number of values in a list; None without a largest."""
+    least = next((c.min_length for c in constraints if isinstance(c, MinLen)), 0)
+    return least, next((c.max_length for c in constraints if isinstance(c, MaxLen)), None)
+
+
+def bounds(location: Location) -> tuple[float, float]:
+    """Least and largest number that a key path may have."""
+    limits = _limits(annotation(location)[1])
+    return (
+        limits.get("gt", limits.get("ge", -math.inf)),
+        limits.get("lt", limits.get("le", math.inf)),
+    )
+
+
+def unit_of(location: Location) -> str:
+    """Unit of a number, with a space before it.
+
+    Its key names it, or else the list or table that holds the number.
+    """
+    kind: Any = MachineSection
+    unit = ""
+    for key in location:
+        if is_table(kind) and key in kind.model_fields:
+            kind, _ = unwrap(kind.model_fields[key].annotation)
+            unit = named_unit(key, kind) or unit
+        elif get_origin(kind) in (dict, list):
+            # the names of entries are the author's: a joint may be called arm_mm
+            kind, _ = unwrap(get_args(kind)[-1])
+    return f" {unit}" if unit else ""
+
+
+def named_unit(key: str, kind: Any) -> str:
+    """The unit that a key names; none for a table whose own keys name theirs, as four_bar."""
+    match = UNIT_END.search(key)
+    own = kind.model_fields if is_table(kind) else {}
+    return UNITS[match[1]] if match and not any(map(UNIT_END.search, own)) else ""

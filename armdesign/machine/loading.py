@@ -1,0 +1,64 @@
+"""Machines from files: by path, by folder, or by the name of one that comes with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armdesign import transaction
+from armdesign.errors import MachineFileError, choose
+from armdesign.machine import machine_file
+from armdesign.machine.key_lines import lines_of
+from armdesign.machine.machine import Machine
+
+
+def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
+    """Machine from a ``.toml`` file, a folder ``<name>/<name>.toml``, or a shipped name.
+
+    It carries its first load case.
+
+    Args:
+        path_or_name: which machine.
+        allow_outside: whether the file may name a URDF outside its folder (or behind a symbolic
+            link out of it).
+
+    Raises:
+        MachineFileError: no such machine, or a fault in its file or URDF.
+    """
+    path = find(path_or_name)
+    text = machine_file.read_text(path)
+    with lines_of(text, path.name):
+        section = machine_file.parse(text, path.name)
+        urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
+    return Machine.from_text(text, urdf_text, path, section=section)
+
+
+def shipped() -> dict[str, Path]:
+    """Machine files that come with the package, by name."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "robots", package.parent / "robots"):  # of a wheel; of a checkout
+        if folder.is_dir():
+            return {p.stem: p for p in sorted(folder.glob("*/*.toml")) if p.stem == p.parent.name}
+    return {}
+
+
+def find(path_or_name: str | Path) -> Path:
+    """The machine file that a path, folder or shipped name stands for.
+
+    Raises:
+        MachineFileError: no such machine.
+    """
+    path, names = machine_file.path_of(path_or_name), shipped()
+    transaction.mend(path if path.is_dir() else path.parent)
+    own = path / f"{path.resolve().name if path.is_dir() else path.name}.toml"
+    if own.is_file():
+        return own
+    # a folder of results may have the name of its machine
+    if str(path) in names and not path.is_file():
+        return names[str(path)]
+    if path.is_dir():
+        raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
+    if path.suffix == ".toml" or path.exists():
+        return path
+    raise MachineFileError(
+        str(path), "no such machine", f"{choose(str(path), names)}, or give a .toml file"
+    )

@@ -1,0 +1,135 @@
+"""Faults that the schema finds in a machine file, in the package's words and with a likely cause.
+
+A fault names file, key path, value, range and remedy.
+"""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import ValidationError
+
+from armdesign.errors import MachineFileError
+from armdesign.machine.key_lines import Places
+from armdesign.machine.key_paths import (
+    Location,
+    allowed,
+    annotation,
+    bounds,
+    is_table,
+    lengths,
+    unit_of,
+)
+from armdesign.machine.likely_values import USUAL, meant, usual
+from armdesign.machine.number_writing import list_meant, number_meant
+
+
+def first_fault(error: ValidationError, source: str, places: Places) -> MachineFileError:
+    """The fault that most likely holds the remedy, and how many more there are.
+
+    An unknown key next to a missing one is most likely a misspelling, so it comes first.
+    """
+    faults = error.errors(include_url=False)
+    fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
+    more = f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else ""
+    return explained(fault, source, places, more)
+
+
+def location_of(fault: Any) -> Location:
+    """Key path of a fault."""
+    return tuple(part for part in fault["loc"] if part != "[key]")
+
+
+def explained(fault: Any, source: str, places: Places, more: str = "") -> MachineFileError:
+    """One fault of the schema, the most likely cause first; ``more`` ends its remedy."""
+    location = location_of(fault)
+    path = ".".join(str(part) for part in location)
+    problem, remedy = _words(fault, location, places.written(path))
+    return MachineFileError(f"{source}: {path}", problem, remedy + more)
+
+
+def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
+    """Problem and remedy of a fault; ``written`` is the value as the file has it."""
+    may_be = allowed(location)
+    if fault["type"] == "missing":
+        return "missing", f"add {location[-1]}: {may_be}"
+    if fault["type"] == "extra_forbidden":
+        known = annotation(location[:-1])[0].model_fields
+        close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
+        return "unknown key", (
+            f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
+        )
+    if fault["loc"][-1:] == ("[key]",):
+        return "is not a usable name", "start with a letter, then letters, digits, _ or -"
+    problem = f"{_shown(fault['input'])} is not allowed"
+    remedy = f"give {may_be or 'another value'}"
+    cause, correction = _likely_cause(fault["input"], location, written)
+    if cause:
+        return f"{cause}: {problem}", f"{correction}; {remedy}"
+    return problem, f"{remedy}; {correction}" if correction else remedy
+
+
+def _likely_cause(value: Any, location: Location, written: str) -> tuple[str, str]:
+    """What a value that is not allowed was most likely meant to be, and what to write; or ""."""
+    kind, constraints = annotation(location)
+    if kind in (int, float) and isinstance(value, str):
+        return number_meant(value, unit_of(location).strip())
+    if isinstance(value, list) and get_origin(kind) is list:
+        points = list_meant(written, lengths(constraints)[1] or 0) if written else ""
+        return ("decimal commas", f"write {points}") if points else ("", "")
+    if kind is float:
+        lower, upper = bounds(location)
+        plausible = usual(location) if location[-1] in USUAL else lambda x: lower < x < upper
+        if other := meant(location, value, plausible):
+            return f"looks like {other.unit}", other.remedy
+    return "", ""
+
+
+def _shown(value: Any) -> str:
+    """A value as a message shows it."""
+    if isinstance(value, dict):
+        return "a table" if value else "an empty table"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    if isinstance(value, list):
+        text = f"[{', '.join(_shown(item) for item in value)}]"
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+# -------------------------------------------------------------------------------------- stand-ins
+
+
+def mend(data: Any, location: Location) -> None:
+    """Take out what is wrong at a key path, or put a stand-in where something is needed."""
+    node = data
+    try:
+        for key in location[:-1]:
+            node = node[key]
+        parent, _ = annotation(location[:-1])
+    except (KeyError, IndexError, TypeError):
+        return  # gone with a table that was wrong as a whole
+    fields = parent.model_fields if is_table(parent) else {}
+    leaf = location[-1]
+    if isinstance(node, list):
+        if leaf < len(node):
+            node[leaf] = _stand_in(location)
+    elif leaf in fields and fields[leaf].is_required():
+        node[leaf] = _stand_in(location)
+    else:
+        node.pop(leaf, None)
+
+
+def _stand_in(location: Location) -> Any:
+    """A value that the schema allows at a key path, tables empty."""
+    kind, constraints = annotation(location)
+    if get_origin(kind) is Literal:
+        return get_args(kind)[0]
+    if kind in (float, int):
+        return kind(1)
+    if get_origin(kind) is list:
+        return [_stand_in((*location, 0))] * lengths(constraints)[0]
+    if kind is str:
+        return "stand_in"
+    return {"stand_in": {}} if get_origin(kind) is dict else {}

@@ -1,0 +1,109 @@
+"""TOML text of machine files: values changed in a text that keeps its comments, and new texts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from armdesign.errors import MachineFileError
+from armdesign.machine.key_paths import annotation, is_table
+
+ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # keys of tables written in one line
+
+
+def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
+    """The text with the leaf values at some key paths changed and all else as it was.
+
+    Raises:
+        MachineFileError: a path that the file's schema does not have.
+    """
+    try:
+        document = tomlkit.parse(text)
+    except (TOMLKitError, ValueError, RecursionError) as error:
+        raise MachineFileError(
+            source, f"cannot be edited: {error}", "write it as plainer TOML"
+        ) from None
+    for path, value in changes.items():
+        if not isinstance(path, str) or not path:
+            raise MachineFileError(
+                source, f"{path!r} is not a key path", "give one such as cylinder.boom.bore_mm"
+            )
+        *tables, leaf = path.split(".")
+        node: Any = document
+        for depth, key in enumerate(tables):
+            if key not in node:
+                _refuse_new_table(tuple(tables[: depth + 1]), node, f"{source}: {path}")
+                node[key] = tomlkit.inline_table()
+            node = node[key]
+            if not hasattr(node, "keys"):
+                raise MachineFileError(
+                    f"{source}: {path}", f'"{key}" is a value, not a table', "shorten the path"
+                )
+        _set_leaf(node, leaf, value, f"{source}: {path}")
+    return tomlkit.dumps(document)
+
+
+def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
+    """Raise unless the schema has this table: a change makes no load cases and no cylinders."""
+    parent, _ = annotation(location[:-1])
+    known = parent.model_fields if is_table(parent) else node
+    if known is node or location[-1] not in known:
+        raise MachineFileError(
+            where, f'no "{location[-1]}" in the file', f"choose from: {', '.join(known)}"
+        )
+
+
+def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
+    old, value = node.get(leaf), _plain(value)
+    if isinstance(old, dict):
+        raise MachineFileError(where, "is a table, not a value", "name one of its keys")
+    try:
+        if isinstance(old, list) and isinstance(value, list) and len(old) == len(value):
+            for index, item in enumerate(value):  # spacing and comments of the list stay
+                if old[index] != item:  # so that 0 does not become 0.0
+                    old[index] = item
+        else:
+            node[leaf] = value
+    except (TypeError, ValueError, TOMLKitError):
+        raise MachineFileError(
+            where, f"cannot hold {value!r}", "give a number or a text"
+        ) from None
+
+
+def dump(data: Mapping[str, Any], heading: str) -> str:
+    """Text of a new machine file below a comment, pins and volumes in one line each.
+
+    Raises:
+        MachineFileError: a value that TOML cannot hold.
+    """
+    document = tomlkit.document()
+    document.add(tomlkit.comment(heading))
+    for key, value in data.items():
+        document[key] = _item(value, str(key))
+    return tomlkit.dumps(document)
+
+
+def _item(value: Any, path: str) -> Any:
+    value = _plain(value)
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table() if value and set(value) <= ONE_LINE else tomlkit.table()
+        for key, item in value.items():
+            if item is not None:
+                table[str(key)] = _item(item, f"{path}.{key}")
+        return table
+    try:
+        return tomlkit.item(value)
+    except (TypeError, ValueError, TOMLKitError):
+        raise MachineFileError(
+            path, f"cannot hold {value!r}", "give a number, a text, a list or a table"
+        ) from None
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and lists of numpy as Python's own."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,138 @@
+"""Options of the commands: their names and help texts, and how what they say is read."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armdesign.errors import ArmDesignError
+from armdesign.output import check_out
+from armdesign.units import SI, WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.design.catalogue.sizes import Sizes
+    from armdesign.frequency.bands import Bands
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import Machine
+
+
+class Habit(StrEnum):
+    """Units of printed tables."""
+
+    workshop = "workshop"
+    si = "si"
+
+    @property
+    def units(self) -> Units:
+        """Factors and names of the units."""
+        return SI if self is Habit.si else WORKSHOP
+
+
+MachineArgument = Annotated[
+    str, typer.Argument(help="A shipped machine (excavator_20t), a folder, or a .toml file.")
+]
+OutOption = Annotated[
+    Path, typer.Option("--out", help="Folder for everything that the command writes.")
+]
+PointsOption = Annotated[
+    str,
+    typer.Option("--points", help="Grid points per joint: one number, or one each as 21,21,61."),
+]
+VaryOption = Annotated[
+    str,
+    typer.Option(
+        "--vary",
+        help=(
+            "What may change, separated by commas: areas, pins, linkages (pins and four-bars), or"
+            " key paths of the file such as cylinder.boom.bore_mm."
+        ),
+    ),
+]
+CatalogueOption = Annotated[
+    str,
+    typer.Option(
+        "--catalogue",
+        help="Sizes to choose from: iso, 5mm, or a CSV file with columns bore_mm, rod_mm.",
+    ),
+]
+RobustOption = Annotated[
+    bool, typer.Option("--robust", help="Design for the worst case within the file's [bands].")
+]
+LeastOption = Annotated[
+    str, typer.Option("--least", help="Minimise oil, flow or mass instead; needs --frequency.")
+]
+FrequencyOption = Annotated[
+    float,
+    typer.Option("--frequency", help="Worst natural frequency to reach, in Hz; needs --least."),
+]
+AgainstOption = Annotated[
+    str, typer.Option("--against", help="The limit to vary: oil, thrust, digging or pin_box.")
+]
+ValuesOption = Annotated[
+    str,
+    typer.Option(
+        "--values",
+        help=("Values of that limit, separated by commas: shares of today's, for pin_box metres."),
+    ),
+]
+UnitsOption = Annotated[
+    Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
+]
+OutsideOption = Annotated[
+    bool, typer.Option("--allow-outside", help="Accept a URDF outside the machine file's folder.")
+]
+
+
+def open_workspace(
+    machine: str, points: str, out: Path, allow_outside: bool
+) -> tuple[Machine, Workspace]:
+    """The machine and its workspace; faults of options are raised before anything is computed."""
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.loading import load
+
+    counts = grid_points(points)
+    check_out(out)
+    model = load(machine, allow_outside=allow_outside)
+    return model, Workspace.grid(model, counts)
+
+
+def grid_points(points: str) -> int | list[int] | None:
+    """Value of ``--points``."""
+    try:
+        counts = [int(word) for word in points.split(",")] if points else None
+    except ValueError:
+        raise ArmDesignError(
+            "--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61"
+        ) from None
+    return counts[0] if counts and len(counts) == 1 else counts
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Words of an option that are separated by commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def offered_sizes(catalogue: str) -> str | Sizes | None:
+    """Value of ``--catalogue``."""
+    from armdesign.design.catalogue.sizes import read_sizes
+
+    return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
+
+
+def stated_bands(machine: Machine, robust: bool) -> Bands | None:
+    """Bands of the machine file if ``--robust`` is given, which needs some."""
+    from armdesign.frequency.bands import Bands
+
+    if not robust:
+        return None
+    bands = Bands.of(machine)
+    if bands == Bands():
+        raise ArmDesignError(
+            "--robust",
+            f"{machine.source.name} has no bands",
+            "add [bands] to it, for example payload_share = [0.8, 1.2]",
+        )
+    return bands

@@ -1,0 +1,205 @@
+"""The paper's 40 configurations in closed form: eight load masses m2 times five link lengths l2.
+
+The paper gives no number of any of them; those of the machine ``paper_1dof`` and the constants
+below stand in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError
+from armdesign.machine.machine import Machine
+from armdesign.paper import formulas
+
+MACHINE = "paper_1dof"
+MASSES = (50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 350.0, 400.0)  # [kg]
+LENGTHS = (0.5, 0.75, 1.0, 1.25, 1.5)  # [m]
+# [rad/s], root mean square error of (11) in the paper; that of (42) is missing in our copy
+PUBLISHED = 23.49
+
+FORMULAS = {
+    "static_11": "rigid load, static mass: (11), bore area",
+    "static_12_as_printed": "rigid load, static mass: (12) as printed",
+    "static_12": "rigid load, static mass: (12) corrected",
+    "reflected_12": "rigid load, reflected mass J/r²: (12) corrected",
+    "joint_42_as_printed": "joint-coupled: (42) as printed, bore area",
+    "joint_42_mean_area": "joint-coupled: (42) as printed, mean area",
+    "joint_exact": "joint-coupled, exact, both areas",
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mechanism:
+    """The paper's mechanism at θ0 = π/2 with an asymmetric cylinder.
+
+    SI, numbers or arrays that broadcast together.
+
+    Attributes:
+        load_mass: m2.
+        link_length: l2.
+        link_pin_distance: a1.
+        base_pin_distance: d1.
+        bore_area: A1.
+        annulus_area: A2.
+        cap_volume: V1, dead volume included.
+        annulus_volume: V2, dead volume included.
+        stroke: of the piston.
+        bulk_modulus: β.
+    """
+
+    load_mass: Any
+    link_length: Any
+    link_pin_distance: Any
+    base_pin_distance: Any
+    bore_area: Any
+    annulus_area: Any
+    cap_volume: Any
+    annulus_volume: Any
+    stroke: Any
+    bulk_modulus: Any
+
+    @classmethod
+    def of(cls, machine: Machine, load_mass: Any, link_length: Any) -> Mechanism:
+        """The mechanism of a machine like ``paper_1dof``, under loads other than its own."""
+        cylinder, linkage = machine.cylinders[0], machine.linkages[0]
+        base, rod_end = (np.array(linkage.place(pin)) for pin in ("base", "rod_end"))
+        cap, annulus = cylinder.volumes(
+            machine.at(np.zeros(1)).lengths[0, 0] - cylinder.closed_length
+        )
+        return cls(
+            load_mass=load_mass,
+            link_length=link_length,
+            link_pin_distance=float(np.linalg.norm(rod_end)),
+            base_pin_distance=float(np.linalg.norm(base)),
+            bore_area=cylinder.bore_area,
+            annulus_area=cylinder.annulus_area,
+            cap_volume=cap,
+            annulus_volume=annulus,
+            stroke=cylinder.stroke,
+            bulk_modulus=machine.fluid.bulk_modulus,
+        )
+
+    @property
+    def pins(self) -> dict[str, Any]:
+        """a1 and d1, as ``formulas`` take them."""
+        return {
+            "link_pin_distance": self.link_pin_distance,
+            "base_pin_distance": self.base_pin_distance,
+        }
+
+    @property
+    def loaded(self) -> dict[str, Any]:
+        """Load and pins, as ``formulas`` take them."""
+        return {"load_mass": self.load_mass, "link_length": self.link_length, **self.pins}
+
+    @property
+    def chambers(self) -> dict[str, Any]:
+        """Areas, volumes and oil, as ``formulas`` take them."""
+        return {
+            "bore_area": self.bore_area,
+            "annulus_area": self.annulus_area,
+            "cap_volume": self.cap_volume,
+            "annulus_volume": self.annulus_volume,
+            "bulk_modulus": self.bulk_modulus,
+        }
+
+    @property
+    def stiffness(self) -> Any:
+        """k_h of both chambers [N/m]: β (A1²/V1 + A2²/V2)."""
+        return self.bulk_modulus * (
+            self.bore_area**2 / self.cap_volume + self.annulus_area**2 / self.annulus_volume
+        )
+
+    @property
+    def symmetric(self) -> dict[str, Any]:
+        """The paper's A and V0 from the bore side; it does not say what they are if asymmetric."""
+        return {
+            "area": self.bore_area,
+            "chamber_volume": self.cap_volume,
+            "bulk_modulus": self.bulk_modulus,
+        }
+
+    @property
+    def symmetric_mean(self) -> dict[str, Any]:
+        """The paper's A and V0 as means of both sides."""
+        area, volume = (
+            (self.bore_area + self.annulus_area) / 2,
+            (self.cap_volume + self.annulus_volume) / 2,
+        )
+        return {"area": area, "chamber_volume": volume, "bulk_modulus": self.bulk_modulus}
+
+    @property
+    def static_mass(self) -> Any:
+        """Mass that the paper puts into (11) [kg]: its weight is the static force at θ0."""
+        return formulas.equivalent_mass(static_force=formulas.static_force(**self.loaded))
+
+    @property
+    def frequencies(self) -> dict[str, Any]:
+        """Natural frequency [Hz] by each of ``FORMULAS``."""
+        inertia = formulas.joint_inertia(
+            load_mass=self.load_mass,
+            link_pin_distance=self.link_pin_distance,
+            link_length=self.link_length,
+        )
+        reflected = formulas.reflected_mass(
+            joint_inertia=inertia, moment_arm=formulas.moment_arm(**self.pins)
+        )
+        static = self.static_mass
+        return {
+            "static_11": formulas.rigid_load(mass=static, **self.symmetric),
+            "static_12_as_printed": formulas.rigid_load_asymmetric_as_printed(
+                mass=static, **self.chambers
+            ),
+            "static_12": formulas.rigid_load_asymmetric(mass=static, **self.chambers),
+            "reflected_12": formulas.rigid_load_asymmetric(mass=reflected, **self.chambers),
+            "joint_42_as_printed": formulas.joint_coupled_as_printed(
+                **self.loaded, **self.symmetric
+            ),
+            "joint_42_mean_area": formulas.joint_coupled_as_printed(
+                **self.loaded, **self.symmetric_mean
+            ),
+            "joint_exact": formulas.joint_coupled(**self.loaded, stiffness=self.stiffness),
+        }
+
+    def with_gravity(self, stiffness: Any, inertia: Any = 0.0) -> Any:
+        """Frequency [Hz] if gravity took ``stiffness`` [N m/rad], with ``inertia`` [kg m²] added."""
+        arm = formulas.moment_arm(**self.pins)
+        total = self.load_mass * (self.link_pin_distance**2 + self.link_length**2) + inertia
+        return np.sqrt(np.maximum(self.stiffness * arm**2 - stiffness, 0.0) / total) / (
+            2 * math.pi
+        )
+
+
+def grid(
+    machine: Machine, masses: Sequence[float] = MASSES, lengths: Sequence[float] = LENGTHS
+) -> Mechanism:
+    """All configurations: arrays (masses × lengths,) in which the length changes fastest.
+
+    Raises:
+        ArmDesignError: no mass or no length, or one that is not positive.
+    """
+    for name, values in (("masses", masses), ("lengths", lengths)):
+        wrong = [value for value in values if not (math.isfinite(value) and value > 0)]
+        if wrong or len(values) == 0:
+            problem = f"{wrong[0]:g} is not allowed" if wrong else "none given"
+            raise ArmDesignError(f"paper: {name}", problem, "give positive numbers in kg and m")
+    pairs = np.array(list(product(masses, lengths)))
+    return Mechanism.of(machine, pairs[:, 0], pairs[:, 1])
+
+
+def rms_error(computed: Any, reference: Any, axis: int | tuple[int, ...] = -1) -> Any:
+    """Root mean square [rad/s] of the difference of frequencies in Hz, the paper's measure."""
+    return 2 * math.pi * np.sqrt(np.mean((np.asarray(computed) - reference) ** 2, axis=axis))
+
+
+def error_of(computed: Mapping[str, Array], reference: Array) -> dict[str, float]:
+    """Root mean square error [rad/s] of each formula's frequencies, (n,) [Hz] both."""
+    return {name: float(rms_error(values, reference)) for name, values in computed.items()}

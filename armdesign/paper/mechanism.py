@@ -1,0 +1,199 @@
+"""The mechanism of the paper's Figure 2: geometry, inertia, gravity, static force, eq. (13)–(27).
+
+Symbols, assumptions and source: see ``formulas``, where all equations of the paper are gathered.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from armdesign.errors import ArmDesignError
+from armdesign.paper.arguments import numbers
+from armdesign.units import GRAVITY
+
+_DEAD_CENTRE = 1e-12  # |sin θ| below which a cylinder counts as in line with the joint
+
+
+def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any) -> Any:
+    """Pin-to-pin length x_p of the cylinder [m], eq. (13), which is missing in print.
+
+    x_p² = a1² + d1² − 2 a1 d1 cos θ; eq. (26) at θ = π/2.
+
+    Args:
+        link_pin_distance: a1, joint to rod pin [m].
+        base_pin_distance: d1, joint to base pin [m].
+        angle: θ between the two [rad].
+
+    Raises:
+        ArmDesignError: a distance that is not positive.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    return _length(*numbers("cylinder_length", **lengths, angle=angle))
+
+
+def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) -> Any:
+    """Angle θ in [0, π] [rad] at a pin-to-pin length [m], eq. (14).
+
+    θ = arccos((a1² + d1² − x_p²)/(2 a1 d1)).
+
+    Raises:
+        ArmDesignError: a distance that is not positive, or a length that the two cannot span.
+    """
+    a1, d1, x = numbers(
+        "joint_angle",
+        link_pin_distance=link_pin_distance,
+        base_pin_distance=base_pin_distance,
+        length=length,
+    )
+    cosine = (a1**2 + d1**2 - x**2) / (2 * a1 * d1)
+    if not np.all(np.abs(cosine) <= 1 + 1e-12):
+        raise ArmDesignError(
+            "joint_angle: length",
+            "the three sides make no triangle",
+            "give a length in [|a1 − d1|, a1 + d1]",
+        )
+    return np.arccos(np.clip(cosine, -1, 1))
+
+
+def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = math.pi / 2) -> Any:
+    """Moment arm of the cylinder [m], eq. (21): r = d1 cos α = a1 d1 sin θ/x_p.
+
+    N_θ of eq. (30) is 1/r.
+
+    Args:
+        link_pin_distance: a1, joint to rod pin [m].
+        base_pin_distance: d1, joint to base pin [m].
+        angle: θ between the two [rad].
+
+    Raises:
+        ArmDesignError: a distance that is not positive, or two pins in one place.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    a1, d1, theta = numbers("moment_arm", **lengths, angle=angle)
+    length = _length(a1, d1, theta)
+    if np.any(length == 0):
+        raise ArmDesignError(
+            "moment_arm: angle", "both pins of the cylinder are in one place", "give it in (0, π)"
+        )
+    return a1 * d1 * np.sin(theta) / length
+
+
+def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -> Any:
+    """Inertia of the load about the joint [kg m²]: J = m2 (a1² + l2²), as in eq. (22).
+
+    Eq. (16) with m1 = I1 = I2 = 0 and γ = π/2. It prints "l1" and "l2" where the links' own
+    inertias I1 and I2 belong; both are neglected here.
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, or a length that is not
+            finite.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
+    m2, a1, l2 = numbers("joint_inertia", load_mass=load_mass, **lengths)
+    return m2 * (a1**2 + l2**2)
+
+
+def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, angle: Any) -> Any:
+    """Gravity torque that the cylinder balances [N m], eq. (22): m2 g (a1 cos θ − l2 sin θ).
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+        angle: θ [rad].
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, a length or angle that is
+            not finite.
+    """
+    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
+    m2, a1, l2, theta = numbers("gravity_torque", load_mass=load_mass, **lengths, angle=angle)
+    return m2 * GRAVITY * (a1 * np.cos(theta) - l2 * np.sin(theta))
+
+
+def static_force(
+    *,
+    load_mass: Any,
+    link_pin_distance: Any,
+    base_pin_distance: Any,
+    link_length: Any,
+    angle: Any = math.pi / 2,
+) -> Any:
+    """Cylinder force that holds the load [N, + pushes]: F0 = g(θ)/r(θ), eq. (21) and (22).
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        base_pin_distance: d1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+        angle: θ [rad].
+
+    Raises:
+        ArmDesignError: a negative mass, a distance that is not positive, or a dead centre, where
+            no force holds a load.
+    """
+    pins = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
+    lengths = {**pins, "link_length": link_length}
+    m2, a1, d1, l2, theta = numbers("static_force", load_mass=load_mass, **lengths, angle=angle)
+    if np.any(dead := np.abs(np.sin(theta)) < _DEAD_CENTRE):
+        problem = f"{theta[dead].flat[0]:g} rad is a dead centre: the cylinder has no moment arm"
+        raise ArmDesignError("static_force: angle", problem, "give it between 0 and π")
+    torque = gravity_torque(load_mass=m2, link_pin_distance=a1, link_length=l2, angle=theta)
+    return torque / moment_arm(link_pin_distance=a1, base_pin_distance=d1, angle=theta)
+
+
+def static_pressure_difference_as_printed(
+    *, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any, area: Any
+) -> Any:
+    """Static pressure difference p1 − p2 at θ = π/2 [Pa], eq. (27) as printed.
+
+    m2 g l2/(d1 cos α0 A). The sign is wrong: by eq. (22) the load pulls the rod. Right:
+    ``static_pressure_difference``, with these arguments.
+    """
+    return -static_pressure_difference(
+        load_mass=load_mass,
+        link_pin_distance=link_pin_distance,
+        base_pin_distance=base_pin_distance,
+        link_length=link_length,
+        area=area,
+    )
+
+
+def static_pressure_difference(
+    *, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any, area: Any
+) -> Any:
+    """Static pressure difference p1 − p2 at θ = π/2 [Pa], eq. (27) corrected: F0/A.
+
+    For the symmetric piston, F0/A = −m2 g l2/(d1 cos α0 A).
+
+    Args:
+        load_mass: m2 [kg].
+        link_pin_distance: a1 [m].
+        base_pin_distance: d1 [m].
+        link_length: l2 [m]; negative where the load is on the other side of the link.
+        area: A [m²].
+
+    Raises:
+        ArmDesignError: a value out of its range.
+    """
+    force = static_force(
+        load_mass=load_mass,
+        link_pin_distance=link_pin_distance,
+        base_pin_distance=base_pin_distance,
+        link_length=link_length,
+    )
+    force, A = numbers("static_pressure_difference", static_force=force, area=area)
+    return force / A
+
+
+def _length(a1: Any, d1: Any, theta: Any) -> Any:
+    """x_p of eq. (13), as √((a1 − d1)² + 4 a1 d1 sin²(θ/2)): rounding makes no square negative."""
+    return np.sqrt((a1 - d1) ** 2 + 4 * a1 * d1 * np.sin(theta / 2) ** 2)
