@@ -97,11 +97,16 @@ def _lengths(section: Section) -> dict[str, Any]:
 
 
 def pin_sections(section: CylinderSection) -> dict[str, PinSection]:
-    """Every pin of a cylinder by its key path."""
-    kind, table = _kind(section)
-    inner = {f"{kind.key}.{key}": value for key, value in table}
-    tables = {"base": section.base, kind.key: table, **inner}
-    return {key: value for key, value in tables.items() if isinstance(value, PinSection)}
+    """Every pin of a cylinder by its key path; of all linkages where a fault gives several."""
+    pins: dict[str, PinSection] = {"base": section.base}
+    for kind in KINDS:
+        table = getattr(section, kind.key)
+        if isinstance(table, PinSection):
+            pins[kind.key] = table
+        elif table is not None:
+            inner = {f"{kind.key}.{key}": value for key, value in table}
+            pins |= {key: value for key, value in inner.items() if isinstance(value, PinSection)}
+    return pins
 
 
 def _valve(section: ValveSection) -> Valve:
