@@ -43,7 +43,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.relative import conditions, static_loads_held
-from armdesign.design.search.multistart import MISSED
+from armdesign.design.search.sequential_sdp import MISSED
 from armdesign.frequency.modes import hertz
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses

@@ -97,16 +97,12 @@ def _lengths(section: Section) -> dict[str, Any]:
 
 
 def pin_sections(section: CylinderSection) -> dict[str, PinSection]:
-    """Every pin of a cylinder by its key path; of all linkages where a fault gives several."""
-    pins: dict[str, PinSection] = {"base": section.base}
+    """Every pin of a cylinder by its key path, of all linkages that its table gives."""
+    tables: dict[str, Any] = {"base": section.base}
     for kind in KINDS:
-        table = getattr(section, kind.key)
-        if isinstance(table, PinSection):
-            pins[kind.key] = table
-        elif table is not None:
-            inner = {f"{kind.key}.{key}": value for key, value in table}
-            pins |= {key: value for key, value in inner.items() if isinstance(value, PinSection)}
-    return pins
+        if (table := getattr(section, kind.key)) is not None:
+            tables |= {kind.key: table, **{f"{kind.key}.{key}": value for key, value in table}}
+    return {key: value for key, value in tables.items() if isinstance(value, PinSection)}
 
 
 def _valve(section: ValveSection) -> Valve:

@@ -1,6 +1,6 @@
 """Hydraulic motors: a joint that turns without end on trapped oil.
 
-More in `test_physics.py`, machines "slewing" and "rotator".
+More in the tests of all machines, among them "slewing" and "rotator".
 """
 
 from __future__ import annotations

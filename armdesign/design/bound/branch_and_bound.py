@@ -21,7 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.cylinder_constraints import OwnLimits
+from armdesign.design.bound.cylinder_constraints import CylinderConstraints
 from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
 from armdesign.design.bound.intervals import Interval
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
@@ -85,7 +85,7 @@ class Share:
     """The function to be maximised: weights at the shape's angles, prices of the swept volumes."""
 
     shape: Shape
-    limits: OwnLimits
+    limits: CylinderConstraints
     weight: Array  # (n,) w β ≥ 0
     bend: Interval  # (n,) G
     price: Array  # (2,) μ

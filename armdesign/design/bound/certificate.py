@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.given_pins import bound_of_areas
 from armdesign.design.bound.lagrangian import Dual, drives
-from armdesign.design.bound.mass_enclosure import barred
+from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import contradicted
@@ -95,10 +96,10 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
 def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
     """The bound, whatever x reaches."""
     moving = any(v.pin is not None for v in problem.vector.variables)
-    known = None if moving else Search(problem=problem, x=x, rows=rows).upper_bound()
+    known = None if moving else bound_of_areas(Search(problem=problem, x=x, rows=rows))
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
-    bars = barred(problem)
+    bars = bar_enclosures(problem)
     some = () if problem.dynamics.proportional or bars is None else drives(problem, bars)
     if not some or bars is None:
         return None

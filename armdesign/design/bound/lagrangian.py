@@ -34,10 +34,10 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.branch_and_bound import Air, Maximum, Share, Stiffening, maximum
-from armdesign.design.bound.cylinder_constraints import OwnLimits, own_limits
+from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.bound.mass_enclosure import Barred
+from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
@@ -62,7 +62,7 @@ class Drive:
     joint: int
     shape: Shape
     angle: Array  # (rows,) index into the shape's angles
-    limits: OwnLimits
+    limits: CylinderConstraints
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
 
@@ -107,7 +107,7 @@ class Prices:
     shares: Array
 
 
-def drives(problem: Problem, bars: Sequence[Barred] = ()) -> tuple[Drive, ...]:
+def drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[Drive, ...]:
     """The cylinders that drive one joint alone and whose pins vary in a way that ``shapes`` knows."""
     machine, found = problem.machine, []
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
@@ -116,7 +116,9 @@ def drives(problem: Problem, bars: Sequence[Barred] = ()) -> tuple[Drive, ...]:
             for other in machine.drives
             if other is not linkage
         )
-        limits = None if shared or cylinder.compliance > 0 else own_limits(problem, i, bars)
+        limits = (
+            None if shared or cylinder.compliance > 0 else cylinder_constraints(problem, i, bars)
+        )
         if limits is None:
             continue
         joint = linkage.joints[0]
@@ -151,7 +153,7 @@ class Dual:
 
     problem: Problem
     drives: tuple[Drive, ...]
-    bars: Sequence[Barred]  # own masses that depend on x
+    bars: Sequence[BarEnclosure]  # own masses that depend on x
     loads: Rows  # all rows, own masses those of one design
     # λ0: that design's lowest ω² where own masses depend on x, else 0, over the reference
     near: float
@@ -168,7 +170,7 @@ class Dual:
         some: tuple[Drive, ...],
         x: Array,
         watched: Array,
-        bars: Sequence[Barred] = (),
+        bars: Sequence[BarEnclosure] = (),
     ) -> Dual:
         """From the design x, its lowest rows, and random designs."""
         random = np.random.default_rng(0)
@@ -409,7 +411,7 @@ class Dual:
         return total
 
     def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, ...]]]:
-        """What own masses add to the upper bound at most, as in ``Barred.worth`` [1/m²]."""
+        """What own masses add to the upper bound at most, as in ``BarEnclosure.worth`` [1/m²]."""
         nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
         weights = np.zeros((len(prices.rows), nq, nq))
         weights[:, joints[:, None], joints] = prices.weight

@@ -147,7 +147,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Barred:
+class BarEnclosure:
     """Barrel and rod of a cylinder over all designs, and the legs of its linkage where they move.
 
     Attributes:
@@ -225,7 +225,7 @@ class Barred:
         )
 
 
-def barred(problem: Problem) -> list[Barred] | None:
+def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
     """The cylinders whose bars depend on x.
 
     None where a linkage moves that has no legs, or the first of them not on the base pin's link.
@@ -249,7 +249,7 @@ def barred(problem: Problem) -> list[Barred] | None:
             * problem.vector.areas_today[i, 0]
         )
         found.append(
-            Barred(
+            BarEnclosure(
                 problem=problem,
                 cylinder=i,
                 per_area=tuple(weigh.get(name, 0.0) for name in sections),

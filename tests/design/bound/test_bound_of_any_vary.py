@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from armdesign.design.bound import lagrangian as duality
 from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.bound.lagrangian import Dual, drives
-from armdesign.design.catalogue import branch_and_bound as selection
+from armdesign.design.catalogue import branch_and_bound
+from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
@@ -225,7 +227,7 @@ def test_a_design_states_no_bound_below_itself(
     assert design.bound is None
     assert design.gap is None
     note = design_sheets(design)[0].note
-    assert "exceed" not in note
+    assert "upper bound" not in note
     assert "no bound is known: the one found" in note
 
 
@@ -233,14 +235,15 @@ def test_a_catalogue_states_no_bound_below_its_best(
     machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Multipliers that say less of all combinations than one reaches are no proof."""
-    true = selection._Worth
 
-    def halved(constant: float, of: list[np.ndarray]) -> selection._Worth:
-        return true(constant / 2, [worth / 2 for worth in of])
+    def halved(*problem: Any) -> tuple[SeparableBound, np.ndarray]:
+        bound, rows = separable_bound(*problem)
+        by_size = [bounds / 2 for bounds in bound.by_size]
+        return SeparableBound(bound.constant / 2, by_size), rows
 
     proved = ad.size_cylinders(machine, coarse("paper_1dof"), catalogue="5mm")
     assert proved.bound == proved.unrounded
-    monkeypatch.setattr(selection, "_Worth", halved)
+    monkeypatch.setattr(branch_and_bound, "separable_bound", halved)
     design = ad.size_cylinders(machine, coarse("paper_1dof"), catalogue="5mm")
     assert design.bound is None
     assert "no bound is known" in design_sheets(design)[0].note

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from armdesign import Requirements, Workspace, load
 from armdesign.design.bound.branch_and_bound import Share
-from armdesign.design.bound.cylinder_constraints import own_limits
+from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.program.problem import Problem
@@ -195,7 +195,7 @@ def test_shares_hold_stiffness(
     problem, i, angles, shape = cylinder(name)
     x, random = some_design(problem, seed), np.random.default_rng(seed)
     machine, old = problem.machine, problem.machine.cylinders[i]
-    joint, limits = machine.linkages[i].joints[0], own_limits(problem, i)
+    joint, limits = machine.linkages[i].joints[0], cylinder_constraints(problem, i)
     assert limits is not None
     exact = problem.vector.linkages(x)[i].actuation(sweep(machine.arm, joint, angles))
     arm, curve, stroke = (
@@ -240,7 +240,7 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
     truncation.
     """
     problem, i, angles, shape = cylinder(name)
-    limits, random, n = own_limits(problem, i), np.random.default_rng(5), len(angles) + 2
+    limits, random, n = cylinder_constraints(problem, i), np.random.default_rng(5), len(angles) + 2
     assert limits is not None
     weight, bend = (
         np.concatenate([[0, 0], random.uniform(size=n - 2)]),

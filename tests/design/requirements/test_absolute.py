@@ -20,6 +20,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.requirements.candidate import frame_of
 from armdesign.design.requirements.check import Check, check, digging_forces
 from armdesign.design.requirements.settings import Clearance, Lift, Outline, Speed
+from armdesign.design.search.prices import prices
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.barrel import barrel_ratio
 from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
@@ -378,7 +379,7 @@ def _speed(rate: float, at: Literal["mean", "every"]) -> dict[str, Any]:
     return {"speeds": (Speed(name="up", joints={"boom": rate, "stick": -rate}, at=at),)}
 
 
-PRICED = {  # settings with the limit relaxed by a factor k − 1, and where they bind
+LEAST_PRICE = {  # settings with the limit relaxed by a factor k − 1, and where they bind
     "speed.up": (("areas",), lambda k: _speed(0.393 / k, "mean")),
     "speed.up every": (("areas", "pins"), lambda k: _speed(0.366 / k, "every")),
     "digging_force.fold": (("areas",), lambda k: {"digging_force": {"fold": 112e3 * (2 - k)}}),
@@ -406,44 +407,46 @@ PRICED = {  # settings with the limit relaxed by a factor k − 1, and where the
 }
 
 
-@pytest.mark.parametrize("case", PRICED)
+@pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_is_what_relaxing_buys(case: str) -> None:
     """The multiplier against solving again with the limit relaxed by 0.05 % (times 20): first
     order, 2 %.
     """
-    vary, make = PRICED[case]
+    vary, make = LEAST_PRICE[case]
     before, after = (solved(problem_of("double", vary, **make(k)), 1e-8) for k in (1.0, 1.0005))
     name = case.split()[0]
     worth = sum(
-        worth.at_margin for label, worth in before.worth().items() if label.startswith(name)
+        worth.at_margin for label, worth in prices(before).items() if label.startswith(name)
     )
     gain = 20 * (math.sqrt(after.squared / before.squared) - 1)
     assert gain > 1e-5
     assert worth == pytest.approx(gain, rel=0.02)
 
 
-@pytest.mark.parametrize("case", PRICED)
+@pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_of_all_of_one_percent(case: str) -> None:
     """Against solving again with 1 % more: limits and stiffness bend over it, 5 %; never above the
     multiplier.
     """
-    vary, make = PRICED[case]
+    vary, make = LEAST_PRICE[case]
     before, after = (solved(problem_of("double", vary, **make(k)), 1e-8) for k in (1.0, 1.01))
     priced = [
-        worth for label, worth in before.worth().items() if label.startswith(case.split()[0])
+        worth for label, worth in prices(before).items() if label.startswith(case.split()[0])
     ]
     gain = math.sqrt(after.squared / before.squared) - 1
     assert all(worth.gain <= worth.at_margin for worth in priced)
     assert sum(worth.gain for worth in priced) == pytest.approx(gain, rel=0.05)
 
 
-@pytest.mark.parametrize("case", [case for case in PRICED if PRICED[case][0] == ("areas",)])
+@pytest.mark.parametrize(
+    "case", [case for case in LEAST_PRICE if LEAST_PRICE[case][0] == ("areas",)]
+)
 def test_bound_of_sizes_with_an_explicit_requirement(case: str) -> None:
     """No sizes exceed it, and where the requirement is linear or convex in the areas it is below
     that without it.
     """
     machine, space = MACHINES["double"](), workspace_of("double")
-    requirements = replace(Requirements.of(machine), **PRICED[case][1](1.0))
+    requirements = replace(Requirements.of(machine), **LEAST_PRICE[case][1](1.0))
     design, free = (
         ad.size_cylinders(machine, space, requirements),
         ad.size_cylinders(machine, space),

@@ -1,0 +1,86 @@
+"""The worst pose: refined off the grid, inside the workspace, found by an independent search too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from tests import machines
+from tests.frequency.cached import mapped
+
+SERIAL = ("paper_1dof", "excavator_20t", "four_bar_left", "crossing", "branched")
+
+# Found by tests/reference_planar.py (grid 21 × 21 × 121, zoomed), which shares no code with the
+# package.
+WORST_FREQUENCY, WORST_Q = 0.910210, [1.154484, -1.057556, -2.191324]
+
+
+def test_sobol_and_grid_find_the_same_worst_pose() -> None:
+    machine = machines.named("excavator_20t")
+    worst = ad.frequency_map(machine, ad.Workspace.sobol(machine, 1000)).worst
+    assert worst.frequency == pytest.approx(WORST_FREQUENCY, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", [*SERIAL, "redundant", "spatial"])
+def test_worst_pose_is_below_the_grid_and_inside(name: str) -> None:
+    """Refinement only lowers the minimum, never leaves the workspace, and its numbers belong to
+    its pose.
+    """
+    found, machine = mapped(name, 4), machines.named(name)
+    worst = found.worst
+    assert worst.frequency <= found.frame["f1_hz"].min() + 1e-12
+    loaded = machine.with_payload(worst.payload)
+    low, high = found.workspace.ranges.T
+    assert np.all((worst.q >= low) & (worst.q <= high))
+    assert loaded.margins(worst.q).min() >= found.workspace.end_margin - 1e-9
+    assert loaded.holds(worst.q).all()
+    poses = loaded.at(worst.q)
+    assert_allclose(worst.frequency, ad.natural_modes(poses).frequencies[0, 0], rtol=1e-12)
+    assert_allclose(worst.tool, poses.tool[0], atol=1e-12)
+    assert worst.cylinder in {cylinder.name for cylinder in machine.cylinders}
+    assert worst.joints == machine.joints
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing"])
+def test_grid_minimum_never_rises_when_the_grid_is_refined(name: str) -> None:
+    """STYLE, known answer 7: grids of 3, 5, 9 values contain each other; the worst pose hardly
+    moves.
+    """
+    minima = [mapped(name, points).frame["f1_hz"].min() for points in (3, 5, 9)]
+    assert minima[0] >= minima[1] - 1e-12
+    assert minima[1] >= minima[2] - 1e-12
+    assert mapped(name, 9).worst.frequency == pytest.approx(
+        mapped(name, 5).worst.frequency, rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "redundant"])
+def test_the_limiting_cylinder_is_the_one_whose_stiffening_helps_most(name: str) -> None:
+    """Rayleigh: f² rises with k_i in proportion to cylinder i's share of the mode's spring
+    energy.
+    """
+    found, machine = mapped(name, 4), machines.named(name)
+    assert len(found.limiting) == len(found.frame)
+    worst = found.worst
+    poses = machine.with_payload(worst.payload).at(worst.q)
+    gains = []
+    for i in range(len(machine.cylinders)):
+        extra = (
+            1e-4
+            * poses.oil_stiffness[0, i]
+            * np.outer(poses.moment_arms[0, i], poses.moment_arms[0, i])
+        )
+        shape = ad.natural_modes(poses).shapes[0, :, 0]
+        gains.append(shape @ extra @ shape)
+    assert machine.cylinders[int(np.argmax(gains))].name == worst.cylinder
+
+
+@pytest.mark.parametrize("points", [(5, 5, 7), (9, 9, 15)])
+def test_worst_pose_agrees_with_an_independent_search(points: tuple[int, ...]) -> None:
+    worst = mapped("excavator_20t", points).worst
+    assert worst.frequency == pytest.approx(WORST_FREQUENCY, abs=1e-6)
+    assert_allclose(worst.q, WORST_Q, atol=2e-5)
+    assert worst.payload == "full"
+    assert worst.cylinder == "boom"

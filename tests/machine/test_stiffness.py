@@ -1,0 +1,73 @@
+"""The stiffness matrix at every pose, against differences of the static torque on trapped oil."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from armdesign.hydraulics.chamber_pressures import static_pressures
+from armdesign.hydraulics.fluid import bulk_modulus
+from tests.checks import assert_same, difference
+from tests.machines import inner_poses
+
+
+def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Net static torque Rᵀ F − g at q when the oil was shut in at q0: the pressures follow the
+    volumes.
+
+    Each chamber's pressure rises by what its volume lost over its capacity V/β(p0) +
+    V_hose/β_hose; where the mounting yields, the piston moves by ℓ + cF. Neither A²/C nor K_g is
+    written down.
+    """
+    start = machine.at(q0)
+    force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
+    area = np.array([(c.bore_area, c.annulus_area) for c in machine.actuators]).T[:, None]
+    pressure = np.array(static_pressures(force, area[0], area[1], machine.supply.return_pressure))
+    piston = [
+        start.lengths[:, i] - c.closed_length + c.compliance * force[:, i]
+        for i, c in enumerate(machine.actuators)
+    ]
+    volume = np.stack(
+        [c.volumes(x) for c, x in zip(machine.actuators, piston, strict=True)], axis=-1
+    )
+    hoses = np.array(
+        [
+            (c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus)
+            for c in machine.actuators
+        ]
+    )
+    capacity = (
+        volume / bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air)
+        + hoses.T[:, None]
+    )
+    yielding = np.array([c.compliance for c in machine.actuators])
+
+    def torque(q: np.ndarray) -> np.ndarray:
+        there = machine.evaluate(machine.rigid_poses(q))
+
+        def excess(rise: float) -> np.ndarray:
+            """Oil force less the force on the mounting when that has risen: zero where the piston
+            finds its place.
+            """
+            piston = there.lengths - start.lengths + yielding * rise
+            rises = np.array([-area[0], area[1]]) * piston / capacity
+            return area[0] * (pressure + rises)[0] - area[1] * (pressure + rises)[1] - force - rise
+
+        # the excess is linear in the rise
+        found = force + excess(0.0) / (excess(0.0) - excess(1.0))
+        return np.einsum("ncj,nc->nj", there.moment_arms, found) - there.gravity_torque
+
+    return torque
+
+
+def test_stiffness_is_the_derivative_of_the_torque_on_trapped_oil(machine: ad.Machine) -> None:
+    q = inner_poses(machine, 3)
+    torque = trapped_torque(machine, q)
+    gravity = machine.at(q).gravity_torque
+    assert_allclose(
+        torque(q), 0, atol=1e-9 * np.abs(gravity).max(), err_msg="equilibrium: g = Rᵀ F"
+    )
+    assert_same(machine.at(q).stiffness_matrix, -difference(torque, q), 1e-8)

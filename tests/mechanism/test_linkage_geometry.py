@@ -1,0 +1,102 @@
+"""Lengths, moment arms and their derivatives by joints and pins, against finite differences.
+
+The machines are the shipped ones and the odd ones of `machines.py`: four-bars of either knee,
+spatial arms, telescopes, cylinders across joints.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from armdesign.mechanism.linkage.four_bar import FourBar
+from tests.checks import assert_same, difference
+from tests.machines import inner_poses, named
+
+FOUR_BAR = ("base", "pivot", "lug", "rocker", "coupler")  # its places
+
+
+def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
+    """Virtual work, τ = Rᵀ F, asks for R = ∂ℓ/∂q and nothing else; H = ∂R/∂q (finite
+    differences).
+    """
+    q = inner_poses(machine, 4)
+    for linkage in machine.drives:
+        here = linkage.actuation(machine.arm.kinematics(q))
+        arms = difference(lambda x, k=linkage: k.length(machine.arm.kinematics(x)), q)
+        curves = difference(
+            lambda x, k=linkage: k.actuation(machine.arm.kinematics(x)).moment_arm, q
+        )
+        assert_same(here.moment_arm, arms, 1e-9)
+        assert_same(here.moment_arm_derivative, curves, 1e-8)
+        assert np.all(np.delete(here.moment_arm, linkage.joints, axis=1) == 0)
+
+
+@pytest.mark.parametrize("place", ["rod_end", *FOUR_BAR])
+def test_sensitivities_are_derivatives_by_every_pin_and_bar(
+    machine: ad.Machine, place: str
+) -> None:
+    """ℓ, r, H and the cosine at the knee against a linkage with one coordinate complex: its step
+    is exact (1e-12).
+    """
+    poses, step = machine.arm.kinematics(inner_poses(machine, 3)), 1e-30
+    for linkage in machine.linkages:
+        at = linkage.place(place)
+        if at is None:
+            with pytest.raises(ValueError, match=place):
+                linkage.sensitivities(poses, [(place, 0)])
+            with pytest.raises(ValueError, match=place):
+                linkage.with_place(place, (0.0, 0.0, 0.0))
+            continue
+        for axis in range(len(at)):
+            stepped = linkage.with_place(place, np.array(at) + 1j * step * np.eye(len(at))[axis])
+            length = stepped.span(poses).dot(stepped.span(poses)).sqrt()
+            own = np.array(linkage.joints)
+            (exact,) = linkage.sensitivities(poses, [(place, axis)])
+            assert_same(exact.length, length.value.imag / step, 1e-12)
+            assert_same(exact.moment_arm[:, own], length.first.imag / step, 1e-12)
+            assert_same(
+                exact.moment_arm_derivative[:, own][:, :, own], length.second.imag / step, 1e-12
+            )
+            assert np.all(np.delete(exact.moment_arm, own, axis=1) == 0)
+            if linkage.transmission_words:
+                slope = linkage.transmission(poses, [(place, axis)])[1][0]
+                assert_same(slope, stepped.transmission(poses)[0].imag / step, 1e-12)
+
+
+def test_a_moved_pin_is_where_it_was_put() -> None:
+    """`with_place` changes one place and nothing else, and gives back what it was given."""
+    linkage = named("excavator_20t").linkages[2]
+    for place in FOUR_BAR:
+        at = linkage.place(place)
+        assert at is not None
+        moved = linkage.with_place(place, tuple(value + 0.01 for value in at))
+        assert_allclose(moved.place(place), np.array(at) + 0.01, rtol=1e-15)
+        assert moved.with_place(place, at) == linkage
+
+
+def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
+    """By definition: rocker from the pivot, coupler from the lug, left or right seen with x right
+    and z up.
+    """
+    for name, side in (("four_bar_left", 1), ("four_bar_right", -1), ("excavator_20t", 1)):
+        machine = named(name)
+        poses = machine.arm.kinematics(inner_poses(machine, 5))
+        bars = machine.linkages[2]
+        assert isinstance(bars, FourBar)
+        to_local = np.swapaxes(machine.arm.link_rotation(poses, bars.pivot.link), 1, 2)
+        pivot = machine.arm.point(poses, bars.pivot.link, np.array(bars.pivot.at))
+        lug = machine.arm.point(poses, bars.lug.link, np.array(bars.lug.at))
+        knee = bars.ends(poses)[1]
+        rocker, to_lug = (
+            np.einsum("nij,nj->ni", to_local, x - pivot)[:, [0, 2]] for x in (knee, lug)
+        )
+        assert_allclose(np.linalg.norm(rocker, axis=1), bars.rocker, rtol=1e-12)
+        assert_allclose(np.linalg.norm(rocker - to_lug, axis=1), bars.coupler, rtol=1e-12)
+        turn = to_lug[:, 0] * rocker[:, 1] - to_lug[:, 1] * rocker[:, 0]
+        assert np.all(np.sign(turn) == side)
+        u, v = -rocker, to_lug - rocker
+        angle = np.arccos(np.sum(u * v, axis=1) / bars.rocker / bars.coupler)
+        assert_allclose(np.arccos(bars.transmission(poses)[0]), angle, rtol=1e-9)

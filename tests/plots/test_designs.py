@@ -1,0 +1,35 @@
+"""Curves of moment arms are drawn for any machines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armdesign import plots
+from tests import machines
+
+
+def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
+    """Cylinders are matched by name; the curve is the moment arm over the machine's own range."""
+    machine = machines.named("excavator_20t")
+    fig = plots.moment_arm_curves({"20 t": machine, "12 t": machines.named("excavator_12t")})
+    line = fig.axes[0].lines[0]
+    poses = machine.at(np.array([[machine.ranges[0, 0], *machine.ranges.mean(axis=1)[1:]]]))
+    assert line.get_xdata()[0] == pytest.approx(np.rad2deg(machine.ranges[0, 0]))
+    assert line.get_ydata()[0] == pytest.approx(1000 * abs(poses.moment_arms[0, 0, 0]))
+    assert [len(ax.lines) for ax in fig.axes] == [2, 2, 2]
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+def test_curves_of_a_cylinder_across_two_joints() -> None:
+    """One picture for each joint it spans, the other joint in the middle of its range."""
+    machine = machines.named("crossing")  # lift about the boom, long about both
+    fig = plots.moment_arm_curves({"odd": machine})
+    titles = [ax.get_title() for ax in fig.axes]
+    assert titles == ["lift cylinder", "long cylinder about stick", "long cylinder about boom"]
+    q = machine.ranges.mean(axis=1)
+    q[1] = machine.ranges[1, 1]
+    arm = machine.evaluate(machine.arm.kinematics(q[None])).moment_arms[0, 1, 1]
+    assert fig.axes[2].lines[0].get_ydata()[-1] == pytest.approx(1000 * abs(arm))

@@ -1,0 +1,46 @@
+"""Pictures of maps are drawn from the numbers of the map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armdesign import plots
+from tests.frequency.cached import mapped
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
+def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
+    found = mapped(name)
+    x, y, values = plots.joint_plane(found)
+    assert values.shape == (len(x), len(y))
+    assert np.nanmin(values) == found.frame["f1_hz"].min()
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach"])
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing", "spatial"])
+def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
+    """Without a display and without a warning (warnings are errors)."""
+    fig, (ax,) = plots.figure()
+    assert mapped(name, 3).plot(ax, plane=plane) is ax
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach"])
+def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
+    pair = {"one": mapped("excavator_20t", 3), "other": mapped("crossing", 3)}
+    fig = plots.side_by_side(pair, plane)
+    scales = {mesh.get_clim() for ax in fig.axes for mesh in ax.collections[:1]}
+    least = min(found.frame["f1_hz"].min() for found in pair.values())
+    meshes = [scale for scale in scales if scale[0] == pytest.approx(least, rel=1e-12)]
+    assert len(meshes) == 1
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
+def test_holding_pressures_draw(name: str, tmp_path: Path) -> None:
+    fig, (ax,) = plots.figure()
+    assert plots.holding_pressure(mapped(name, 4), ax) is ax
+    assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
