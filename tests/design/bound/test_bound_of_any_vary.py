@@ -19,7 +19,8 @@ from armdesign.design.bound import certificate as bound
 from armdesign.design.bound import lagrangian as duality
 from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
-from armdesign.design.bound.lagrangian import Dual, drives
+from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound
 from armdesign.design.program.constraints import constraints_at
@@ -112,7 +113,7 @@ def holds(problem: Problem) -> float | None:
 
 @pytest.fixture
 def few_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Branching and prices that stop early are only less tight."""
+    """Branching and multipliers that stop early are only less tight."""
     monkeypatch.setattr(bound, "ROUNDS", 2)
     monkeypatch.setattr(bound, "AIRY", 1)
     monkeypatch.setattr(duality, "BOXES", 3000)
@@ -176,10 +177,10 @@ def test_a_bore_alone_leaves_an_annulus() -> None:
 def test_what_is_not_a_number_is_not_known() -> None:
     """A share whose value is nowhere a number has no upper bound: no box may be dropped."""
     problem = problem_of("double")
-    dual = Dual.begun(
-        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    dual = LagrangianDual.start(
+        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
-    share = dual.shares(dual.prices())[0]
+    share = dual.terms(dual.multipliers())[0]
     assert maximum(replace(share, price=np.full(2, np.nan)), 0.02, 500).upper == math.inf
 
 
@@ -188,13 +189,13 @@ def test_no_share_at_all_is_no_proof() -> None:
     bounded.
     """
     problem = problem_of("double")
-    dual = Dual.begun(
-        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    dual = LagrangianDual.start(
+        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
-    prices = dual.prices()
-    some = maximum(dual.shares(prices)[0], 0.1, 200)
+    multipliers = dual.multipliers()
+    some = maximum(dual.terms(multipliers)[0], 0.1, 200)
     for wrong in (-math.inf, math.nan):
-        assert dual.bounded(prices, [replace(some, upper=wrong), some]) == math.inf
+        assert dual.bound(multipliers, [replace(some, upper=wrong), some]) == math.inf
 
 
 def test_a_bound_below_a_design_is_refused() -> None:
