@@ -15,8 +15,7 @@ import pytest
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
-from armdesign.design.bound import certificate as bound
-from armdesign.design.bound import lagrangian as duality
+from armdesign.design.bound import certificate, lagrangian
 from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.bound.columns import sole_drives
@@ -112,15 +111,15 @@ def holds(problem: Problem) -> float | None:
 
 
 @pytest.fixture
-def few_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     """Branching and multipliers that stop early are only less tight."""
-    monkeypatch.setattr(bound, "ROUNDS", 2)
-    monkeypatch.setattr(bound, "AIRY", 1)
-    monkeypatch.setattr(duality, "BOXES", 3000)
-    monkeypatch.setattr(duality, "AIRY", 1000)
+    monkeypatch.setattr(certificate, "ROUNDS", 2)
+    monkeypatch.setattr(certificate, "AIRY", 1)
+    monkeypatch.setattr(lagrangian, "CELLS", 3000)
+    monkeypatch.setattr(lagrangian, "AIRY", 1000)
 
 
-@pytest.mark.usefixtures("few_boxes")
+@pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize("vary", VARY, ids="+".join)
 def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> None:
     """20 t machine: the search's own end and random allowed designs, as the problem itself judges
@@ -129,7 +128,7 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
     holds(posed("excavator_20t", vary))
 
 
-@pytest.mark.usefixtures("few_boxes")
+@pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("vary", MIXED, ids="+".join)
 def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str, ...]) -> None:
