@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 # C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of
 # surrogate pairs
@@ -30,24 +31,29 @@ class ArmDesignError(Exception):
         remedy: what to do about it.
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
+        key: key path of the machine file that causes it, where the part is another file's.
         table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
 
-    def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
+    def __init__(
+        self, part: str, problem: str, remedy: str = "", line: int | None = None, key: str = ""
+    ) -> None:
         super().__init__()
-        self.part, self.problem, self.remedy = part, problem, remedy
+        self.part, self.problem, self.remedy, self.key = part, problem, remedy, key
         self.table = ""
         self.tell_line(line)
 
-    def tell_line(self, line: int | None) -> None:
-        """Say in which line of the file it stands, or that this is not known."""
+    def tell_line(self, line: int | None, file: str = "") -> None:
+        """Say in which line it stands (None: not known), and of which file if not the part's."""
         self.line = line
         text = f"{self.part}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
-        self.args = (_line(text) + (f" (line {line})" if line else ""),)
+        place = f" (line {line}{file and f' of {file}'})" if line else ""
+        self.args = (_line(text) + place,)
 
-    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, str, str, int | None]]:
+    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, ...], dict[str, Any]]:
         """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.line)
+        state = {**vars(self), "args": self.args}
+        return type(self), (self.part, self.problem, self.remedy), state
 
 
 class MachineFileError(ArmDesignError):
@@ -113,10 +119,6 @@ class InfeasibleError(ArmDesignError):
     ) -> None:
         super().__init__(part, problem, remedy)
         self.conflict, self.table = conflict, table
-
-    def __reduce__(self):  # type: ignore[no-untyped-def]
-        """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.conflict, self.table)
 
 
 class UntriedError(InfeasibleError):

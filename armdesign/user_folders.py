@@ -1,4 +1,4 @@
-"""Folders of one user: where what makes later runs quicker is kept, and whether anybody else could change it.
+"""Folders of one user for caches, and whether anybody else could change what is in them.
 
 Compiled code is run when it is read, so a folder that another user may write is as good as a
 program of theirs.
@@ -30,7 +30,8 @@ def of_user() -> Iterator[Path]:
 
 def temporary() -> Iterator[Path]:
     """Temporary folders of this user, named so that a later process finds them."""
-    for place in dict.fromkeys((os.environ.get("TMPDIR") or "/tmp", "/tmp", "/var/tmp")):
+    places = (os.environ.get("TMPDIR") or "/tmp", "/tmp", "/var/tmp", "/dev/shm")
+    for place in dict.fromkeys(places):  # the last one is memory: there if all disks are read-only
         folder = Path(place) / f"armdesign-{_user()}"
         if folder.is_absolute() and not folder.is_symlink():  # a link anybody could have put there
             yield folder

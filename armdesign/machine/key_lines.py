@@ -36,9 +36,11 @@ class Place:
 
 
 def tell_line(error: ArmDesignError, places: Places, source: str) -> None:
-    """Give an error the line of the key that it names, if it speaks of a file's key."""
+    """Give an error the line of the key that it names, if it is about a key of this file."""
     if error.part.startswith(f"{source}: "):
         error.tell_line(places.line_of(error.part.removeprefix(f"{source}: ")))
+    elif error.key:
+        error.tell_line(places.line_of(error.key), source)
 
 
 @contextlib.contextmanager

@@ -227,7 +227,7 @@ def test_a_design_states_no_bound_below_itself(
     assert design.bound is None
     assert design.gap is None
     note = design_sheets(design)[0].note
-    assert "exceed" not in note
+    assert "upper bound" not in note
     assert "no bound is known: the one found" in note
 
 
