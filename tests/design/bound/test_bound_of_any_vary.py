@@ -156,7 +156,7 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     assert found.held == ()
     # measured, rounded up
     assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * bound.CLOSE)
+    assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * certificate.CLOSE)
 
 
 def test_a_bore_alone_leaves_an_annulus() -> None:
