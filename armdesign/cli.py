@@ -35,7 +35,8 @@ from armdesign.options import (
     open_workspace,
     stated_bands,
 )
-from armdesign.output import outputs, progress, show, tell, write_csv
+from armdesign.output import outputs, show, tell, write_csv
+from armdesign.progress import progress
 from armdesign.transaction import as_interrupt
 
 if TYPE_CHECKING:
