@@ -55,7 +55,9 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "pressure drop of one metering edge at the rated flow",
     "overlap_percent": "of full spool stroke; negative: underlap",
-    "leakage_l_per_min_per_bar": "leakage across the piston, all parallel cylinders or motors together",
+    "leakage_l_per_min_per_bar": (
+        "leakage across the piston, all parallel cylinders or motors together"
+    ),
     "tank_leakage_l_per_min_per_bar": (
         "leakage from each chamber to the tank, all parallel cylinders or motors together"
     ),
