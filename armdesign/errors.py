@@ -5,7 +5,10 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armdesign.design.requirements.record import Concession
 
 # C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of
 # surrogate pairs
@@ -30,22 +33,29 @@ class ArmDesignError(Exception):
         remedy: what to do about it.
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
+        key: key path of the machine file that causes it, where the part is another file's.
+        table: what more there is to say, as plain text in lines; empty where one line says it all.
     """
 
-    def __init__(self, part: str, problem: str, remedy: str = "", line: int | None = None) -> None:
+    def __init__(
+        self, part: str, problem: str, remedy: str = "", line: int | None = None, key: str = ""
+    ) -> None:
         super().__init__()
-        self.part, self.problem, self.remedy = part, problem, remedy
+        self.part, self.problem, self.remedy, self.key = part, problem, remedy, key
+        self.table = ""
         self.tell_line(line)
 
-    def tell_line(self, line: int | None) -> None:
-        """Say in which line of the file it stands, or that this is not known."""
+    def tell_line(self, line: int | None, file: str = "") -> None:
+        """Say in which line it stands (None: not known), and of which file if not the part's."""
         self.line = line
         text = f"{self.part}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
-        self.args = (_line(text) + (f" (line {line})" if line else ""),)
+        place = f" (line {line}{file and f' of {file}'})" if line else ""
+        self.args = (_line(text) + place,)
 
-    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, str, str, int | None]]:
+    def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, ...], dict[str, Any]]:
         """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.line)
+        state = {**vars(self), "args": self.args}
+        return type(self), (self.part, self.problem, self.remedy), state
 
 
 class MachineFileError(ArmDesignError):
@@ -54,41 +64,6 @@ class MachineFileError(ArmDesignError):
 
 class PoseError(ArmDesignError):
     """A pose cannot be taken: out of stroke, open four-bar, singular, or not finite."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Concession:
-    """What one requirement of a conflict must give.
-
-    Attributes:
-        name: of the requirement.
-        words: what it is about.
-        unit: SI, of all that follows.
-        limit: that cannot be kept.
-        at_least: whether that is a lower one.
-        together: what it gives where all of the conflict give so that the largest share is least,
-            with what rounding to a drawing's grid or a catalogue's sizes takes; 0 where it stands
-            in the way and need not, or cannot, give.
-        alone: what it gives where no other of its part does; None where that does not help.
-        part: which of several conflicts that have nothing in common it belongs to; all of them
-            must give.
-        setting: key under ``[requirements]`` that states the limit; empty where none does.
-            ``speed.NAME`` stands for all speeds of a motion.
-        value: of the setting that gives what is needed together, in the key's unit, as a factor
-            for speeds; None where it gives nothing. ``Requirements.granting`` makes requirements
-            of the values of a conflict.
-    """
-
-    name: str
-    words: str
-    unit: str
-    limit: float
-    at_least: bool
-    together: float
-    alone: float | None
-    part: int = 0
-    setting: str = ""
-    value: float | None = None
 
 
 class InfeasibleError(ArmDesignError):
@@ -102,14 +77,15 @@ class InfeasibleError(ArmDesignError):
     """
 
     def __init__(
-        self, part: str, problem: str, remedy: str = "", conflict: tuple[Concession, ...] = ()
+        self,
+        part: str,
+        problem: str,
+        remedy: str = "",
+        conflict: tuple[Concession, ...] = (),
+        table: str = "",
     ) -> None:
         super().__init__(part, problem, remedy)
-        self.conflict = conflict
-
-    def __reduce__(self):  # type: ignore[no-untyped-def]
-        """Travel whole between processes."""
-        return type(self), (self.part, self.problem, self.remedy, self.conflict)
+        self.conflict, self.table = conflict, table
 
 
 class UntriedError(InfeasibleError):

@@ -66,7 +66,11 @@ LeastOption = Annotated[
 ]
 FrequencyOption = Annotated[
     float,
-    typer.Option("--frequency", help="Worst natural frequency to reach, in Hz; needs --least."),
+    typer.Option(
+        "--frequency",
+        help="Worst natural frequency to reach, in Hz; needs --least.",
+        show_default=False,
+    ),
 ]
 AgainstOption = Annotated[
     str, typer.Option("--against", help="The limit to vary: oil, thrust, digging or pin_box.")

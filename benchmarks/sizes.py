@@ -15,7 +15,7 @@ from typing import Any
 
 import armdesign as ad
 from armdesign.design.catalogue.branch_and_bound import select
-from armdesign.design.catalogue.separable import choices
+from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, sized, sizes_of
 from armdesign.design.requirements.check import check
 from armdesign.frequency.modes import lowest_frequency
@@ -76,7 +76,7 @@ def main() -> None:
         ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
     )
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
-    took, found = best_of(lambda: select(choices(machine, machine, small, limits, sizes)))
+    took, found = best_of(lambda: select(allowed_sizes(machine, machine, small, limits, sizes)))
     slow, wanted = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
     print(
         f"{len(sizes)}³ combinations, {len(small.q)} poses: {found.frequency:.9f} Hz, bound"

@@ -9,7 +9,7 @@ import pytest
 
 from armdesign import Workspace
 from armdesign.design.program.constraints import constraints_at
-from armdesign.design.search.multistart import posed
+from armdesign.design.search.multistart import formulate
 from benchmarks import against_optimisers
 from tests import machines
 
@@ -18,7 +18,7 @@ from tests import machines
 def test_rivals_see_the_same(name: str) -> None:
     """Objective, static forces and requirements without derivatives are those with derivatives."""
     machine = machines.named(name)
-    problem = posed(machine, Workspace.grid(machine, points=4), None, ("areas", "pins"))
+    problem = formulate(machine, Workspace.grid(machine, points=4), None, ("areas", "pins"))
     shift = np.random.default_rng(0).uniform(-0.05, 0.05, len(problem.vector.start))
     x = np.clip(problem.vector.start + shift, *problem.bounds)
     squared, forces, missed = against_optimisers.Judge(problem).at(x)

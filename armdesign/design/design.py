@@ -17,16 +17,18 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
-from armdesign.design.catalogue.branch_and_bound import Selection
+from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call, documented
-from armdesign.design.requirements.check import Check, slacks, static_loads
+from armdesign.design.requirements.check import slacks, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.multistart import Starts, met, multistart, posed
-from armdesign.design.search.refusal import not_written
-from armdesign.design.search.rounding import worst_on_poses, written
-from armdesign.design.search.sequential_sdp import PRICED, Search
+from armdesign.design.search.infeasibility.refusal import not_written, require_feasible
+from armdesign.design.search.multistart import Starts, formulate, multistart
+from armdesign.design.search.prices import LEAST_PRICE, prices
+from armdesign.design.search.rounding import rounded_machine, worst_on_poses
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
@@ -48,7 +50,7 @@ class Design:
         today: the machine it was made from.
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
-        worth: for each requirement, the relative gain in the worst frequency if it were relaxed by
+        prices: for each requirement, the relative gain in the worst frequency if it were relaxed by
             1 %, solved again from the optimum; requirements that one setting states are relaxed
             together and share the gain.
         at_margin: the same if it were what the first of that 1 % buys (its multiplier), before
@@ -70,7 +72,7 @@ class Design:
     today: Machine
     requirements: Requirements
     checks: tuple[Check, ...]
-    worth: dict[str, float]
+    prices: dict[str, float]
     at_margin: dict[str, float]
     unrounded: float
     starts: tuple[float, ...]
@@ -79,11 +81,16 @@ class Design:
     problem: Problem
     x: Array
     watched: Array
-    selection: Selection | None = None
+    selection: SizeSelection | None = None
 
     @classmethod
     def of(
-        cls, search: Search, starts: Starts, selection: Selection | None = None, *, command: str
+        cls,
+        search: Search,
+        starts: Starts,
+        selection: SizeSelection | None = None,
+        *,
+        command: str,
     ) -> Design:
         """The rounded design of a search, with what its starts came to, and the attribute ``selection``.
 
@@ -92,19 +99,18 @@ class Design:
         Raises:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
         """
-        search = met(search)
-        found = written(search)
-        if found is None:
+        search = require_feasible(search)
+        rounded = rounded_machine(search)
+        if rounded is None:
             raise not_written(search)
-        machine, checks = found
-        problem, worth = search.problem, {} if selection else search.worth()
+        problem, priced = search.problem, {} if selection else prices(search)
         return cls(
-            machine=documented(machine, problem.machine, problem.requirements, command),
+            machine=documented(rounded.machine, problem.machine, problem.requirements, command),
             today=problem.machine,
             requirements=problem.requirements,
-            checks=checks,
-            worth={name: w.gain for name, w in worth.items()},
-            at_margin={name: w.at_margin for name, w in worth.items()},
+            checks=rounded.checks,
+            prices={name: price.gain for name, price in priced.items()},
+            at_margin={name: price.at_margin for name, price in priced.items()},
             unrounded=hertz(search.squared),
             starts=starts.reached,
             failed_starts=starts.failed,
@@ -114,6 +120,11 @@ class Design:
             watched=search.rows,
             selection=selection,
         )
+
+    @property
+    def worth(self) -> dict[str, float]:
+        """``prices``, by the name that they had."""
+        return self.prices
 
     @property
     def catalogue(self) -> bool:
@@ -231,9 +242,9 @@ class Design:
         held = [
             c
             for c in self.checks
-            if c.slack < BINDING and self.at_margin.get(c.name, 0.0) > PRICED
+            if c.slack < BINDING and self.at_margin.get(c.name, 0.0) > LEAST_PRICE
         ]
-        return sorted(held, key=lambda c: -self.worth[c.name])
+        return sorted(held, key=lambda c: -self.prices[c.name])
 
     @property
     def tightest(self) -> list[Check]:
@@ -253,7 +264,7 @@ class Design:
     def sentences(self) -> list[str]:
         """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
         return [
-            c.sentence(self.worth[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding
+            c.sentence(self.prices[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding
         ]
 
 
@@ -301,7 +312,7 @@ def optimize(
             another machine; no catalogue, or one of no use.
         InfeasibleError: no design meets the requirements.
     """
-    problem = posed(machine, workspace, requirements, vary, bands=bands)
+    problem = formulate(machine, workspace, requirements, vary, bands=bands)
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError(
             "start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it"
@@ -350,7 +361,7 @@ def size_cylinders(
         raise ArmDesignError(
             "dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"'
         )
-    problem = posed(
+    problem = formulate(
         machine, workspace, requirements, ("areas",), dead_volume == "proportional", bands
     )
     command = call("size_cylinders", dead_volume=dead_volume, bands=bands, catalogue=catalogue)

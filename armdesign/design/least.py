@@ -14,27 +14,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from armdesign.design.catalogue.alternation import (
-    bettered,
-    refuse_fixed,
+    improve_in_turn,
+    refuse_fixed_sizes,
     sizes_for_pins,
     with_sizes,
 )
-from armdesign.design.catalogue.branch_and_bound import Selection
+from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes, sizes_of
 from armdesign.design.design import Design
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.multistart import MISSED, Starts, finished, met, multistart, posed
+from armdesign.design.search.infeasibility.refusal import require_feasible
+from armdesign.design.search.multistart import Starts, formulate, multistart, run_to_end
+from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
 from armdesign.design.search.rounding import worst_on_poses
-from armdesign.design.search.sequential_sdp import PRICED, Search
+from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
@@ -48,6 +50,7 @@ NARROW = 3e-4  # bracket of the amount, relative
 LESS = 1e-6  # share by which the next combination of a catalogue must need less than the last
 NAMED = 3  # requirements named where a frequency is out of reach
 SEARCHES = 40
+SLOPES = (0.05, 5.0)  # of log frequency by log amount that are believed
 TURNS = 5  # of sizes for an amount and the amount for sizes
 ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016)  # shares of the amount that rounding may cost
 
@@ -98,7 +101,7 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    problem = posed(machine, workspace, requirements, vary, bands=bands)
+    problem = formulate(machine, workspace, requirements, vary, bands=bands)
     command = call(
         "least",
         frequency=frequency,
@@ -109,15 +112,17 @@ def least(
         bands=bands,
         catalogue=catalogue,
     )
-    hunt = _Hunt(problem=problem, of=of, frequency=frequency, command=command)
-    if catalogue is None:
-        return hunt.rounded(hunt.least(hunt.free(starts, seed, workers)))
-    refuse_fixed(problem)
-    if problem.vector.moving:
-        free = hunt.least(hunt.free(starts, seed, workers))
-        return hunt.rounded(hunt.with_sizes(free, sizes_of(catalogue)))
-    search, selection = hunt.selected(sizes_of(catalogue))
-    return Design.of(search, Starts((selection.frequency,)), selection, command=command)
+    least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
+    if catalogue is not None:
+        refuse_fixed_sizes(problem)
+        if not problem.vector.moving:
+            search, selection = least_amount.with_given_pins(sizes_of(catalogue))
+            return Design.of(search, Starts((selection.frequency,)), selection, command=command)
+    search, outcomes = least_amount.under_today(starts, seed, workers)
+    search = least_amount.search(search)
+    if catalogue is not None:
+        search = least_amount.with_sizes(search, sizes_of(catalogue))
+    return least_amount.rounded(search, outcomes, command)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
@@ -131,112 +136,81 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
     return float((new.sum(axis=0) / old.sum(axis=0) if of == "oil" else new / old).max())
 
 
-@dataclass(eq=False, kw_only=True)
-class _Hunt:
-    """Searches for a ``frequency`` [Hz] under several limits on one amount.
-
-    ``starts``: those of the first.
-
-    ``command`` is what asked for it.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeastAmount:
+    """Searches for a ``frequency`` [Hz] under several limits on the amount ``of`` what is made least."""
 
     problem: Problem
     of: str
     frequency: float
-    command: str = ""
-    starts: Starts = field(default_factory=Starts)
 
-    def free(self, starts: int | None, seed: int, workers: int) -> Search:
-        """The best design under today's amount, with any sizes."""
-        search, self.starts = multistart(
-            self._under(self.problem, self._today), starts, seed, workers
-        )
-        return search
+    def under_today(self, starts: int | None, seed: int, workers: int) -> tuple[Search, Starts]:
+        """The best design under today's amount, with any sizes; and what each start came to."""
+        return multistart(self._under(self.problem, self._today), starts, seed, workers)
 
-    def least(self, search: Search) -> Search:
+    def search(self, search: Search) -> Search:
         """The search under the smallest amount that reaches the frequency, before rounding, with sizes as they vary."""
         search, low = self._enough(search)
         slope = 0.5  # of log frequency by log amount: ω² grows with the oil, at first
         for _ in range(SEARCHES):
-            high, found = self._amount(search), _frequency(search)
-            if high / low < 1 + NARROW or found < self.frequency * (1 + NARROW / 3):
+            high, reached = self._amount(search), _frequency(search)
+            if high / low < 1 + NARROW or reached < self.frequency * (1 + NARROW / 3):
                 break
-            guess = high * (self.frequency * (1 + NARROW / 6) / found) ** (1 / slope)
+            guess = high * (self.frequency * (1 + NARROW / 6) / reached) ** (1 / slope)
             if not low * (1 + NARROW / 10) < guess < high / (1 + NARROW / 10):
                 guess = math.sqrt(low * high)
             other = self._search(guess, search)
-            now = _frequency(other)
-            if now > 0 and now != found:
-                slope = float(np.clip(math.log(found / now) / math.log(high / guess), 0.05, 5.0))
-            if now >= self.frequency:
+            under_guess = _frequency(other)
+            if under_guess > 0 and under_guess != reached:
+                slope = math.log(reached / under_guess) / math.log(high / guess)
+                slope = float(np.clip(slope, *SLOPES))
+            if under_guess >= self.frequency:
                 search = other
             else:
                 low = guess
         return search
 
-    def _enough(self, search: Search) -> tuple[Search, float]:
-        """A search under an amount that is enough, and an amount that is not."""
-        amount = self._amount(search)
-        low = amount / WIDEST**2
-        while _frequency(search) < self.frequency:
-            if amount >= WIDEST * self._today:
-                search = met(search)
-                raise self._out_of_reach(_frequency(search), search.margins())
-            low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
-            search = self._search(amount, search)
-        return search, low
-
     def with_sizes(self, search: Search, sizes: Sizes) -> Search:
         """The least amount with sizes of a catalogue, from that with free sizes."""
-        best = self.least(with_sizes(search, sizes))
+        best = self.search(with_sizes(search, sizes))
         for _ in range(TURNS):
-            other = bettered(best, sizes)
+            other = improve_in_turn(best, sizes)
             if other.problem.sizes == best.problem.sizes:
                 break
-            best = self.least(other)
+            best = self.search(other)
         return best
 
-    def selected(self, sizes: Sizes) -> tuple[Search, Selection]:
+    def with_given_pins(self, sizes: Sizes) -> tuple[Search, SizeSelection]:
         """The combination of a catalogue that needs least with today's pins.
 
         Of equals the one that reaches most.
         """
-        search, selection = self._chosen(WIDEST * self._today, sizes)
+        search, selection = self._select(WIDEST * self._today, sizes)
         if _frequency(search) < self.frequency:
             raise self._out_of_reach(_frequency(search))
         low, below = self._today / WIDEST**2, math.inf
         while low < (guess := _between(low, self._used(selection))):
             try:
-                search, trial = self._chosen(guess, sizes)
+                search, other = self._select(guess, sizes)
             except InfeasibleError as error:
                 low, below = guess, math.inf if isinstance(error, UntriedError) else 0.0
                 continue
             if _frequency(search) >= self.frequency:
-                selection = trial
+                selection = other
             else:
-                low, below = guess, trial.bound
-        search, selection = self._chosen(self._used(selection), sizes)
+                low, below = guess, other.bound
+        search, selection = self._select(self._used(selection), sizes)
         return search, replace(
             selection, below=below if self.problem.vector.moving_masses is None else math.inf
         )
 
-    def _chosen(self, amount: float, sizes: Sizes) -> tuple[Search, Selection]:
-        return sizes_for_pins(self._under(self.problem, amount), sizes)
-
-    def _used(self, selection: Selection) -> float:
-        """What a combination needs."""
-        today = self.problem.machine
-        pairs = zip(today.cylinders, selection.sizes, strict=True)
-        cylinders = tuple(replace(c, bore=bore, rod=rod) for c, (bore, rod) in pairs)
-        return amount_of(replace(today, cylinders=cylinders), today, self.of)
-
-    def rounded(self, search: Search) -> Design:
+    def rounded(self, search: Search, outcomes: Starts, command: str) -> Design:
         """The rounded design, under a little more where rounding costs too much."""
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
             try:
                 near = self._search(amount * (1 + more), search) if more else search
-                design = Design.of(near, self.starts, command=self.command)
+                design = Design.of(near, outcomes, command=command)
             except InfeasibleError:  # no room to round in
                 continue
             worst = worst_on_poses(design.machine, design.problem)
@@ -248,13 +222,35 @@ class _Hunt:
             "ask for less",
         )
 
+    def _enough(self, search: Search) -> tuple[Search, float]:
+        """A search under an amount that is enough, and an amount that is not."""
+        amount = self._amount(search)
+        low = amount / WIDEST**2
+        while _frequency(search) < self.frequency:
+            if amount >= WIDEST * self._today:
+                search = require_feasible(search)
+                raise self._out_of_reach(_frequency(search), marginal_prices(search))
+            low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
+            search = self._search(amount, search)
+        return search, low
+
+    def _select(self, amount: float, sizes: Sizes) -> tuple[Search, SizeSelection]:
+        return sizes_for_pins(self._under(self.problem, amount), sizes)
+
     def _search(self, amount: float, near: Search) -> Search:
         problem = self._under(near.problem, amount)
-        return finished(Search(problem=problem, x=near.x, programme=near.programme), trust=0.2)
+        return run_to_end(Search(problem=problem, x=near.x), trust=0.2)
 
     def _under(self, problem: Problem, amount: float) -> Problem:
         change: dict[str, Any] = {AMOUNTS[self.of]: amount}
         return replace(problem, requirements=replace(problem.requirements, **change))
+
+    def _used(self, selection: SizeSelection) -> float:
+        """What a combination needs."""
+        today = self.problem.machine
+        pairs = zip(today.cylinders, selection.sizes, strict=True)
+        cylinders = tuple(replace(c, bore=bore, rod=rod) for c, (bore, rod) in pairs)
+        return amount_of(replace(today, cylinders=cylinders), today, self.of)
 
     @property
     def _today(self) -> float:
@@ -269,14 +265,15 @@ class _Hunt:
         """The error that says what is reached, and which limits hold it back, by their ``margins`` if known."""
         gains = margins or {}
         dear = sorted(
-            (name for name, gain in gains.items() if gain > PRICED), key=lambda name: -gains[name]
+            (name for name, gain in gains.items() if gain > LEAST_PRICE),
+            key=lambda name: -gains[name],
         )
         dearest = f", {' and '.join(dear[:NAMED])} first," if dear else ""
         return InfeasibleError(
             self.problem.machine.name,
             f"{self.frequency:.4g} Hz is out of reach: the other requirements allow"
             f" {reached:.4g} Hz",
-            f"loosen them{dearest} or ask for less",
+            f"relax them{dearest} or ask for less",
         )
 
 

@@ -36,9 +36,11 @@ class Place:
 
 
 def tell_line(error: ArmDesignError, places: Places, source: str) -> None:
-    """Give an error the line of the key that it names, if it speaks of a file's key."""
+    """Give an error the line of the key that it names, if it is about a key of this file."""
     if error.part.startswith(f"{source}: "):
         error.tell_line(places.line_of(error.part.removeprefix(f"{source}: ")))
+    elif error.key:
+        error.tell_line(places.line_of(error.key), source)
 
 
 @contextlib.contextmanager
@@ -106,7 +108,7 @@ class Places:
         return [match.start() for match in re.finditer("\n", self._text)]
 
     def _note(self, keys: Keys, at: int, written: str) -> None:
-        """Note a key that stands at ``at`` and the tables that it makes, unless they were made before."""
+        """Note a key that stands at ``at``, and the tables that it makes."""
         line = bisect.bisect_left(self._line_ends, at) + 1
         for depth in range(1, len(keys)):
             self._found.setdefault(keys[:depth], Place(line, ""))

@@ -97,10 +97,11 @@ def _lengths(section: Section) -> dict[str, Any]:
 
 
 def pin_sections(section: CylinderSection) -> dict[str, PinSection]:
-    """Every pin of a cylinder by its key path."""
-    kind, table = _kind(section)
-    inner = {f"{kind.key}.{key}": value for key, value in table}
-    tables = {"base": section.base, kind.key: table, **inner}
+    """Every pin of a cylinder by its key path, of all linkages that its table gives."""
+    tables: dict[str, Any] = {"base": section.base}
+    for kind in KINDS:
+        if (table := getattr(section, kind.key)) is not None:
+            tables |= {kind.key: table, **{f"{kind.key}.{key}": value for key, value in table}}
     return {key: value for key, value in tables.items() if isinstance(value, PinSection)}
 
 

@@ -27,10 +27,7 @@ from armdesign.units import GRAVITY
 
 @dataclass(frozen=True, eq=False)
 class RigidPoses:
-    """What the bare links contribute at n poses.
-
-    It depends on neither pins, cylinders nor payload.
-    """
+    """Inertia, gravity and placements of the bare links, without cylinders and payload."""
 
     q: Array  # (n, nq) [rad, m]
     mass_matrix: Array  # (n, nq, nq)
@@ -48,7 +45,7 @@ class RigidPoses:
         return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def distinct(self, joint: int) -> tuple[RigidPoses, Array | slice]:
-        """Poses at which a joint has each of its values once, and for every pose which of them has its value.
+        """Poses with each value of a joint once, and for every pose the index of its value there.
 
         The poses themselves where few values occur twice. Worked out once for a joint.
         """
@@ -91,7 +88,7 @@ class Arm:
 
     @cached_property
     def all_joints(self) -> list[str]:
-        """Names of all joints of the URDF, those that are no coordinates too."""
+        """Names of all joints of the URDF, fixed and frozen ones too."""
         return [str(joint.get("name")) for joint in ET.fromstring(self.xml).findall("joint")]
 
     @cached_property
@@ -104,10 +101,8 @@ class Arm:
 
     def frozen_between(self, links: Iterable[str]) -> set[str]:
         """Names of the joints between some links that could move but do not."""
-        stand_still = [set(self.links[link].frozen) for link in links]
-        return {name for names in stand_still for name in names} - stand_still[0].intersection(
-            *stand_still
-        )
+        frozen = [set(self.links[link].frozen) for link in links]
+        return frozen[0].union(*frozen) - frozen[0].intersection(*frozen)
 
     @cached_property
     def limits(self) -> Array:
@@ -149,18 +144,19 @@ class Arm:
 
     @cached_property
     def slewing(self) -> dict[int, float]:
-        """Joints that turn all there is about the vertical, with their sign: inertia and gravity do not feel them."""
-        still = self.kinematics(np.zeros((1, len(self.joints))))
-        found: dict[int, float] = {}
+        """Joints that turn the whole arm about the vertical; +1 if their axis points up, else −1.
+
+        Neither inertia nor gravity depends on them.
+        """
+        axes = self.kinematics(np.zeros((1, len(self.joints)))).axis[0]
+        signs: dict[int, float] = {}
         for index in self.outwards:
-            joint, upright = self.joints[index], float(still.axis[0, index, 2])
-            below_all = (
-                joint.parent in (-1, *found)
-                and sum(other.parent == joint.parent for other in self.joints) == 1
-            )
-            if joint.revolute and below_all and abs(abs(upright) - 1) < 1e-12:
-                found[index] = upright
-        return found
+            joint, upward = self.joints[index], float(axes[index, 2])
+            siblings = sum(other.parent == joint.parent for other in self.joints)
+            carries_all = joint.parent in (-1, *signs) and siblings == 1
+            if joint.revolute and carries_all and abs(abs(upward) - 1) < 1e-12:
+                signs[index] = upward
+        return signs
 
     def heading(self, q: Array) -> Array:
         """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
@@ -168,15 +164,12 @@ class Arm:
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def reach(self, q: Array, place: Array) -> Array:
-        """Horizontal distance of places (n, 3) from the root's z axis (n,) [m].
-
-        Negative behind the arm.
-        """
+        """Horizontal distance of places (n, 3) from the root's z axis [m]; negative behind it."""
         ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
         return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
 
     def reach_and_height(self, q: Array, place: VectorJet) -> tuple[Array, Array]:
-        """Reach and height (n, 2) [m] of places seen from the root, and their derivatives by the joints (n, 2, k)."""
+        """Reach and height (n, 2) [m] of places seen from the root, and ∂/∂q of both (n, 2, k)."""
         radius = self.reach(q, place.value)
         outward = place.value[:, :2] / np.where(radius == 0, np.inf, radius)[:, None]
         slopes = np.stack(
@@ -185,7 +178,7 @@ class Arm:
         return np.stack([radius, place.value[:, 2]], axis=1), slopes
 
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
-        """Joints met on the way from one link to another, with the sign of their motion as seen from ``start``."""
+        """Joints on the way from one link to another, with their sign as seen from ``start``."""
         if (start, end) not in self._paths:
             up, down = self.chain(start), self.chain(end)
             common = next(
@@ -223,7 +216,7 @@ class Arm:
         return rotation, translation, axis
 
     def kinematics(self, q: Array) -> RigidPoses:
-        """Placements alone at q (n, nq), without inertia and gravity (zeros): for questions of geometry."""
+        """Placements at q (n, nq), with zeros for inertia and gravity: geometry alone."""
         n, nq = q.shape
         square = np.zeros((n, nq, nq))
         return RigidPoses(q, square, np.zeros((n, nq)), square, *self.placements(q))
@@ -246,20 +239,22 @@ class Arm:
     def motion(
         self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
     ) -> VectorJet:
-        """A point of ``link`` and its first two derivatives by ``joints``, as an observer on ``seen_from`` sees it.
+        """A point of ``link`` seen from another link, with two derivatives by ``joints``.
 
         A revolute joint on the way turns all that lies beyond it about its axis, a prismatic one
         shifts it; of two joints the nearer to the observer acts last: ∂²P/∂q_j∂q_k = ω_j ×
         ∂P/∂q_k.
         """
-        return self._seen(
-            poses, self.point(poses, link, at), True, self.path(seen_from, link), joints
-        )
+        point, path = self.point(poses, link, at), self.path(seen_from, link)
+        return self._seen(poses, point, True, path, joints)
 
     def direction(
         self, poses: RigidPoses, link: str, local: Array, seen_from: str, joints: tuple[int, ...]
     ) -> VectorJet:
-        """As ``motion`` for a direction fixed in a link: how a point moves when its place in the link changes."""
+        """A direction fixed in a link, seen from another link, with two derivatives by ``joints``.
+
+        So moves a point of the link when its place in the link changes.
+        """
         vector = np.asarray(self.link_rotation(poses, link) @ local)
         return self._seen(poses, vector, False, self.path(seen_from, link), joints)
 
@@ -271,7 +266,7 @@ class Arm:
         path: tuple[tuple[int, int], ...],
         joints: tuple[int, ...],
     ) -> VectorJet:
-        """Derivatives of a point (``bound`` to a place) or a free direction by the joints on a path, nearest first."""
+        """A point (``bound``) or a direction, with derivatives by joints on a path."""
         n, k = len(vector), len(joints)
         first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
         path = tuple(
@@ -291,7 +286,7 @@ class Arm:
         return VectorJet(vector, first, second)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:
-        """Pitch of a link's x axis (n,) [rad], up from forward, in the vertical plane in which the link moves."""
+        """Pitch of a link's x axis up from forward (n,) [rad], square to its y axis."""
         rotation = self.link_rotation(poses, link)
         forward = np.cross(rotation[:, :, 1], [0.0, 0.0, 1.0])
         return np.arctan2(rotation[:, 2, 0], np.einsum("ni,ni->n", rotation[:, :, 0], forward))
@@ -300,12 +295,12 @@ class Arm:
 
     @property
     def model_order(self) -> Array:
-        """For each coordinate of ours, its index in Pinocchio's model (nq,)."""
+        """Index of each coordinate in Pinocchio's model (nq,)."""
         return self._pinocchio[2]
 
     @cached_property
     def _pinocchio(self) -> tuple[Any, Any, Array]:
-        """Model, scratch data and, for each coordinate of ours, its index in the model."""
+        """Model, scratch data, and the index of each coordinate in the model."""
         import pinocchio
 
         try:
@@ -334,9 +329,8 @@ class Arm:
             mass[row] = pinocchio.crba(model, data, at)
             stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, at)
             gravity[row] = data.g  # a by-product of its derivative
-        mass = np.triu(mass) + np.swapaxes(
-            np.triu(mass, 1), 1, 2
-        )  # crba fills the upper triangle only
+        # crba fills the upper triangle only
+        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
         pick = np.ix_(np.arange(n), index, index)
         return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
 
@@ -347,7 +341,7 @@ class Arm:
 
 
 def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
-    """M, g and ∂g/∂q of point masses [kg] seen from the root: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
+    """M, g and ∂g/∂q of point masses [kg]: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
     return (
         sum((mass * (p.first @ np.swapaxes(p.first, 1, 2)) for mass, p in points), np.zeros(())),
         sum((mass * GRAVITY * p.first[:, :, 2] for mass, p in points), np.zeros(())),

@@ -55,12 +55,12 @@ class ScalarJet:
         )
 
     def sqrt(self) -> ScalarJet:
-        """Square root; NaN, quietly, of what is not positive."""
+        """Square root; NaN, without a warning, where it is not positive."""
         root = np.sqrt(np.where(np.real(self.value) > 0, self.value, np.nan))
         return self.through(root, 0.5 / root, -0.25 / root**3)
 
     def reciprocal(self) -> ScalarJet:
-        """One over it."""
+        """Reciprocal."""
         inverse = 1 / self.value
         return self.through(inverse, -(inverse**2), 2 * inverse**3)
 

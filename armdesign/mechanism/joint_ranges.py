@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -12,7 +15,9 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.linkage.base import Linkage
 
-SAMPLES = 721
+SAMPLES = 721  # of a joint's limits, at which its range is searched
+DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
+Pair: TypeAlias = tuple[Linkage, Cylinder]
 
 
 def joint_ranges(
@@ -22,19 +27,19 @@ def joint_ranges(
     end_margin: float,
     source: str,
 ) -> Array:
-    """Ranges (nq, 2) [rad, m] in which every cylinder that moves one joint alone keeps ``end_margin`` of its stroke.
+    """Ranges (nq, 2) [rad, m] in which cylinders keep ``end_margin`` of their stroke free.
 
     A cylinder across several joints couples their ranges: it is left to ``Machine.margins``. Ends
     are exact.
 
     Raises:
-        MachineFileError: no such range, or within it a dead centre or a four-bar that opens.
+        MachineFileError: no such range, or within it a dead centre or a linkage that opens.
     """
     ranges = arm.limits.copy()
     for j in range(len(arm.joints)):
-        own = [(k, c) for k, c in zip(linkages, cylinders, strict=True) if k.joints == (j,)]
-        if own:
-            ranges[j] = _range_of(arm, j, own, end_margin, source)
+        pairs = [pair for pair in zip(linkages, cylinders, strict=True) if pair[0].joints == (j,)]
+        if pairs:
+            ranges[j] = _JointRange(arm, j, pairs, end_margin, source).ends()
     return ranges
 
 
@@ -50,111 +55,137 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
     return arm.kinematics(q)
 
 
-def _range_of(
-    arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]], end_margin: float, source: str
-) -> tuple[float, float]:
-    values = _samples(arm, joint, own)
-    poses = sweep(arm, joint, values)
-    name = arm.joints[joint].name
+@dataclass(frozen=True, eq=False)
+class _JointRange:
+    """Search for the range of one joint, which some cylinders move."""
 
-    def slack(x: Array) -> Array:
-        """Distance [m] to the nearest end that any of the cylinders may reach.
+    arm: Arm
+    joint: int
+    pairs: list[Pair]
+    end_margin: float
+    source: str
 
-        NaN with an open four-bar.
+    def ends(self) -> tuple[float, float]:
+        """Both ends [rad, m].
+
+        Raises:
+            MachineFileError: there is no range, or the joint cannot be moved through it.
         """
-        at = sweep(arm, joint, x)
-        rows = []
-        for linkage, cylinder in own:
-            length, margin = linkage.length(at), end_margin * cylinder.stroke
+        values = self._samples()
+        poses = self._at(values)
+        with np.errstate(invalid="ignore"):
+            inside = self._slack(values) >= 0
+            closes = [linkage.closes(poses) for linkage, _ in self.pairs]
+        self._refuse_never_closed(values, closes)
+        if not inside.any():
+            raise self._never_in_stroke(poses)
+        first, last = _longest_run(inside, values)
+        self._refuse_opening(values, closes, (first - 1, last + 1))
+        low, high = values[first], values[last]
+        if first > 0:
+            low = _root(self._slack, values[first - 1], low)
+        if last < len(values) - 1:
+            high = _root(self._slack, values[last + 1], high)
+        self._refuse_dead_centre(np.array([low, high]))
+        return float(low), float(high)
+
+    def _at(self, values: Array) -> RigidPoses:
+        return sweep(self.arm, self.joint, values)
+
+    @cached_property
+    def _name(self) -> str:
+        return self.arm.joints[self.joint].name
+
+    @cached_property
+    def _unit(self) -> str:
+        return "rad" if self.arm.joints[self.joint].revolute else "m"
+
+    def _slack(self, values: Array) -> Array:
+        """Distance [m] to the nearest end of any stroke; NaN where a linkage does not close."""
+        poses, rows = self._at(values), []
+        for linkage, cylinder in self.pairs:
+            length, margin = linkage.length(poses), self.end_margin * cylinder.stroke
             rows += [
                 length - cylinder.closed_length - margin,
                 cylinder.open_length - margin - length,
             ]
         return np.asarray(np.min(rows, axis=0))
 
-    with np.errstate(invalid="ignore"):
-        inside = slack(values) >= 0
-        each = [linkage.closes(poses) for linkage, _ in own]
-    unit = "rad" if arm.joints[joint].revolute else "m"
-    for closes, (linkage, cylinder) in zip(each, own, strict=True):
-        if not closes.any():
-            raise MachineFileError(
-                f"{source}: cylinder.{cylinder.name}.{linkage.key}",
-                f'does not close at any "{name}" in [{values[0]:.4f}, {values[-1]:.4f}] {unit}',
-                linkage.closing_words,
-            )
-    if not inside.any():
-        raise _never_in_stroke(own, poses, end_margin, name, source)
-    first, last = _longest_run(inside, values)
-    for beyond in (first - 1, last + 1):
-        opened = [
-            pair
-            for closes, pair in zip(each, own, strict=True)
-            if not closes[beyond % len(values)]
-        ]
-        if 0 <= beyond < len(values) and opened:
-            linkage, cylinder = opened[0]
-            bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
-            raise MachineFileError(
-                f"{source}: cylinder.{cylinder.name}.{linkage.key}",
-                f'opens at "{name}" = {values[beyond]:.4f} {unit}, before stroke or joint limit'
-                " ends the motion",
-                f"change {bars} or the pins, or tighten the joint's limits in the URDF",
-            )
-    low = values[first] if first == 0 else _root(slack, values[first - 1], values[first])
-    high = (
-        values[last] if last == len(values) - 1 else _root(slack, values[last + 1], values[last])
-    )
-    _refuse_dead_centre(arm, joint, own, (low, high), source)
-    return float(low), float(high)
+    def _samples(self) -> Array:
+        """Even values over the joint's limits, and the middle of each stroke, however short."""
+        values = over(self.arm.limits[self.joint], SAMPLES)
+        poses = self._at(values)
+        for linkage, cylinder in self.pairs:
+            middle = cylinder.closed_length + cylinder.stroke / 2
 
+            def beyond(x: float, linkage: Linkage = linkage, middle: float = middle) -> float:
+                return float(linkage.length(self._at(np.array([x])))[0]) - middle
 
-def _never_in_stroke(
-    own: list[tuple[Linkage, Cylinder]],
-    poses: RigidPoses,
-    end_margin: float,
-    joint: str,
-    source: str,
-) -> MachineFileError:
-    """What to say when no position of a joint suits its cylinders."""
-    for linkage, cylinder in own:
-        length, margin = linkage.length(poses), end_margin * cylinder.stroke
-        low, high = cylinder.closed_length + margin, cylinder.open_length - margin
-        if not np.any((length >= low) & (length <= high)):
-            kept = (
-                f" ({100 * end_margin:g} % of the stroke kept free at both ends)"
-                if end_margin
-                else ""
-            )
-            margin_too = " or end_margin" if end_margin else ""
-            return MachineFileError(
-                f"{source}: cylinder.{cylinder.name}.stroke_mm",
-                f'over joint "{joint}" the pins are {np.nanmin(length):.4f} to'
-                f" {np.nanmax(length):.4f} m apart, never within [{low:.4f}, {high:.4f}] m{kept}",
-                f"change closed_length_mm, stroke_mm, the pins{margin_too}",
-            )
-    names = ", ".join(cylinder.name for _, cylinder in own)
-    return MachineFileError(
-        f"{source}: cylinder.{own[0][1].name}.stroke_mm",
-        f'at no "{joint}" are the cylinders {names} in stroke together',
-        "change closed_length_mm, stroke_mm or the pins of one of them",
-    )
+            sides = np.sign(linkage.length(poses) - middle)
+            for k in np.flatnonzero(sides[:-1] * sides[1:] < 0):
+                values = np.append(values, _zero(beyond, values[k], values[k + 1]))
+        return np.unique(values)
 
+    def _refuse_never_closed(self, values: Array, closes: list[Flags]) -> None:
+        for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
+            if not closed.any():
+                raise MachineFileError(
+                    f"{self.source}: cylinder.{cylinder.name}.{linkage.key}",
+                    f'does not close at any "{self._name}" in [{values[0]:.4f}, {values[-1]:.4f}]'
+                    f" {self._unit}",
+                    linkage.closing_words,
+                )
 
-def _samples(arm: Arm, joint: int, own: list[tuple[Linkage, Cylinder]]) -> Array:
-    """Where a joint's limits are searched: evenly, and at the middle of each stroke, however short that is."""
-    values = over(arm.limits[joint], SAMPLES)
-    poses = sweep(arm, joint, values)
-    for linkage, cylinder in own:
-        middle = cylinder.closed_length + cylinder.stroke / 2
+    def _refuse_opening(self, values: Array, closes: list[Flags], beyond: tuple[int, int]) -> None:
+        """Raise if a linkage opens right beyond the range, where no stroke ends it."""
+        for k in beyond:
+            for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
+                if 0 <= k < len(values) and not closed[k]:
+                    bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
+                    raise MachineFileError(
+                        f"{self.source}: cylinder.{cylinder.name}.{linkage.key}",
+                        f'opens at "{self._name}" = {values[k]:.4f} {self._unit}, before stroke or'
+                        " joint limit ends the motion",
+                        f"change {bars} or the pins, or tighten the joint's limits in the URDF",
+                    )
 
-        def beyond(x: float, linkage: Linkage = linkage, middle: float = middle) -> float:
-            return float(linkage.length(sweep(arm, joint, np.array([x])))[0]) - middle
+    def _never_in_stroke(self, poses: RigidPoses) -> MachineFileError:
+        """The fault of cylinders for which no position of the joint is within their strokes."""
+        for linkage, cylinder in self.pairs:
+            length, margin = linkage.length(poses), self.end_margin * cylinder.stroke
+            low, high = cylinder.closed_length + margin, cylinder.open_length - margin
+            if not np.any((length >= low) & (length <= high)):
+                kept = f" ({100 * self.end_margin:g} % of the stroke kept free at both ends)"
+                return MachineFileError(
+                    f"{self.source}: cylinder.{cylinder.name}.stroke_mm",
+                    f'over joint "{self._name}" the pins are {np.nanmin(length):.4f} to'
+                    f" {np.nanmax(length):.4f} m apart, never within [{low:.4f}, {high:.4f}] m"
+                    + (kept if self.end_margin else ""),
+                    "change closed_length_mm, stroke_mm, the pins"
+                    + (" or end_margin" if self.end_margin else ""),
+                )
+        names = [cylinder.name for _, cylinder in self.pairs]
+        return MachineFileError(
+            f"{self.source}: cylinder.{names[0]}.stroke_mm",
+            f'at no "{self._name}" are the cylinders {", ".join(names)} in stroke together',
+            "change closed_length_mm, stroke_mm or the pins of one of them",
+        )
 
-        sides = np.sign(linkage.length(poses) - middle)
-        for k in np.flatnonzero(sides[:-1] * sides[1:] < 0):
-            values = np.append(values, _zero(beyond, values[k], values[k + 1]))
-    return np.unique(values)
+    def _refuse_dead_centre(self, ends: Array) -> None:
+        values = over(ends, SAMPLES)
+        poses = self._at(values)
+        for linkage, cylinder in self.pairs:
+            moment_arm = linkage.actuation(poses).moment_arm[:, self.joint]
+            least = int(np.argmin(np.abs(moment_arm)))
+            crosses = np.any(np.sign(moment_arm) != np.sign(moment_arm[0]))
+            if crosses or np.abs(moment_arm[least]) < DEAD_CENTRE:
+                raise MachineFileError(
+                    f"{self.source}: cylinder.{cylinder.name}",
+                    f'is at its dead centre at "{self._name}" = {values[least]:.4f}: no moment arm'
+                    " (singular pose)",
+                    "move its pins or tighten the joint's limits so that the range stays on one"
+                    " side",
+                )
 
 
 def _zero(function: Callable[[float], float], a: float, b: float) -> float:
@@ -164,7 +195,7 @@ def _zero(function: Callable[[float], float], a: float, b: float) -> float:
 
 
 def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
-    """First and last of the longest run of true.
+    """First and last index of the longest run of true.
 
     Of runs as long but for a sample, the one nearest to zero.
     """
@@ -177,33 +208,10 @@ def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
 
 
 def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:
-    """Where the slack vanishes between a value outside and one inside, on the inner side, by bisection.
+    """The inner side of where the slack vanishes between a value outside and one inside.
 
     Zero stays zero: the number next to it is 5e-324, which moves no pin.
     """
     root = _zero(lambda x: float(slack(np.array([x]))[0]), outside, inside)
-    return (
-        root if root == 0 or slack(np.array([root]))[0] >= 0 else float(np.nextafter(root, inside))
-    )
-
-
-def _refuse_dead_centre(
-    arm: Arm,
-    joint: int,
-    own: list[tuple[Linkage, Cylinder]],
-    limits: tuple[float, float],
-    source: str,
-) -> None:
-    values = over(np.array(limits), SAMPLES)
-    for linkage, cylinder in own:
-        moment_arm = linkage.actuation(sweep(arm, joint, values)).moment_arm[:, joint]
-        if np.abs(moment_arm).min() < 1e-6 or np.any(
-            np.sign(moment_arm) != np.sign(moment_arm[0])
-        ):
-            at = values[int(np.argmin(np.abs(moment_arm)))]
-            raise MachineFileError(
-                f"{source}: cylinder.{cylinder.name}",
-                f'is at its dead centre at "{arm.joints[joint].name}" = {at:.4f}: no moment arm'
-                " (singular pose)",
-                "move its pins or tighten the joint's limits so that the range stays on one side",
-            )
+    on_inner_side = root == 0 or slack(np.array([root]))[0] >= 0
+    return root if on_inner_side else float(np.nextafter(root, inside))

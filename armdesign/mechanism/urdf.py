@@ -27,11 +27,11 @@ _DEFAULTS = {  # numbers that Pinocchio reads, by element and attribute
 
 @dataclass(frozen=True)
 class Joint:
-    """One coordinate of the arm: ``parent`` is the index of the joint before it, −1 for the root."""
+    """One coordinate of the arm."""
 
     name: str
-    revolute: bool
-    parent: int
+    revolute: bool  # else prismatic
+    parent: int  # index of the joint before it; −1: the root
     rotation: Array  # (3, 3) joint frame in the frame of the joint before it
     translation: Array  # (3,) [m]
     axis: Array  # (3,) unit vector in the joint frame
@@ -46,22 +46,19 @@ class Joint:
 
 @dataclass(frozen=True)
 class Link:
-    """A link rides on a joint (−1: the root): its frame in that joint's frame.
-
-    ``frozen`` names the joints between root and link that could move but do not.
-    """
+    """A link: the joint that carries it, and its frame in the frame of that joint."""
 
     name: str
-    joint: int
-    rotation: Array
-    translation: Array
-    frozen: tuple[str, ...] = ()
+    joint: int  # −1: the root
+    rotation: Array  # (3, 3)
+    translation: Array  # (3,) [m]
+    frozen: tuple[str, ...] = ()  # joints between root and link that could move but do not
 
 
 def read_urdf(
     text: str, joints: list[str], frozen: dict[str, float], source: str
 ) -> tuple[str, tuple[Joint, ...], dict[str, Link]]:
-    """Reduced URDF text, the joints in the order asked for, and every link (the root first).
+    """Reduced URDF text, the joints in the order of q, and every link, the root first.
 
     Args:
         text: the URDF.
@@ -75,15 +72,15 @@ def read_urdf(
     robot = parse(text, source)
     for fault in faults_of(robot, joints, frozen, source):
         raise fault
-    still = [name for name in movable_joints(robot) if name not in joints]
+    standing = [name for name in movable_joints(robot) if name not in joints]
     for joint in robot.findall("joint"):
         name = str(joint.get("name"))
-        if name in still:
+        if name in standing:
             _fix(joint, frozen.get(name, 0.0))
-        elif joint.get("type") != "fixed":
-            _limit(joint)
+        elif joint.get("type") == "continuous":
+            _give_one_turn(joint)
     _write_plainly(robot)
-    moving, links = _tree(robot, joints, still)
+    moving, links = _tree(robot, joints, standing)
     return ET.tostring(robot, encoding="unicode"), moving, links
 
 
@@ -96,6 +93,7 @@ def rotations(axis: Array, angle: Array) -> Array:
 
 
 def _origin(element: ET.Element) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) [m] of an element's frame."""
     origin = element.find("origin")
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0")
     turn = [rotations(np.eye(3)[i], np.array([a]))[0] for i, a in enumerate((roll, pitch, yaw))]
@@ -113,13 +111,12 @@ def _bounds(joint: ET.Element) -> tuple[float, float]:
     return lower, upper
 
 
-def _limit(joint: ET.Element) -> None:
-    """Give a continuous joint one turn."""
-    if joint.get("type") == "continuous":
-        joint.set("type", "revolute")
-        for old in joint.findall("limit"):
-            joint.remove(old)
-        ET.SubElement(joint, "limit", lower=str(-math.pi), upper=str(math.pi))
+def _give_one_turn(joint: ET.Element) -> None:
+    """Make a continuous joint a revolute one with limits of one turn."""
+    joint.set("type", "revolute")
+    for old in joint.findall("limit"):
+        joint.remove(old)
+    ET.SubElement(joint, "limit", lower=str(-math.pi), upper=str(math.pi))
 
 
 def _fix(joint: ET.Element, value: float) -> None:
@@ -153,19 +150,15 @@ def _words(values: Array) -> str:
 
 
 def _tree(
-    robot: ET.Element, joints: list[str], still: list[str]
+    robot: ET.Element, joints: list[str], standing: list[str]
 ) -> tuple[tuple[Joint, ...], dict[str, Link]]:
-    """Walk from the root: the moving joints in the order of q, and every link with the joint that carries it."""
-    children: dict[str, list[tuple[ET.Element, str]]] = {
-        str(link.get("name")): [] for link in robot.findall("link")
-    }
+    """The moving joints in the order of q, and every link, on a walk from the root outwards."""
+    names = [str(link.get("name")) for link in robot.findall("link")]
+    children: dict[str, list[tuple[ET.Element, str]]] = {name: [] for name in names}
     carried = set()
     for joint in robot.findall("joint"):
-        parent, child = (
-            element.get("link", "")
-            for tag in ("parent", "child")
-            for element in joint.findall(tag)[:1]
-        )
+        ends = (joint.find(tag) for tag in ("parent", "child"))
+        parent, child = ("" if end is None else end.get("link", "") for end in ends)
         children[parent].append((joint, child))
         carried.add(child)
     moving: dict[str, Joint] = {}
@@ -180,13 +173,11 @@ def _tree(
             rotation = before.rotation @ rotation
             name, index = str(element.get("name")), before.joint
             if element.get("type") != "fixed":
+                frame = (rotation, translation, _axis(element))
                 revolute = element.get("type") == "revolute"
-                ends = _bounds(element)
-                moving[name] = Joint(
-                    name, revolute, index, rotation, translation, _axis(element), *ends
-                )
+                moving[name] = Joint(name, revolute, index, *frame, *_bounds(element))
                 index, rotation, translation = joints.index(name), np.eye(3), np.zeros(3)
-            frozen = (*before.frozen, name) if name in still else before.frozen
+            frozen = (*before.frozen, name) if name in standing else before.frozen
             links[child] = Link(child, index, rotation, translation, frozen)
             waiting.append(links[child])
     return tuple(moving[name] for name in joints), links

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a URDF, each fault by the name of its joint or link and none hiding another.
+"""Faults of a URDF, each by the name of its joint or link, none hiding another.
 
 Reading raises the first, ``armdesign check`` shows all. What may merely follow from another fault
 is held back: which link is the root says nothing while a joint's ends are wrong.
@@ -35,17 +35,16 @@ class Located(ET.Element):
 
 
 @dataclass(frozen=True)
-class Where:
-    """The joint or link that is looked at: what to call it in a message, and its element."""
+class Part:
+    """A joint or link: its name in messages, and its element."""
 
-    part: str
+    name: str
     element: ET.Element
 
     def fault(self, problem: str, remedy: str, at: ET.Element | None = None) -> MachineFileError:
-        """A fault of it, in the line of ``at`` within it."""
-        return MachineFileError(
-            self.part, problem, remedy, line_of(self.element if at is None else at)
-        )
+        """A fault in the line of ``at``, an element within the part; None: the part itself."""
+        line = line_of(self.element if at is None else at)
+        return MachineFileError(self.name, problem, remedy, line)
 
 
 def line_of(element: ET.Element) -> int | None:
@@ -54,7 +53,7 @@ def line_of(element: ET.Element) -> int | None:
 
 
 def parse(text: str, source: str) -> ET.Element:
-    """A URDF's elements that matter here, each with its line: joints, and links with their inertia.
+    """The elements of a URDF that count, each with its line: joints, and links with inertia.
 
     Raises:
         MachineFileError: no XML, no URDF, or one with macros.
@@ -66,7 +65,7 @@ def parse(text: str, source: str) -> ET.Element:
         raise MachineFileError(
             source, f"not well-formed XML ({error})", "correct the URDF at that place"
         ) from None
-    _tell_lines(robot, text)
+    _locate(robot, text)
     if robot.tag != "robot":
         tag = robot.tag.replace("{", "").replace("}", " ")  # a namespace is in braces
         raise MachineFileError(source, f"the XML root is <{tag}>, not <robot>", "give a URDF file")
@@ -85,12 +84,12 @@ def parse(text: str, source: str) -> ET.Element:
     return robot
 
 
-def _tell_lines(robot: ET.Element, text: str) -> None:
-    """Give every element its line: those of a second pass over the text, in the order of the document."""
+def _locate(robot: ET.Element, text: str) -> None:
+    """Give every element its line, which only a second pass over the text can tell."""
     lines: list[int] = []
-    pass_over = expat.ParserCreate()
-    pass_over.StartElementHandler = lambda *_: lines.append(pass_over.CurrentLineNumber)
-    pass_over.Parse(text, True)
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
+    parser.Parse(text, True)
     for element, line in zip(robot.iter(), lines, strict=True):
         if isinstance(element, Located):
             element.line = line
@@ -99,7 +98,7 @@ def _tell_lines(robot: ET.Element, text: str) -> None:
 def faults(
     text: str, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
 ) -> list[MachineFileError]:
-    """Every fault of a URDF, as ``faults_of`` tells them; one alone if it cannot be parsed."""
+    """Every fault of a URDF's text; one alone if it cannot be parsed."""
     try:
         robot = parse(text, source)
     except MachineFileError as error:
@@ -110,7 +109,7 @@ def faults(
 def faults_of(
     robot: ET.Element, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
 ) -> Iterator[MachineFileError]:
-    """What is wrong, from single names to the tree.
+    """Faults of a parsed URDF, from single names to the tree.
 
     Args:
         robot: the URDF, parsed.
@@ -121,22 +120,23 @@ def faults_of(
     yield from _of_names(robot, source)
     present = [joint.get("name", "") for joint in robot.findall("joint")]
     movable = movable_joints(robot)
-    for key, names in (("joints", joints or ()), ("frozen", frozen)):
-        for name in (name for name in names if name not in present):
-            problem = f"is not in the URDF (named in {key})"
-            yield MachineFileError(f"{source}: joint {name}", problem, choose(name, movable))
-    unsure = joints is None or not set(joints) <= set(
-        present
-    )  # which others move is not known then
-    for where in _each(robot, "joint", source):
-        joint = where.element
-        name = joint.get("name", "")
-        moves = (
-            True if name in (joints or ()) else None if unsure and name not in frozen else False
-        )
-        yield from _of_joint(joint, where, moves, frozen.get(name))
-    for where in _each(robot, "link", source):
-        yield from _of_inertial(where.element, where)
+    named = {f"joints.{index}": name for index, name in enumerate(joints or ())}
+    named |= {f"frozen.{name}": name for name in frozen}
+    for key, name in named.items():
+        if name not in present:
+            problem = f"is not in the URDF (named in {key.split('.')[0]})"
+            part = f"{source}: joint {name}"
+            yield MachineFileError(part, problem, choose(name, movable), key=key)
+    # with a coordinate that is not known, it is not known which other joints move
+    unsure = joints is None or not set(joints) <= set(present)
+    for joint in _parts(robot, "joint", source):
+        name = joint.element.get("name", "")
+        moves: bool | None = name in (joints or ())
+        if not moves and unsure and name not in frozen:
+            moves = None
+        yield from _of_joint(joint, moves, frozen.get(name))
+    for link in _parts(robot, "link", source):
+        yield from _of_inertial(link)
     yield from _of_tree(robot, source)
 
 
@@ -156,10 +156,10 @@ def numbers(element: ET.Element | None, key: str, default: str) -> Array:
         return np.array([math.nan])
 
 
-def _each(robot: ET.Element, kind: str, source: str) -> Iterator[Where]:
+def _parts(robot: ET.Element, kind: str, source: str) -> Iterator[Part]:
     """Every joint or link."""
     for index, element in enumerate(robot.findall(kind), 1):
-        yield Where(f"{source}: {kind} {element.get('name') or f'number {index}'}", element)
+        yield Part(f"{source}: {kind} {element.get('name') or f'number {index}'}", element)
 
 
 def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
@@ -179,7 +179,7 @@ def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
 
 
 def _of_numbers(
-    element: ET.Element | None, key: str, default: str, count: int, where: Where
+    element: ET.Element | None, key: str, default: str, count: int, part: Part
 ) -> Iterator[MachineFileError]:
     values = numbers(element, key, default)
     if len(values) != count or not np.all(np.abs(values) <= LARGEST):
@@ -188,14 +188,11 @@ def _of_numbers(
         remedy = "correct the URDF"
         if meant := _without_commas(text, count):
             remedy = f'a decimal comma? write {key}="{meant}"'
-        yield where.fault(problem, remedy, element)
+        yield part.fault(problem, remedy, element)
 
 
 def _without_commas(text: str, count: int) -> str:
-    """The numbers that were meant by a text with decimal commas, or with commas between them.
-
-    "" if none were.
-    """
+    """Numbers with decimal commas, or with commas between them, as a URDF has them; "" if none."""
     for meant in (re.sub(r"(\d),(\d)", r"\1.\2", text).replace(",", " "), text.replace(",", " ")):
         values = numbers(ET.Element("meant", value=meant), "value", "")
         if "," in text and len(values) == count and np.all(np.isfinite(values)):
@@ -203,116 +200,89 @@ def _without_commas(text: str, count: int) -> str:
     return ""
 
 
-def _of_origin(element: ET.Element, where: Where) -> Iterator[MachineFileError]:
+def _of_origin(element: ET.Element, part: Part) -> Iterator[MachineFileError]:
     for key in ("xyz", "rpy"):
-        yield from _of_numbers(element.find("origin"), key, "0 0 0", 3, where)
+        yield from _of_numbers(element.find("origin"), key, "0 0 0", 3, part)
 
 
-def _of_joint(
-    joint: ET.Element, where: Where, moves: bool | None, frozen: float | None
-) -> Iterator[MachineFileError]:
-    kind = joint.get("type")
+def _of_joint(joint: Part, moves: bool | None, frozen: float | None) -> Iterator[MachineFileError]:
+    """Faults of a joint; ``moves`` is None where it is not known whether it is a coordinate."""
+    kind, mimic = joint.element.get("type"), joint.element.find("mimic")
     if kind not in (*MOVABLE, "fixed"):
-        yield where.fault(
-            f'type "{kind}" cannot be used', "use revolute, continuous, prismatic or fixed"
-        )
-    if joint.find("mimic") is not None:
-        yield where.fault(
-            "mimics another joint", "make it a joint of its own or fix it", joint.find("mimic")
-        )
-    yield from _of_origin(joint, where)
+        problem = f'type "{kind}" cannot be used'
+        yield joint.fault(problem, "use revolute, continuous, prismatic or fixed")
+    if mimic is not None:
+        yield joint.fault("mimics another joint", "make it a joint of its own or fix it", mimic)
+    yield from _of_origin(joint.element, joint)
     if kind == "fixed" and moves:
-        yield where.fault("is fixed and cannot be a coordinate", "take it out of joints")
+        yield joint.fault("is fixed and cannot be a coordinate", "take it out of joints")
     if kind == "fixed" and frozen is not None and not moves:
-        yield where.fault("is fixed in the URDF and cannot be frozen", "take it out of frozen")
+        yield joint.fault("is fixed in the URDF and cannot be frozen", "take it out of frozen")
     if kind in MOVABLE:
-        yield from _of_axis(joint, where)
-    if kind in ("revolute", "prismatic"):
-        yield from _of_limits(joint, where, moves, frozen or 0.0)
+        yield from _of_axis(joint)
+    limit = joint.element.find("limit")
+    if kind in ("revolute", "prismatic") and limit is not None:
+        yield from _of_limits(joint, limit, moves, frozen or 0.0)
+    elif kind in ("revolute", "prismatic") and moves:
+        remedy = 'add <limit lower="…" upper="…" effort="…" velocity="…"/>'
+        yield joint.fault("has no <limit>", remedy)
 
 
-def _of_axis(joint: ET.Element, where: Where) -> Iterator[MachineFileError]:
-    wrong = list(_of_numbers(joint.find("axis"), "xyz", "1 0 0", 3, where))
-    if not wrong and float(np.linalg.norm(numbers(joint.find("axis"), "xyz", "1 0 0"))) < 1e-6:
-        wrong = [
-            where.fault(
-                "the axis has no length",
-                'give a direction such as xyz="0 -1 0"',
-                joint.find("axis"),
-            )
-        ]
+def _of_axis(joint: Part) -> Iterator[MachineFileError]:
+    axis = joint.element.find("axis")
+    wrong = list(_of_numbers(axis, "xyz", "1 0 0", 3, joint))
     yield from wrong
+    if not wrong and float(np.linalg.norm(numbers(axis, "xyz", "1 0 0"))) < 1e-6:
+        remedy = 'give a direction such as xyz="0 -1 0"'
+        yield joint.fault("the axis has no length", remedy, axis)
 
 
 def _of_limits(
-    joint: ET.Element, where: Where, moves: bool | None, frozen: float
+    joint: Part, limit: ET.Element, moves: bool | None, frozen: float
 ) -> Iterator[MachineFileError]:
     """Limits of a joint that moves; of one that does not, only whether it stands between them."""
-    limit = joint.find("limit")
-    if limit is None:
-        if moves:
-            yield where.fault(
-                "has no <limit>", 'add <limit lower="…" upper="…" effort="…" velocity="…"/>'
-            )
-        return
-    wrong = [
-        fault for key in ("lower", "upper") for fault in _of_numbers(limit, key, "0", 1, where)
-    ]
+    ends = ("lower", "upper")
+    wrong = [fault for key in ends for fault in _of_numbers(limit, key, "0", 1, joint)]
     yield from wrong
-    lower, upper = (
-        (math.nan, math.nan)
-        if wrong
-        else (float(numbers(limit, key, "0")[0]) for key in ("lower", "upper"))
-    )
+    lower, upper = (math.nan if wrong else float(numbers(limit, key, "0")[0]) for key in ends)
     if moves and lower >= upper:
-        yield where.fault(
-            f"limits [{lower:g}, {upper:g}] are empty", "lower must be below upper", limit
-        )
+        problem = f"limits [{lower:g}, {upper:g}] are empty"
+        yield joint.fault(problem, "lower must be below upper", limit)
     if moves is False and not wrong and not lower <= frozen <= upper:
         problem = f"is frozen at {frozen:g}, outside its limits [{lower:g}, {upper:g}]"
-        meant = frozen * deg  # of a joint that turns, in degrees
-        degrees = (
-            joint.get("type") == "revolute"
-            and abs(frozen) > 2 * math.pi
-            and lower <= meant <= upper
-        )
-        remedy = (
-            f"it looks like degrees: write {meant:.6g} rad"
-            if degrees
-            else "give frozen another value"
-        )
-        yield where.fault(problem, remedy, limit)
+        remedy, turns = "give frozen another value", joint.element.get("type") == "revolute"
+        if turns and abs(frozen) > 2 * math.pi and lower <= frozen * deg <= upper:
+            remedy = f"it looks like degrees: write {frozen * deg:.6g} rad"
+        yield joint.fault(problem, remedy, limit)
     for key in ("effort", "velocity") if moves else ():
-        wrong = list(_of_numbers(limit, key, "0", 1, where))
+        wrong = list(_of_numbers(limit, key, "0", 1, joint))
         yield from wrong
         if not wrong and (value := float(numbers(limit, key, "0")[0])) < 0:
-            yield where.fault(
-                f"{key} {value:g} is negative", f"give a limit with {key} ≥ 0", limit
-            )
+            remedy = f"give a limit with {key} ≥ 0"
+            yield joint.fault(f"{key} {value:g} is negative", remedy, limit)
 
 
-def _of_inertial(link: ET.Element, where: Where) -> Iterator[MachineFileError]:
-    inertial = link.find("inertial")
+def _of_inertial(link: Part) -> Iterator[MachineFileError]:
+    inertial = link.element.find("inertial")
     if inertial is None:
         return
-    yield from _of_origin(inertial, where)
+    yield from _of_origin(inertial, link)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
-        yield where.fault(
-            "<inertial> lacks <mass> or <inertia>", "give both, or no <inertial>", inertial
-        )
+        problem = "<inertial> lacks <mass> or <inertia>"
+        yield link.fault(problem, "give both, or no <inertial>", inertial)
     if mass is not None:
-        wrong = list(_of_numbers(mass, "value", "", 1, where))
+        wrong = list(_of_numbers(mass, "value", "", 1, link))
         yield from wrong
         if not wrong and (value := float(numbers(mass, "value", "")[0])) < 0:
-            yield where.fault(f"mass {value:g} kg is negative", "give a mass ≥ 0 kg", mass)
+            yield link.fault(f"mass {value:g} kg is negative", "give a mass ≥ 0 kg", mass)
     if inertia is not None:
-        yield from _of_inertia(inertia, where)
+        yield from _of_inertia(inertia, link)
 
 
-def _of_inertia(inertia: ET.Element, where: Where) -> Iterator[MachineFileError]:
+def _of_inertia(inertia: ET.Element, link: Part) -> Iterator[MachineFileError]:
     keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    wrong = [fault for key in keys for fault in _of_numbers(inertia, key, "", 1, where)]
+    wrong = [fault for key in keys for fault in _of_numbers(inertia, key, "", 1, link)]
     yield from wrong
     if wrong:
         return
@@ -320,35 +290,31 @@ def _of_inertia(inertia: ET.Element, where: Where) -> Iterator[MachineFileError]
     principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     slack = 1e-6 * float(np.abs(principal).max()) + 1e-12
     if principal[0] < -slack or principal[2] > principal[0] + principal[1] + slack:
-        yield where.fault(
-            f"no body has principal inertias {principal[0]:g}, {principal[1]:g}, {principal[2]:g}"
-            " kg m²",
-            "each must be ≥ 0 and at most the sum of the other two",
-            inertia,
-        )
+        values = ", ".join(f"{value:g}" for value in principal)
+        problem = f"no body has principal inertias {values} kg m²"
+        yield link.fault(problem, "each must be ≥ 0 and at most the sum of the other two", inertia)
 
 
 def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
+    """Joints that do not join two links, then what keeps the links from being one tree."""
     links = [link.get("name", "") for link in robot.findall("link")]
     parents: dict[str, str] = {}
     whole = True
-    for where in _each(robot, "joint", source):
+    for joint in _parts(robot, "joint", source):
         ends = {}
         for end in ("parent", "child"):
-            found = where.element.find(end)
-            link = None if found is None else found.get("link")
+            element = joint.element.find(end)
+            link = None if element is None else element.get("link")
             if link is None:
-                yield where.fault(f"has no {end}", f'add <{end} link="…"/>')
+                yield joint.fault(f"has no {end}", f'add <{end} link="…"/>')
             elif link not in links:
-                yield where.fault(
-                    f'{end} link "{link}" does not exist', choose(link, links), found
-                )
+                problem = f'{end} link "{link}" does not exist'
+                yield joint.fault(problem, choose(link, links), element)
             else:
                 ends[end] = link
         if ends.get("child") in parents:
-            yield where.fault(
-                f'link "{ends["child"]}" has two parents', "a URDF is a tree: one parent each"
-            )
+            problem = f'link "{ends["child"]}" has two parents'
+            yield joint.fault(problem, "a URDF is a tree: one parent each")
         elif len(ends) == 2:
             parents[ends["child"]] = ends["parent"]
             continue
@@ -360,24 +326,19 @@ def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
 def _of_roots(
     links: Sequence[str], parents: Mapping[str, str], source: str
 ) -> Iterator[MachineFileError]:
-    """No link or several without a parent.
-
-    Links that no root carries because they carry each other.
-    """
+    """No or several roots, and links that no root carries because they carry each other."""
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
-        named = f" ({', '.join(roots)})" if roots else ""
-        yield MachineFileError(
-            source, f"{len(roots)} root links{named}", "one link must have no parent"
-        )
+        problem = f"{len(roots)} root links" + (f" ({', '.join(roots)})" if roots else "")
+        yield MachineFileError(source, problem, "one link must have no parent")
     lost: dict[frozenset[str], list[str]] = {}
     for link in links:
-        below = [link]
-        while below[-1] in parents and parents[below[-1]] not in below:
-            below.append(parents[below[-1]])
-        if below[-1] in parents:  # its parent has been met: from there on it is a ring
-            ring = frozenset(below[below.index(parents[below[-1]]) :])
+        upwards = [link]
+        while upwards[-1] in parents and parents[upwards[-1]] not in upwards:
+            upwards.append(parents[upwards[-1]])
+        if upwards[-1] in parents:  # its parent has been met: from there on it is a ring
+            ring = frozenset(upwards[upwards.index(parents[upwards[-1]]) :])
             lost.setdefault(ring, []).append(link)
     for members in lost.values():
-        words = f"links {', '.join(members)} are not connected to the root"
-        yield MachineFileError(source, words, "a URDF is one tree: no link may carry itself")
+        problem = f"links {', '.join(members)} are not connected to the root"
+        yield MachineFileError(source, problem, "a URDF is one tree: no link may carry itself")

@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -35,24 +36,21 @@ def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[A
     Raises:
         ArmDesignError: no folder can be written, and matplotlib needs one for its fonts.
     """
-    _choose_font_cache()
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except OSError:
-        raise ArmDesignError(
-            "matplotlib",
-            "no folder can be written for its list of fonts",
-            "set MPLCONFIGDIR to a folder that can",
-        ) from None
+    choose_font_cache()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
     fig = Figure(figsize=(width * columns, height), layout="constrained")
     FigureCanvasAgg(fig)
     return fig, fig.subplots(1, columns, squeeze=False)[0]
 
 
-def _choose_font_cache() -> None:
-    """Give matplotlib a lasting folder where the user's home cannot be written."""
+def choose_font_cache() -> None:
+    """Give matplotlib a lasting folder where the user's home cannot be written.
+
+    Raises:
+        ArmDesignError: no folder can be written.
+    """
     home = Path(os.path.expanduser(os.environ.get("XDG_CONFIG_HOME") or "~/.config"))
     existing = next((folder for folder in (home, *home.parents) if folder.is_dir()), home)
     if (
@@ -67,6 +65,12 @@ def _choose_font_cache() -> None:
             if user_folders.made(cache) and user_folders.writable(cache):
                 os.environ["MPLCONFIGDIR"] = str(cache)
                 return
+    try:
+        tempfile.gettempdir()  # the last place where matplotlib looks itself
+    except FileNotFoundError:
+        problem = "no folder can be written for its list of fonts"
+        remedy = "set MPLCONFIGDIR to a folder that can"
+        raise ArmDesignError("matplotlib", problem, remedy) from None
 
 
 def save(fig: Any, path: Path) -> Path:

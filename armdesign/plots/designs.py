@@ -111,7 +111,7 @@ def trade_off(front: Pareto, ax: Any = None) -> Any:
     ax.plot(now, today, "*", ms=15, color=INK, label="today's machine")
     if front.robust:
         banded = front.frame["banded_hz"]
-        ax.plot(limits, banded, "o:", color=MARK, label="best design, worst case of the bands")
+        ax.plot(limits, banded, "o:", color=MARK, label="best design, worst within the bands")
         ax.plot(now, first.band_before.low.frequency, "*", ms=9, color=INK)
     if front.against == "oil":
         shares = np.linspace(min(*limits, now), max(*limits, now), 60)

@@ -1,4 +1,4 @@
-"""Two machines, or two versions of one, side by side: frequencies, what limits, what differs in their files."""
+"""Two machines, or two versions of one: frequencies, limiting cylinders, differing values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
 from armdesign.machine import machine_file
 from armdesign.machine.machine import Machine
-from armdesign.report.designs import loads_sheet
+from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
@@ -37,7 +37,7 @@ class Comparison:
     def differences(self) -> dict[str, tuple[Any, Any]]:
         """Values of the machine files that differ, by key path, in the files' units.
 
-        None where a file has none.
+        A value is None where a file has none.
         """
         one, other = (machine_file.flat(m.machine.section) for m in self.maps.values())
         paths = [*one, *(path for path in other if path not in one)]
@@ -49,7 +49,7 @@ class Comparison:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """Every quantity that is compared, one row each: its name, SI unit, both values, relative change.
+        """One row for each compared quantity: name, SI unit, both values, relative change.
 
         Values of the files follow as they are written there, in the unit that their key names:
         their unit is "file".
@@ -60,7 +60,7 @@ class Comparison:
         one, other = (_quantities(m) for m in self.maps.values())
         for name in [*one, *(name for name in other if name not in one)]:
             unit = (one.get(name) or other[name])[1]
-            rows.append((name, unit, *(found.get(name, (None,))[0] for found in (one, other))))
+            rows.append((name, unit, *(values.get(name, (None,))[0] for values in (one, other))))
         rows += [
             (path, "file", *(_words(v) for v in values))
             for path, values in self.differences.items()
@@ -110,7 +110,7 @@ class Comparison:
                 change = 100 * (cases[1][2].frequency / cases[0][2].frequency - 1)
                 rows.append(("", "change", f"{change:+.1f} %", "", ""))
         note = (
-            "both in the workspace of the first"
+            "both in the workspace of the first machine"
             if self.same_workspace
             else "each in its own workspace"
         )
@@ -136,7 +136,7 @@ class Comparison:
             for name in names
         ]
         return Sheet(
-            title="Poses that each cylinder limits",
+            title="Share of poses that each cylinder limits",
             columns=("cylinder", *self.maps),
             rows=tuple(rows),
         )
@@ -145,11 +145,11 @@ class Comparison:
         rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
         hidden = len(rows) - SHOWN
         urdfs = {m.machine.urdf_text for m in self.maps.values()}
-        notes = ["as the files have them, each in the unit that its key names"] if rows else []
+        notes = ["values as in the files, each in the unit that its key names"] if rows else []
         notes += [f"{hidden} more in compare.csv"] if hidden > 0 else []
         notes += ["the URDFs differ too"] if len(urdfs) > 1 else []
         return Sheet(
-            title="What differs in the files" if rows else "The files say the same",
+            title="Differences of the files" if rows else "The files do not differ",
             columns=("key", *self.maps) if rows else (),
             rows=tuple(rows[:SHOWN]),
             note="; ".join(notes),
@@ -199,28 +199,28 @@ def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     from armdesign.design.requirements.check import digging_forces
 
     machine = frequencies.machine
-    found: dict[str, tuple[Any, str]] = {}
+    values: dict[str, tuple[Any, str]] = {}
     spread = frequencies.percentiles((5, 50, 95))
     for payload, worst in frequencies.worst_of.items():
-        found[f"{payload}.worst"] = (worst.frequency, "Hz")
-        found[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
-        for joint, value in zip(machine.arm.joints, worst.q, strict=True):
-            found[f"{payload}.worst.{joint.name}"] = (
-                float(value),
+        values[f"{payload}.worst"] = (worst.frequency, "Hz")
+        values[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
+        for joint, position in zip(machine.arm.joints, worst.q, strict=True):
+            values[f"{payload}.worst.{joint.name}"] = (
+                float(position),
                 "rad" if joint.revolute else "m",
             )
         for percent, value in zip((5, 50, 95), spread.loc[payload], strict=True):
-            found[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
+            values[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():
-        found[f"limiting.{name}"] = (float(share), "")
+        values[f"limiting.{name}"] = (float(share), "")
     forces = digging_forces(machine)
     for c in machine.cylinders:
-        found[f"{c.name}.oil_cap"] = (c.bore_area * c.stroke, "m³")
-        found[f"{c.name}.oil_annulus"] = (c.annulus_area * c.stroke, "m³")
-        found[f"{c.name}.thrust"] = (machine.supply.pressure * c.bore_area, "N")
+        values[f"{c.name}.oil_cap"] = (c.bore_area * c.stroke, "m³")
+        values[f"{c.name}.oil_annulus"] = (c.annulus_area * c.stroke, "m³")
+        values[f"{c.name}.thrust"] = (machine.supply.pressure * c.bore_area, "N")
         if c.name in forces:
-            found[f"{c.name}.tool_force"] = (forces[c.name], "N")
-    return found
+            values[f"{c.name}.tool_force"] = (forces[c.name], "N")
+    return values
 
 
 def _words(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""Sheets of an inspected machine file: what it amounts to and what looks odd."""
+"""Sheets of an inspected machine file: its properties and implausible values."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 
 def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:
-    """What a machine file amounts to, and what looks odd in it, which comes first where all else may follow from it."""
-    odd = [_oddities(inspection, units)]
+    """Properties of a machine, and implausible values: first where others may follow from them."""
+    implausible = [_implausible(inspection, units)]
     sheets = [
         _summary(inspection, units),
         _masses(inspection, units),
@@ -23,7 +23,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         _levers(inspection, units),
         _static_loads(inspection, units),
     ]
-    return [*odd, *sheets] if inspection.suspicions else [*sheets, *odd]
+    return [*implausible, *sheets] if inspection.suspicions else [*sheets, *implausible]
 
 
 def _summary(inspection: Inspection, units: Units) -> Sheet:
@@ -66,11 +66,7 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
     for link, mass in inspection.masses.items():
         carrier = machine.arm.links[link].joint
         rows.append(
-            (
-                f"link {link}",
-                f"{mass:.1f}",
-                machine.joints[carrier] if carrier >= 0 else "stands still",
-            )
+            (f"link {link}", f"{mass:.1f}", machine.joints[carrier] if carrier >= 0 else "fixed")
         )
     for cylinder in machine.cylinders:
         rows += [
@@ -105,7 +101,7 @@ def _joints(inspection: Inspection, units: Units) -> Sheet:
         title="Joint ranges",
         columns=("joint", "from", "ended by", "to", "ended by"),
         rows=tuple(rows),
-        note="in, out: that cylinder is at its end stop",
+        note="in, out: end stop of that cylinder",
     )
 
 
@@ -142,10 +138,10 @@ def _motors(inspection: Inspection, units: Units) -> Sheet:
             "motor",
             "joint",
             "gear ratio",
-            "oil a",
-            "oil b",
+            "oil volume a",
+            "oil volume b",
             "torque at supply",
-            "speed at all the flow",
+            "speed at full flow",
         ),
         rows=tuple(rows),
     )
@@ -183,20 +179,20 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
     return Sheet(
         title="Largest static loads over the workspace",
-        columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of what holds"),
+        columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of capacity"),
         rows=tuple(rows),
         note=(
-            "pressure of the loaded chamber behind a shut valve, the other at return pressure or"
-            " the valve's preload_bar: a simulation starts so; of what holds: static force over"
-            " that of supply against return pressure"
+            "pressure of the loaded chamber behind a shut valve, with the other at return pressure"
+            " or the valve's preload_bar, as at the start of a simulation; of capacity: static"
+            " force over the force of supply against return pressure"
         ),
     )
 
 
-def _oddities(inspection: Inspection, units: Units) -> Sheet:
+def _implausible(inspection: Inspection, units: Units) -> Sheet:
     rows = tuple((finding.part, finding.words) for finding in inspection.findings(units))
     return Sheet(
-        title="What looks odd" if rows else "Nothing looks odd",
+        title="Implausible values" if rows else "No implausible values",
         rows=rows,
-        note="no errors: the file can be used; look at these numbers again" if rows else "",
+        note="not errors: the file can be used, but check these numbers" if rows else "",
     )

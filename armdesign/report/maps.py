@@ -1,4 +1,4 @@
-"""Sheets of a frequency map: the worst pose, the spread, who limits, what the stiffness is made of."""
+"""Sheets of a frequency map: worst pose, percentiles, limiting cylinders, stiffness."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNSTABLE = (
 
 
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
-    """Worst pose, percentiles and the cylinder that limits, of one map."""
+    """Worst pose, percentiles, limiting cylinders and origin of the stiffness, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(actuator for actuator in machine.actuators if actuator.name == worst.cylinder)
@@ -48,7 +48,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
 
 
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
-    """Loads that press a port relief open: there the map's frequency is that of oil which is not held."""
+    """Loads that open a port relief: no valve holds the oil there, which the map assumes."""
     machine, beyond, notes = frequencies.machine, frequencies.beyond_reliefs, []
     for actuator in machine.actuators:
         if actuator.name in beyond:
@@ -56,7 +56,7 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
             where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
             notes.append(
                 f"at {where} {actuator.name} needs more than its relief holds: up to"
-                f" {units.text(most, 'Pa')}, and it opens at"
+                f" {units.text(most, 'Pa')}, the relief opens at"
                 f" {units.text(actuator.relief(machine.supply), 'Pa')}; no valve holds the load"
                 " there"
             )
@@ -64,7 +64,7 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
 
 
 def _rest_note(frequencies: FrequencyMap) -> str:
-    """What a map leaves out of oil with air behind valves that leak, if it matters at the worst pose."""
+    """What oil with air behind leaking valves changes at the worst pose; empty if little."""
     machine, worst = frequencies.machine, frequencies.worst
     valves = {actuator.name: actuator.valve for actuator in machine.actuators}
     leaking = [name for name, valve in valves.items() if valve and valve.leaks]
@@ -73,17 +73,16 @@ def _rest_note(frequencies: FrequencyMap) -> str:
     from armdesign.simulation.linearization import linearize
 
     try:
-        found = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
+        modes = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
     except SimulationError as error:
         return str(error)
-    left = len(found) == len(machine.joints)
-    if left and abs(found[0] - worst.frequency) < NOTABLE * worst.frequency:
+    left = len(modes) == len(machine.joints)
+    if left and abs(modes[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""
     return (
-        "oil with air is as stiff as its pressures make it, taken here as those of the load"
-        f" alone; behind valves that leak or have an underlap ({', '.join(leaking)}) the flow"
-        " makes others: the worst pose then "
-        + (f"has {found[0]:.3f} Hz" if left else "is overdamped")
+        "the stiffness of oil with air depends on pressure, here that of the static load; flow"
+        f" through valves that leak or have an underlap ({', '.join(leaking)}) changes it: the"
+        " worst pose then " + (f"has {modes[0]:.3f} Hz" if left else "is overdamped")
     )
 
 
@@ -113,10 +112,10 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
             ratios.append("".join(f"{value:.2f}" for value in median) or "–")
         rows.append((cylinder.name, f"{100 * shares[cylinder.name]:.1f} %", *ratios))
     return Sheet(
-        title="Which cylinder limits, and what simpler formulas say there",
-        columns=("cylinder", "limits poses", "locked / coupled", "rigid load / coupled"),
+        title="Limiting cylinders, and simpler formulas there",
+        columns=("cylinder", "limits", "locked / coupled", "rigid load / coupled"),
         rows=tuple(rows),
-        note="medians over the poses that the cylinder limits; 1.00 would be right",
+        note="share of poses that the cylinder limits, and medians over them; 1.00 would be exact",
     )
 
 
@@ -136,11 +135,11 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
         if len(share)
     ]
     return Sheet(
-        title="What the stiffness of the lowest mode is made of",
+        title="Origin of the stiffness of the lowest mode",
         columns=("part", "least", "median", "greatest"),
         rows=tuple(rows),
         note=(
-            "shares of each pose's stiffness, all load cases; negative: it softens; every pose is"
-            " in stiffness.csv"
+            "shares of the stiffness at each pose, all load cases; negative: softening; every pose"
+            " is in stiffness.csv"
         ),
     )

@@ -12,9 +12,8 @@ import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements
-from armdesign.design import least
 from armdesign.design.catalogue.sizes import sized, sizes_of
-from armdesign.design.least import AMOUNTS, NARROW, ROOM, amount_of
+from armdesign.design.least import AMOUNTS, NARROW, ROOM, LeastAmount, amount_of
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, cylinder_mass
@@ -210,12 +209,12 @@ def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
     problem = Problem.of(
         machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
     )
-    hunt = least._Hunt(problem=problem, of="oil", frequency=frequency)
-    start, amounts = hunt.least(hunt.free(2, 0, 1)), []
+    searches = LeastAmount(problem=problem, of="oil", frequency=frequency)
+    start, amounts = searches.search(searches.under_today(2, 0, 1)[0]), []
     for pair in itertools.product(sizes, repeat=2):
         chosen = replace(start.problem, sizes=pair)
         try:
-            found = hunt.least(
+            found = searches.search(
                 Search(problem=chosen, x=np.clip(start.x, *chosen.bounds)).run(trust=0.1)
             )
         except InfeasibleError:
@@ -241,7 +240,7 @@ def test_no_combination_is_enough() -> None:
             double(), workspace_of("double"), WIDE, frequency=9, vary=("areas",), catalogue=SIZES
         )
     with pytest.raises(
-        InfeasibleError, match=r"no sizes of the catalogue meet oil.*; nor thrust"
+        InfeasibleError, match=r"no sizes of the catalogue meet oil.*, nor thrust"
     ) as error:
         ad.least(
             double(), workspace_of("double"), frequency=1, vary=("areas",), catalogue=[(0.2, 0.1)]
@@ -251,7 +250,7 @@ def test_no_combination_is_enough() -> None:
 
 def test_out_of_reach() -> None:
     words = (
-        r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; loosen them, .*thrust.*"
+        r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; relax them, .*thrust.*"
         r" first, or ask"
     )
     with pytest.raises(InfeasibleError, match=words):

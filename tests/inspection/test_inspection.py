@@ -13,7 +13,8 @@ import pytest
 
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
-from armdesign.inspection.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect
+from armdesign.inspection.inspection import Inspection, inspect
+from armdesign.inspection.oddities import DEAD_LENGTH_PER_BORE
 from armdesign.machine.machine import Machine
 from armdesign.mechanism import urdf_faults
 from armdesign.report.inspections import check_sheets
@@ -204,7 +205,7 @@ def test_printed(
         "link boom",
         "boom out",
         "350 bar",
-        "What looks odd",
+        "Implausible values",
         "50 % of the poses",
     ):
         assert words in printed
@@ -213,7 +214,7 @@ def test_printed(
 
 
 @pytest.mark.parametrize(
-    ("stroke", "first"), [("1.26", "What looks odd"), ("1260", "20 t crawler excavator")]
+    ("stroke", "first"), [("1.26", "Implausible values"), ("1260", "20 t crawler excavator")]
 )
 def test_what_all_else_may_follow_from_comes_first(
     stroke: str, first: str, tmp_path: Path
@@ -224,7 +225,7 @@ def test_what_all_else_may_follow_from_comes_first(
     file = written(tmp_path, ("stroke_mm = 1260", f"stroke_mm = {stroke}"))
     sheets = check_sheets(inspect(ad.load(file), ad.Workspace.grid(ad.load(file), 3)))
     assert sheets[0].title.startswith(first)
-    assert [sheet.title for sheet in sheets].count("What looks odd") == 1
+    assert [sheet.title for sheet in sheets].count("Implausible values") == 1
     if stroke == "1.26":
         assert "1.26 mm looks like metres: write stroke_mm = 1260" in sheets[0].rows[0][1]
 

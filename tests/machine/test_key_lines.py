@@ -4,6 +4,7 @@ names one.
 
 from __future__ import annotations
 
+import pickle
 import re
 import tomllib
 from pathlib import Path
@@ -249,6 +250,35 @@ def test_errors_of_the_file_say_the_line(old: str, new: str, path: str, tmp_path
     assert one.value.line == line
     assert str(one.value).endswith(f"(line {line})")
     assert any(fault.line == line for fault in faults(tmp_path / "x.toml"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name", "line"),
+    [
+        ('joints = ["boom", "stick",', 'joints = [\n  "boom",\n  "stik",', "stik", 2),
+        ("frozen = { swing", "frozen = { swingg", "swingg", 0),
+    ],
+)
+def test_a_joint_that_the_urdf_lacks_says_the_line_of_the_machine_file(
+    old: str, new: str, name: str, line: int, tmp_path: Path
+) -> None:
+    """Its part is the URDF, which has no such line; `load`, `from_text` and `check` say the
+    same, between processes too.
+    """
+    line += EXCAVATOR.text[: EXCAVATOR.text.index(old)].count("\n") + 1
+    text = EXCAVATOR.text.replace(old, new, 1)
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "excavator_20t.urdf").write_text(EXCAVATOR.urdf_text, encoding="utf-8")
+    with pytest.raises(ad.ArmDesignError) as one:
+        Machine.from_text(text, EXCAVATOR.urdf_text, Path("x.toml"))
+    with pytest.raises(ad.ArmDesignError) as other:
+        ad.load(tmp_path / "x.toml")
+    fault = str(one.value)
+    assert fault.startswith(f"excavator_20t.urdf: joint {name}: is not in the URDF")
+    assert fault.endswith(f" (line {line} of x.toml)")
+    assert str(other.value) == fault
+    assert str(pickle.loads(pickle.dumps(one.value))) == fault
+    assert fault in map(str, faults(tmp_path / "x.toml"))
 
 
 def test_replace_says_the_line_of_the_file_and_generated_files_none() -> None:

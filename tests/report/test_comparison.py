@@ -44,7 +44,7 @@ def test_values_of_the_files_stay_in_the_files_units() -> None:
     found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 3)
     for units in (WORKSHOP, SI):
         sheet = next(
-            sheet for sheet in found.sheets(units) if sheet.title == "What differs in the files"
+            sheet for sheet in found.sheets(units) if sheet.title == "Differences of the files"
         )
         assert sheet.rows == (("cylinder.boom.bore_mm", "120", "126"),)
         assert "in the unit that its key names" in sheet.note
@@ -85,7 +85,7 @@ def test_a_machine_and_itself() -> None:
     assert found.differences == {}
     assert list(found.maps) == ["excavator_20t A", "excavator_20t B"]
     assert (found.frame["change"].dropna() == 0).all()
-    assert "The files say the same" in [sheet.title for sheet in found.sheets()]
+    assert "The files do not differ" in [sheet.title for sheet in found.sheets()]
 
 
 @pytest.mark.parametrize("plane", ["joints", "reach"])

@@ -1,4 +1,4 @@
-"""What the requirements ask of one cylinder alone, over boxes of shapes (``shapes``) and for swept volumes v = A S.
+"""What the requirements ask of one cylinder alone, over boxes of shapes (``cylinder_shape``) and for swept volumes v = A S.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
-from armdesign.design.bound.mass_enclosure import Barred
+from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.convex_relaxation import buckling_factor
 from armdesign.design.program.problem import Problem
@@ -24,7 +24,7 @@ HOLDING_ANGLES = 5  # of most push and pull today
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OwnLimits:
+class CylinderConstraints:
     """Limits of one cylinder; sides are cap and annulus.
 
     Attributes:
@@ -66,8 +66,8 @@ class OwnLimits:
         """
         kept = np.arange(len(low))
         scale = Interval(low[:, 2], high[:, 2])
-        if self.shape.boxes is not None:
-            scale = self.shape.boxes.scales(low[:, :2], high[:, :2], scale)
+        if self.shape.pin_boxes is not None:
+            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
             kept = np.flatnonzero(~(scale.low > scale.high))
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
         scale = self._long_enough(e, scale[kept])
@@ -162,7 +162,9 @@ def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tup
     return np.stack([cap, annulus], axis=2), possible
 
 
-def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimits | None:
+def cylinder_constraints(
+    problem: Problem, i: int, bars: Sequence[BarEnclosure] = ()
+) -> CylinderConstraints | None:
     """Limits of cylinder ``i``, each wider by ``CONSTRAINT_TOLERANCE``, whatever ``bars`` weigh.
 
     None where its shape is not known.
@@ -194,7 +196,7 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
         np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2),
         ((0, 0), (2 + len(ranged), 0)),
     )
-    return OwnLimits(
+    return CylinderConstraints(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
         volume=r.oil_each_share * today * cylinder.stroke * more,
@@ -210,7 +212,7 @@ def own_limits(problem: Problem, i: int, bars: Sequence[Barred] = ()) -> OwnLimi
     )
 
 
-def _holding(problem: Problem, i: int, bars: Sequence[Barred]) -> tuple[Array, Array]:
+def _holding(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> tuple[Array, Array]:
     """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m].
 
     The greatest that some load asks for at least, and the least that some load asks for at most.

@@ -9,35 +9,35 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.branch_and_bound import Selection, select
-from armdesign.design.catalogue.separable import TOLERANCE, choices
+from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
+from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered
+from armdesign.design.catalogue.slack_sums import TOLERANCE
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.multistart import MISSED, Starts, finished, led_back, multistart
-from armdesign.design.search.semidefinite import StepProgramme
-from armdesign.design.search.sequential_sdp import Search
+from armdesign.design.search.infeasibility.restoration import restore_feasibility
+from armdesign.design.search.multistart import Starts, multistart, run_to_end
+from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 
 TURNS = 5  # of choosing sizes for pins and pins for sizes
-Taken: TypeAlias = tuple[
-    tuple[float, float] | None, ...
-]  # bore and rod [m] of cylinders whose size is chosen
-BORES, RODS = (
-    2,
-    2,
-)  # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
+# nearest bores, and rods for each, that are tried on a cylinder while the pins follow
+BORES, RODS = 2, 2
+
+# bore and rod [m] of each cylinder; None where any size may be
+ChosenSizes: TypeAlias = tuple[tuple[float, float] | None, ...]
 
 
-def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, Selection]:
+def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, SizeSelection]:
     """The best sizes of a catalogue where nothing else varies, with their proof.
 
     Raises:
         ArmDesignError: no size varies, or forces depend on the sizes.
         InfeasibleError: no combination meets the requirements.
     """
-    refuse_fixed(problem)
-    found = _selected(problem, problem.vector.start, sizes)
-    return _sized(problem, problem.vector.start, found.sizes).run(trust=0.02, looks=1), found
+    refuse_fixed_sizes(problem)
+    selection = _best_sizes(problem, problem.vector.start, sizes)
+    search = _search_with(problem, problem.vector.start, selection.sizes).run(trust=0.02, looks=1)
+    return search, selection
 
 
 def sizes_and_pins(
@@ -46,7 +46,7 @@ def sizes_and_pins(
     starts: int | None,
     seed: int,
     workers: int,
-    start: tuple[Array, Taken] | None = None,
+    start: tuple[Array, ChosenSizes] | None = None,
 ) -> tuple[Search, Starts]:
     """Sizes of a catalogue and the pins for them; and what each start came to with free sizes.
 
@@ -59,46 +59,40 @@ def sizes_and_pins(
     Raises:
         ArmDesignError: no size varies, or forces depend on the sizes.
     """
-    refuse_fixed(problem)
-    best, came_to = multistart(problem, starts, seed, workers, start and start[0])
-    return with_sizes(led_back(best), sizes, start), came_to
+    refuse_fixed_sizes(problem)
+    best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
+    return with_sizes(restore_feasibility(best), sizes, start), outcomes
 
 
-def with_sizes(search: Search, sizes: Sizes, start: tuple[Array, Taken] | None = None) -> Search:
+def with_sizes(
+    search: Search, sizes: Sizes, start: tuple[Array, ChosenSizes] | None = None
+) -> Search:
     """The best design with sizes of a catalogue, from one with free sizes.
 
     It may miss a requirement.
 
     One cylinder after the other takes a size while the rest follows; or all of them as today's
-    pins want them; or as in ``start``. The best of these is ``bettered``.
+    pins want them; or as in ``start``. The best of these goes through ``improve_in_turn``.
     """
     problem = search.problem
-    found = [finished(_nearest(search, sizes), trust=0.05)]
+    searches = [run_to_end(_cylinder_by_cylinder(search, sizes), trust=0.05)]
     if start and _in_catalogue(problem, start[1], sizes):
-        found.append(finished(_sized(problem, *start), trust=0.1))
+        searches.append(run_to_end(_search_with(problem, *start), trust=0.1))
     try:
-        chosen = _selected(problem, problem.vector.start, sizes)
-        found.append(finished(_sized(problem, problem.vector.start, chosen.sizes), trust=0.1))
+        selection = _best_sizes(problem, problem.vector.start, sizes)
+        of_today = _search_with(problem, problem.vector.start, selection.sizes)
+        searches.append(run_to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
-    return bettered(max(found, key=_rank), sizes)
+    return improve_in_turn(max(searches, key=_rank), sizes)
 
 
-def _in_catalogue(problem: Problem, taken: Taken, sizes: Sizes) -> bool:
-    """Whether every cylinder has a size, and one that it is offered."""
-    cylinders = problem.machine.cylinders
-    pairs = zip(cylinders, taken, problem.vector.resized, strict=False)  # motors have none
-    return len(taken) == len(cylinders) and all(
-        size in offered(c, sizes, *free) for c, size, free in pairs
-    )
-
-
-def bettered(search: Search, sizes: Sizes) -> Search:
+def improve_in_turn(search: Search, sizes: Sizes) -> Search:
     """Sizes and pins found in turn, and one size after the other taken anew, until nothing is better."""
-    return _one_by_one(_in_turn(search, sizes), sizes)
+    return _one_by_one(_alternate(search, sizes), sizes)
 
 
-def refuse_fixed(problem: Problem) -> None:
+def refuse_fixed_sizes(problem: Problem) -> None:
     """Raise where no size varies.
 
     Raises:
@@ -110,13 +104,19 @@ def refuse_fixed(problem: Problem) -> None:
         )
 
 
-def _nearest(search: Search, sizes: Sizes) -> Search:
-    """Sizes of the catalogue near those of a search, cylinder by cylinder, the largest first.
+def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
+    """Whether every cylinder has a size, and one that it is offered."""
+    cylinders = problem.machine.cylinders
+    pairs = zip(cylinders, chosen, problem.vector.resized, strict=False)  # motors have none
+    return len(chosen) == len(cylinders) and all(
+        size in offered(c, sizes, *free) for c, size, free in pairs
+    )
 
-    The rest follows.
-    """
+
+def _cylinder_by_cylinder(search: Search, sizes: Sizes) -> Search:
+    """Sizes of the catalogue near those of a search, the largest cylinder first, while the rest follows."""
     for i in _largest_first(search):
-        search = _taken(search, i, sizes)
+        search = _best_near_size(search, i, sizes)
     return search
 
 
@@ -127,38 +127,37 @@ def _largest_first(search: Search) -> list[int]:
     )
 
 
-def _taken(search: Search, i: int, sizes: Sizes) -> Search:
+def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
     """The best of the sizes near that of a cylinder in a search, each tried while the rest follows."""
-    tried = [
-        _with_size(search, i, size).run(trust=0.1, tolerance=1e-3, looks=2)
-        for size in _near(search, i, sizes)
-    ]
+    tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
     return max(tried, key=_rank)
 
 
-def _near(search: Search, i: int, sizes: Sizes) -> Sizes:
+def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:
     """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
     cylinder = search.problem.machine.cylinders[i]
     cap, annulus = search.problem.vector.areas(search.x)[i]
-    bore, stoutness = (
-        cylinder.bore * math.sqrt(search.x[2 * i]),
-        math.sqrt(max(1 - annulus / cap, 0.0)),
-    )
+    wanted = cylinder.bore * math.sqrt(search.x[2 * i])
+    stoutness = math.sqrt(max(1 - annulus / cap, 0.0))
     rods: dict[float, list[float]] = {}
-    for size in offered(cylinder, sizes, *search.problem.vector.resized[i]):
-        rods.setdefault(size[0], []).append(size[1])
+    for bore, rod in offered(cylinder, sizes, *search.problem.vector.resized[i]):
+        rods.setdefault(bore, []).append(rod)
     return tuple(
-        (own, rod)
-        for own in sorted(rods, key=lambda b: abs(b - bore))[:BORES]
-        for rod in sorted(rods[own], key=lambda r: abs(r / own - stoutness))[:RODS]
+        (bore, rod)
+        for bore in sorted(rods, key=lambda b: abs(b - wanted))[:BORES]
+        for rod in sorted(rods[bore], key=lambda r: abs(r / bore - stoutness))[:RODS]
     )
 
 
 def _with_size(search: Search, i: int, size: tuple[float, float] | None) -> Search:
     """A search from where another stands, with another size of one cylinder; any if None."""
-    taken = list(search.problem.sizes or [None] * len(search.problem.machine.cylinders))
-    taken[i] = size
-    return _sized(search.problem, search.x, tuple(taken), search.programme)
+    chosen = list(search.problem.sizes or [None] * len(search.problem.machine.cylinders))
+    chosen[i] = size
+    return _search_with(search.problem, search.x, tuple(chosen))
+
+
+def _roughly(search: Search) -> Search:
+    return search.run(trust=0.1, tolerance=1e-3, looks=2)
 
 
 def _one_by_one(search: Search, sizes: Sizes) -> Search:
@@ -166,26 +165,24 @@ def _one_by_one(search: Search, sizes: Sizes) -> Search:
     for _ in range(TURNS):
         before = search.problem.sizes
         for i in _largest_first(search):
-            other = _taken(
-                _with_size(search, i, None).run(trust=0.1, tolerance=1e-3, looks=2), i, sizes
-            )
+            other = _best_near_size(_roughly(_with_size(search, i, None)), i, sizes)
             if other.problem.sizes != search.problem.sizes:
-                search = max(search, finished(other, trust=0.05), key=_rank)
+                search = max(search, run_to_end(other, trust=0.05), key=_rank)
         if search.problem.sizes == before:
             break
     return search
 
 
-def _in_turn(search: Search, sizes: Sizes) -> Search:
+def _alternate(search: Search, sizes: Sizes) -> Search:
     """Sizes chosen anew for the pins and pins tuned for these sizes, until neither changes."""
     for _ in range(TURNS):
         try:
-            chosen = _selected(search.problem, search.x, sizes)
+            selection = _best_sizes(search.problem, search.x, sizes)
         except InfeasibleError:  # by less than the search lets pass
             break
-        if chosen.sizes == search.problem.sizes:
+        if selection.sizes == search.problem.sizes:
             break
-        other = finished(_sized(search.problem, search.x, chosen.sizes), trust=0.1)
+        other = run_to_end(_search_with(search.problem, search.x, selection.sizes), trust=0.1)
         if _rank(other) <= _rank(search):
             break
         search = other
@@ -196,9 +193,9 @@ def _rank(search: Search) -> tuple[bool, float]:
     return search.violation <= MISSED, search.merit
 
 
-def _selected(problem: Problem, x: Array, sizes: Sizes) -> Selection:
+def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:
     """The best sizes for the pins of x."""
-    offered = choices(
+    allowed = allowed_sizes(
         problem.vector.with_pins(x),
         problem.machine,
         problem.workspace,
@@ -208,12 +205,10 @@ def _selected(problem: Problem, x: Array, sizes: Sizes) -> Selection:
         tolerance=MISSED if problem.vector.moving else TOLERANCE,
         free=problem.vector.resized,
     )
-    return select(offered, problem.dynamics.bands)
+    return select(allowed, problem.dynamics.bands)
 
 
-def _sized(
-    problem: Problem, x: Array, sizes: Taken, programme: StepProgramme | None = None
-) -> Search:
+def _search_with(problem: Problem, x: Array, sizes: ChosenSizes) -> Search:
     """A search from the pins of x with sizes that are chosen."""
     fixed = replace(problem, sizes=sizes)
-    return Search(problem=fixed, x=np.clip(x, *fixed.bounds), programme=programme)
+    return Search(problem=fixed, x=np.clip(x, *fixed.bounds))

@@ -15,7 +15,7 @@ from armdesign.design.program.problem import Problem
 ANGLES = 400  # tried between the pins as found and the least move, where the box is in the way
 
 
-def settled(problem: Problem, x: Array) -> Array:
+def least_moved_pins(problem: Problem, x: Array) -> Array:
     """The design of the same lengths and moment arms as x whose pins lie as near to today's as the box allows.
 
     A cylinder keeps its pins where not all of them may move in the plane in which their joint
@@ -23,26 +23,25 @@ def settled(problem: Problem, x: Array) -> Array:
     of single pins.
     """
     x, r = x.copy(), problem.requirements
-    felt = problem.vector.moving_masses or r.outlines or r.clearances or r.pin_boxes
-    for i in problem.vector.moving if not felt else ():
+    noticed = problem.vector.moving_masses or r.outlines or r.clearances or r.pin_boxes
+    for i in problem.vector.moving if not noticed else ():
         entries, centres, mirrored = _turnable(problem, i)
         if len(entries) == 0:
             continue
         today = _levers(problem, problem.vector.start, i, centres, mirrored)
-        found = _levers(problem, x, i, centres, mirrored)
-        turned = _least(found, today, problem.vector.pin_box)
-        moved = (turned - today) / problem.vector.pin_box
-        x[entries[:, 0]], x[entries[:, 1]] = (
-            moved.real,
-            np.where(mirrored, -moved.imag, moved.imag),
-        )
+        levers = _levers(problem, x, i, centres, mirrored)
+        moved = (
+            _turned_towards(levers, today, problem.vector.pin_box) - today
+        ) / problem.vector.pin_box
+        x[entries[:, 0]] = moved.real
+        x[entries[:, 1]] = np.where(mirrored, -moved.imag, moved.imag)
     return x
 
 
-def _least(found: Array, today: Array, box: float) -> Array:
+def _turned_towards(levers: Array, today: Array, box: float) -> Array:
     """Levers (as complex numbers) turned together to the least sum of squared moves, or towards it within the box."""
-    angle = np.angle(np.sum(np.conj(found) * today))
-    turned = found * np.exp(1j * np.linspace(0.0, angle, ANGLES))[:, None]
+    angle = np.angle(np.sum(np.conj(levers) * today))
+    turned = levers * np.exp(1j * np.linspace(0.0, angle, ANGLES))[:, None]
     moved = turned - today
     reach = np.maximum(np.abs(moved.real), np.abs(moved.imag)).max(axis=1)
     outside = np.flatnonzero(reach > max(box, reach[0]))

@@ -1,9 +1,9 @@
-"""Searches from several starts, taken to their end: what ``optimize``, catalogues and the reverse question share."""
+"""Multistart: the design problem formulated, and searched from several starts to its end."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,27 +12,25 @@ from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.canonical_pins import settled
-from armdesign.design.search.elastic import Elastic
-from armdesign.design.search.refusal import kept_within, refusal
+from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
-from armdesign.design.search.slsqp import polish
+from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
-POLISHED = 4  # times at most, where four-bars move
+DRAWN = (
+    0.7  # share of the pin box in which starts are drawn; a start is shrunk by it until it closes
+)
+CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 GAINED = 1e-5  # of today's lowest ω², by the last of them
 NAMED = 3  # requirements, of a start that failed
-MISSED = 1e-5  # by which a search may miss a requirement
-# share of what is missed that a step must promise, where a design that meets all is sought
-EXACT = 1e-6
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
-def posed(
+def formulate(
     machine: Machine,
     workspace: Workspace | None,
     requirements: Requirements | None,
@@ -40,9 +38,7 @@ def posed(
     proportional: bool = False,
     bands: Bands | None = None,
 ) -> Problem:
-    """The design problem.
-
-    Where no workspace or requirements are given, the default grid and those of the file.
+    """The design problem; with the default grid and the file's requirements where none are given.
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a requirement
@@ -64,9 +60,11 @@ def posed(
 
 @dataclass(frozen=True)
 class Starts:
-    """What the starts of a search came to: worst frequencies [Hz] of those that ended where all requirements are met.
+    """What the starts of a search came to.
 
-    And of every other one why it failed, in words.
+    Attributes:
+        reached: worst frequencies [Hz] where all requirements are met.
+        failed: of every other start why it failed, in words.
     """
 
     reached: tuple[float, ...] = ()
@@ -74,11 +72,10 @@ class Starts:
 
     @classmethod
     def of(cls, searches: Sequence[Search]) -> Starts:
-        """Of searches that are finished, or were left because others are better."""
-        return cls(
-            tuple(hertz(s.squared) for s in searches if not _failure(s)),
-            tuple(_failure(s) for s in searches if _failure(s)),
-        )
+        """Outcomes of searches that ended, or were left because others are better."""
+        failures = [_failure(search) for search in searches]
+        reached = [hertz(s.squared) for s, why in zip(searches, failures, strict=True) if not why]
+        return cls(tuple(reached), tuple(why for why in failures if why))
 
 
 def _failure(search: Search) -> str:
@@ -92,72 +89,78 @@ def _failure(search: Search) -> str:
 def multistart(
     problem: Problem, starts: int | None, seed: int, workers: int, given: Array | None = None
 ) -> tuple[Search, Starts]:
-    """The best of several starts, finished; and what each start came to.
+    """The best of several starts, run to its end; and what each start came to.
 
     They are the one ``given``, if any, today's machine and random pins; as many as told, or more
-    where four-bars move. Every start is followed roughly; those that come near the best are
-    polished and finished.
+    where four-bars move. Every start is followed roughly; those that come near the best are run
+    to their end, along what bends too.
     """
+    searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
+    searches = _follow_all(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
+    least = max(s.merit for s in searches) - NEAR
+    near = [k for k, search in enumerate(searches) if search.merit >= least]
+    followed = _follow_all(
+        [searches[k] for k in near], workers, curved=True, trust=0.05, tolerance=1e-5
+    )
+    for k, search in zip(near, followed, strict=True):
+        searches[k] = search
+    best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
+    return with_least_moved_pins(best), Starts.of(searches)
+
+
+def _start_designs(
+    problem: Problem, starts: int | None, seed: int, given: Array | None
+) -> list[Array]:
+    """The designs that searches start from."""
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.vector.variables])
-    searches = [] if given is None else [Search(problem=problem, x=given)]
+    designs = [] if given is None else [given]
     if starts is None:
         starts = BENDING if problem.vector.moves_within else STARTS
-    for k in range((max(starts, 1) if problem.vector.moving else 1) - len(searches)):
+    for k in range((max(starts, 1) if problem.vector.moving else 1) - len(designs)):
         x = problem.vector.start.copy()
-        x[moving] = random.uniform(-0.7, 0.7, moving.sum()) if k > 0 else 0.0
+        x[moving] = random.uniform(-DRAWN, DRAWN, moving.sum()) if k > 0 else 0.0
         x = np.clip(x, *problem.bounds)
         while not problem.vector.closes(x):
-            x[moving] *= 0.7
-        searches.append(Search(problem=problem, x=x))
-    _run(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
-    near = max(s.merit for s in searches) - NEAR
-    _run(
-        [s for s in searches if s.merit >= near], workers, curved=True, trust=0.05, tolerance=1e-5
-    )
-    best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
-    came_to = Starts.of(searches)
-    return _with_least_moves(best), came_to
+            x[moving] *= DRAWN
+        designs.append(x)
+    return designs
 
 
-def finished(search: Search, trust: float) -> Search:
-    """The search run to its end."""
-    return _with_least_moves(search.run(trust=trust, tolerance=1e-5))
+def run_to_end(search: Search, trust: float) -> Search:
+    """The search run until nothing is gained, with the equal design whose pins move least."""
+    return with_least_moved_pins(search.run(trust=trust, tolerance=1e-5))
 
 
-def _with_least_moves(search: Search) -> Search:
-    """The equal design whose pins move least."""
-    search.x = settled(search.problem, search.x)
-    search.look()
-    return search
+def with_least_moved_pins(search: Search) -> Search:
+    """The search at the equal design whose pins move least."""
+    return search.at(least_moved_pins(search.problem, search.x))
 
 
-def _run(searches: list[Search], workers: int, **settings: Any) -> None:
-    """Follow searches of one problem: in this process with one programme, or in several that set up their own."""
+def _follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
+    """Follow searches of one problem, in this process or in several."""
     if workers <= 1 or len(searches) < 2:
-        for search in searches:
-            search.programme = searches[0].programme
-            _follow(search, **settings)
-        return
+        return [follow(search, **settings) for search in searches]
     from joblib import Parallel, delayed
 
     tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
-    for search, found in zip(searches, Parallel(workers)(tasks), strict=True):
-        search.x, search.rows, search.holding, search.reference = found
-        search.look()
+    return [
+        replace(search, **outcome).look()
+        for search, outcome in zip(searches, Parallel(workers)(tasks), strict=True)
+    ]
 
 
-def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
+def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
     """Run a search; first along what bends, if ``curved`` and nothing is in its way.
 
     In turn, where four-bars move.
     """
-    for _ in range(POLISHED if curved and search.problem.vector.moves_within else 1):
+    for _ in range(CURVED_ROUNDS if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit
         if curved and search.violation < NEARLY:
-            polish(search)
-        search.run(**settings)
+            search = improve_by_slsqp(search)
+        search = search.run(**settings)
         if search.merit < before + GAINED:
             break
     return search
@@ -165,29 +168,7 @@ def _follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 
 def _outcome(
     problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
-) -> tuple[Array, Array, Array, float]:
-    """Where a search ends, which rows it watches and what it measures by then: what one process tells another."""
-    search = _follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
-    return search.x, search.rows, search.holding, search.reference
-
-
-def led_back(search: Search) -> Search:
-    """The search, on from where all requirements are met if it ended where one is missed and a way is found."""
-    if search.violation > MISSED:
-        elastic = Elastic(search.problem, search.x, search.holding)
-        found = elastic.least((), elastic.names, EXACT)
-        if found.met:
-            kept_within(search, found.x)
-    return search
-
-
-def met(search: Search) -> Search:
-    """The search, on from where all requirements are met if it ended where one is missed.
-
-    Raises:
-        InfeasibleError: no design meets them all; names those that conflict and what they must
-            give.
-    """
-    if led_back(search).violation > MISSED and (error := refusal(search)):
-        raise error
-    return search
+) -> dict[str, Any]:
+    """What one process tells another of a search: all that changed, without the problem."""
+    search = follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
+    return {name: getattr(search, name) for name in ("x", "rows", "holding", "reference")}

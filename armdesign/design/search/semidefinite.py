@@ -18,9 +18,8 @@ from armdesign.arrays import Array
 from armdesign.errors import InfeasibleError
 
 PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
-# share by which a bound may lie below a design that misses requirements by as little as a search
-# may
-MISLAID = 1e-4
+# share by which a bound may lie below a design that misses requirements by as little as a search may
+MISSED_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +79,13 @@ class StepProgramme:
                 "design step", "stiffness or a requirement is not finite here", "start elsewhere"
             )
         a, b = self._pairs
-        frame = _levelled(base)
-        turned = np.swapaxes(frame, 1, 2)
+        level = _levelled(base)
+        turned = np.swapaxes(level, 1, 2)
         unit = np.eye(base.shape[1])
         self._base.value, self._unit.value = (
-            (frame @ m @ turned)[:, a, b].ravel() for m in (base, unit)
+            (level @ m @ turned)[:, a, b].ravel() for m in (base, unit)
         )
-        self._slopes.value = (frame @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
+        self._slopes.value = (level @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
         self._value.value, self._jacobian.value = value, jacobian
         self._low.value, self._high.value = low, high
         _solve(self._problem)
@@ -97,7 +96,7 @@ class StepProgramme:
             multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
             low_multipliers=np.asarray(self._box[0].dual_value),
             high_multipliers=np.asarray(self._box[1].dual_value),
-            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ frame,
+            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ level,
         )
 
 
@@ -118,10 +117,21 @@ def _levelled(base: Array) -> Array:
     )
 
 
+def padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Constraints filled up to a multiple of 40 by some that always hold, so that one programme serves many times."""
+    more = -len(value) % 40
+    return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
+
+
+def positive_part(weights: Array) -> Array:
+    """The solver's multipliers of the matrix inequalities without what its tolerance left negative: Z_j ⪰ 0."""
+    size, vectors = np.linalg.eigh((weights + np.swapaxes(weights, 1, 2)) / 2)
+    return np.asarray(vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2)))
+
+
 def certificate(step: Step) -> Array:
-    """The solver's multipliers of the matrix inequalities, made to be what weak duality asks: Z_j ⪰ 0, Σ tr Z_j = 1."""
-    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
-    weights = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+    """Multipliers of the matrix inequalities as weak duality asks for them: Z_j ⪰ 0, Σ tr Z_j = 1."""
+    weights = positive_part(step.weights)
     return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
 
 
@@ -140,20 +150,20 @@ def dual_bound(
     return float(constant + np.maximum(slope * low, slope * high).sum())
 
 
-def lifted(found: float, reached: float, weights: Array, light: Array) -> float:
+def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Array) -> float:
     """An upper bound on λ where M depends on x too, from one on its stand-in near a λ that is ``reached``.
 
-    Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``found`` ≥ Σ ⟨Z_j,
-    that⟩ for all x. Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ found − reached − (λ −
+    Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``bound`` ≥ Σ ⟨Z_j,
+    that⟩ for all x. Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ bound − reached − (λ −
     reached) Σ ⟨Z_j, L⁻¹M L⁻ᵀ⟩, and M is never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light``
     (n, nq, nq), the identity where M does not depend on x.
     """
-    return reached + max(found - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
+    return reached + max(bound - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
 
 
 def contradicted(bound: float, reached: float) -> bool:
     """Whether a bound is none: not a number, or below what an allowed design reaches, both in Hz or both as ω²."""
-    return not bound >= reached - MISLAID * abs(reached)
+    return not bound >= reached - MISSED_SHARE * abs(reached)
 
 
 def _solve(problem: Any) -> None:
@@ -161,9 +171,8 @@ def _solve(problem: Any) -> None:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # "solution may be inaccurate": every step is judged by its true objective
+            # "solution may be inaccurate": every step is judged by its true objective
+            warnings.simplefilter("ignore")
             problem.solve(solver=cp.CLARABEL, warm_start=False)
     except cp.SolverError as error:
         raise InfeasibleError(

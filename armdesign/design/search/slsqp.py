@@ -9,8 +9,6 @@ and linearised programmes have the last word.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from armdesign.arrays import Array
@@ -25,8 +23,8 @@ FAILED = -10.0  # value of every constraint at a design that cannot be built
 
 
 @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
-def polish(search: Search, tolerance: float = 1e-5) -> None:
-    """Take a search to the better design that lies near, if one is found.
+def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
+    """The search at the better design that lies near; itself if none is found.
 
     With the rows that are lowest there it goes on from where a round led, as long as others come
     to be lowest. Where four-bars move, which bend most, also as long as a round ends only because
@@ -45,13 +43,11 @@ def polish(search: Search, tolerance: float = 1e-5) -> None:
         stopped = search.problem.vector.moves_within and bool(
             np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6)
         )
-        before, trial = trial.merit, replace(trial, x=x)
-        trial.look()
+        before, trial = trial.merit, trial.at(x)
         best = max(best, trial, key=lambda s: s.merit)
         if before <= trial.merit < before + tolerance:
             break
-    search.x, search.rows, search.holding = best.x, best.rows, best.holding
-    search.squared, search.limits = best.squared, best.limits
+    return best
 
 
 def _lowest(search: Search) -> Array:
@@ -64,58 +60,65 @@ def _climbed(search: Search, rows: Array) -> Array:
     """Where SLSQP leads: t as high as can be below the lowest ω² of some rows, under all limits."""
     from scipy.optimize import minimize
 
-    problem, start = search.problem, search.x
-    low, high = (
-        np.maximum(search.bounds[0], start - NEARBY),
-        np.minimum(search.bounds[1], start + NEARBY),
-    )
-    free = high > low
-    known: dict[bytes, tuple[Array, Array]] = {}
-
-    def design(z: Array) -> Array:
-        x = start.copy()
-        x[free] = np.clip(z[:-1], low[free], high[free])
-        return x
-
-    def constraints(z: Array) -> tuple[Array, Array]:
-        """Values ≥ 0 and their derivatives by the free entries of x and by t."""
-        x = design(z)
-        if known and not problem.vector.closes(x):  # a line search went too far
-            value, jacobian = next(iter(known.values()))
-            return np.full_like(value, FAILED), jacobian
-        if z.tobytes() not in known:
-            at = constraints_at(problem, x, search.holding)
-            met = (
-                z[-1] * problem.dynamics.omega_squared_scale
-            )  # where masses depend on x, slopes are exact for the ω² that bind
-            base, slopes = (
-                part / problem.dynamics.omega_squared_scale
-                for part in problem.dynamics.scaled_stiffness_and_gradient(x, rows, met)
-            )
-            squared, vectors = np.linalg.eigh(base)
-            slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES].reshape(
-                -1, len(x)
-            )
-            value = np.concatenate([squared[:, :MODES].ravel() - z[-1], at.values])
-            by_t = np.concatenate([-np.ones(len(slope)), np.zeros(len(at.values))])
-            known.clear()
-            known[z.tobytes()] = (
-                value,
-                np.column_stack([np.concatenate([slope, at.jacobian])[:, free], by_t]),
-            )
-        return known[z.tobytes()]
-
-    found = minimize(
+    programme = _Programme(search, rows)
+    answer = minimize(
         lambda z: -z[-1],
-        np.append(start[free], search.squared / problem.dynamics.omega_squared_scale),
+        np.append(
+            search.x[programme.free], search.squared / search.problem.dynamics.omega_squared_scale
+        ),
         jac=lambda z: np.append(np.zeros(len(z) - 1), -1.0),
-        bounds=[*zip(low[free], high[free], strict=True), (None, None)],
+        bounds=[
+            *zip(*(end[programme.free] for end in programme.bounds), strict=True),
+            (None, None),
+        ],
         constraints={
             "type": "ineq",
-            "fun": lambda z: constraints(z)[0],
-            "jac": lambda z: constraints(z)[1],
+            "fun": lambda z: programme.constraints(z)[0],
+            "jac": lambda z: programme.constraints(z)[1],
         },
         method="SLSQP",
         options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
-    return design(found.x)
+    return programme.design(answer.x)
+
+
+class _Programme:
+    """Maximise t below the lowest ω² of some rows: constraints of z = (free entries of x, t)."""
+
+    def __init__(self, search: Search, rows: Array) -> None:
+        self._search, self._rows = search, rows
+        low, high = search.bounds
+        self.bounds = np.maximum(low, search.x - NEARBY), np.minimum(high, search.x + NEARBY)
+        self.free = self.bounds[1] > self.bounds[0]
+        self._last: tuple[bytes, Array, Array] | None = None
+
+    def design(self, z: Array) -> Array:
+        """The design vector of z."""
+        x = self._search.x.copy()
+        x[self.free] = np.clip(z[:-1], *(end[self.free] for end in self.bounds))
+        return x
+
+    def constraints(self, z: Array) -> tuple[Array, Array]:
+        """Values ≥ 0 and their derivatives by z."""
+        x = self.design(z)
+        if self._last and not self._search.problem.vector.closes(x):  # a line search went too far
+            return np.full_like(self._last[1], FAILED), self._last[2]
+        if self._last is None or self._last[0] != z.tobytes():
+            self._last = z.tobytes(), *self._constraints_at(x, float(z[-1]))
+        return self._last[1:]
+
+    def _constraints_at(self, x: Array, t: float) -> tuple[Array, Array]:
+        problem = self._search.problem
+        at = constraints_at(problem, x, self._search.holding)
+        # where masses depend on x, slopes are exact for the ω² that bind
+        matrices = problem.dynamics.scaled_stiffness_and_gradient(
+            x, self._rows, t * problem.dynamics.omega_squared_scale
+        )
+        base, slopes = (part / problem.dynamics.omega_squared_scale for part in matrices)
+        squared, vectors = np.linalg.eigh(base)
+        slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES]
+        slope = slope.reshape(-1, len(x))
+        value = np.concatenate([squared[:, :MODES].ravel() - t, at.values])
+        by_t = np.concatenate([-np.ones(len(slope)), np.zeros(len(at.values))])
+        by_x = np.concatenate([slope, at.jacobian])[:, self.free]
+        return value, np.column_stack([by_x, by_t])

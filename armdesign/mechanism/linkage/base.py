@@ -78,23 +78,25 @@ class Drive(ABC):
 class Linkage(Drive):
     """What joins a cylinder to the links: a base pin on a link, and a rod end somewhere.
 
-    To add a kind: a subclass in a file of its own with its class attributes, ``rod_end_from`` and,
-    where they apply, ``observer``, ``closes``, ``fault`` and ``transmission``; the class in
-    ``kinds.py``; its table in ``machine/schema.py``, under its ``key`` in ``CylinderSection``, with
-    a pin for each of ``pin_names``, a ``…_mm`` and ``…_kg`` for each of ``bar_names``. To simulate
-    it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
-
     What a design may move is named by a place: a pin with three coordinates in its link, or a bar
     with one, its length. A place is a field of that name.
+
+    To add a kind of linkage:
+
+    1. A subclass in a file of its own: fields, class attributes, ``rod_end_from`` and, where they
+       apply, ``observer``, ``closes``, ``fault``, ``transmission``; its name in ``kinds.py``.
+    2. Its table in ``machine/schema.py``, in ``CylinderSection`` under its ``key``: a pin for each
+       of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
+       ``machine/json_schema.py`` describes them to editors.
+    3. To simulate it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
     """
 
     key: ClassVar[str]  # in the cylinder's table of the machine file
     title: ClassVar[str]  # in messages
     pin_names: ClassVar[tuple[str, ...]]
     bar_names: ClassVar[tuple[str, ...]] = ()
-    legs: ClassVar[
-        tuple[tuple[str, str], ...]
-    ] = ()  # bars from a pin to the rod end, and that pin
+    # bars from a pin to the rod end, each with its pin
+    legs: ClassVar[tuple[tuple[str, str], ...]] = ()
     rod_end_words: ClassVar[str] = ""  # where the rod end is if no pin of a link
     transmission_words: ClassVar[str] = ""  # the angle of ``transmission``; none if ""
     closing_words: ClassVar[str] = ""  # what lets it close

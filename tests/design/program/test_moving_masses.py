@@ -16,11 +16,13 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design.bound.certificate import upper_bound
-from armdesign.design.bound.mass_enclosure import barred
+from armdesign.design.bound.given_pins import bound_of_areas
+from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
-from armdesign.design.requirements.settings import Lift
+from armdesign.design.requirements.lifts import Lift
+from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
@@ -247,7 +249,7 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     assert_allclose(problem.vector.areas(search.x)[0], [bore, c.annulus_area], rtol=1e-6)
     squared = stiffness / (inertia + of_rod * (bore - c.annulus_area))
     assert search.squared == pytest.approx(squared, rel=2e-3)
-    bound = search.upper_bound()
+    bound = bound_of_areas(search)
     assert bound is not None
     assert bound >= hertz(search.squared)
     # Euler's rod is replaced by its chord
@@ -340,7 +342,7 @@ def test_two_actuators_against_brute_force(share: float) -> None:
     """
     problem = posed(bars("double"), ("areas",), oil_total_share=share)
     search = solved(problem)
-    found, bound = brute_force(problem), search.upper_bound()
+    found, bound = brute_force(problem), bound_of_areas(search)
     assert bound is not None
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
@@ -360,7 +362,7 @@ def test_the_bound_is_the_optimum_where_everything_is_affine(name: str) -> None:
     """
     problem = posed(bars(name, 0.1), ("areas",), proportional=True, oil_each_share=1.0)
     search = solved(problem)
-    bound = search.upper_bound()
+    bound = bound_of_areas(search)
     assert problem.vector.moving_masses is not None
     assert bound is not None
     assert -1e-9 < bound / hertz(search.squared) - 1 < 1e-6
@@ -392,7 +394,7 @@ def test_complementary_slackness() -> None:
     too.
     """
     search = solved(posed(bars("triple"), ("areas",), proportional=True))
-    worth = {label: priced.at_margin for label, priced in search.worth().items()}
+    worth = {label: priced.at_margin for label, priced in prices(search).items()}
     for label in worth:
         room = search.limits.values[[n == label for n in search.limits.names]].min()
         assert worth[label] * room < 1e-7, label
@@ -405,7 +407,7 @@ def test_worth_is_the_gain_of_more_oil() -> None:
     """
     search = solved(posed(bars("double"), ("areas",)))
     more = solved(posed(bars("double"), ("areas",), oil_total_share=1.001))
-    worth = {label: priced.at_margin for label, priced in search.worth().items()}
+    worth = {label: priced.at_margin for label, priced in prices(search).items()}
     gain = 10 * (math.sqrt(more.squared / search.squared) - 1)
     assert gain > 0.002
     assert worth["oil.cap.total"] + worth["oil.annulus.total"] == pytest.approx(gain, rel=0.03)
@@ -473,7 +475,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     """
     machine = bars("double") if name == "double" else named(name)
     problem = posed(machine, ("areas", pins))
-    enclosed, random = barred(problem), np.random.default_rng(7)
+    enclosed, random = bar_enclosures(problem), np.random.default_rng(7)
     assert enclosed is not None
     assert [bar.cylinder for bar in enclosed] == list(range(len(machine.cylinders)))
     rows = np.arange(0, len(problem.dynamics.rows), 5)
@@ -486,7 +488,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     weights, squared = root @ np.swapaxes(root, 1, 2), 400.0
     gravity = [bar.gravity(rigid) for bar in enclosed]
     low, high = sum(g.low for g in gravity), sum(g.high for g in gravity)
-    worths = [bar.worth(rigid, weights, squared) for bar in enclosed]
+    worths = [bar.most_added(rigid, weights, squared) for bar in enclosed]
     bottom, top = problem.bounds
     tried = 0
     for _ in range(200):

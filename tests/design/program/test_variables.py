@@ -14,11 +14,12 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
+from armdesign.design.bound.given_pins import bound_of_areas
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
-from armdesign.design.search.canonical_pins import settled
+from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from armdesign.mechanism.linkage.direct import Direct
@@ -163,7 +164,7 @@ def test_bound_of_a_bore_alone() -> None:
     """
     problem = problem_of("double", ("cylinder.lift.bore_mm", "cylinder.fold.rod_mm"))
     search = solved(problem)
-    bound = search.upper_bound()
+    bound = bound_of_areas(search)
     assert bound is not None
     assert bound >= hertz(search.squared) * (1 - 1e-9)
     random = np.random.default_rng(0)
@@ -282,7 +283,7 @@ def test_a_free_four_bar_is_worth_more() -> None:
     assert {
         f"pin_box.bucket.{place}" for place in ("base", "pivot", "lug", "rocker", "coupler")
     } <= design.slacks.keys()
-    assert "transmission.bucket" in design.worth
+    assert "transmission.bucket" in design.prices
     bars = design.machine.section.cylinder["bucket"].four_bar
     assert bars is not None
     for number in (bars.rocker_mm, bars.coupler_mm, *bars.pivot.at_mm, *bars.lug.at_mm):
@@ -320,7 +321,7 @@ def test_pins_turned_together_are_an_equal_design() -> None:
     """
     problem = problem_of("excavator", EVERYTHING)
     x = some_x(problem, 7, 0.4)
-    y = settled(problem, x)
+    y = least_moved_pins(problem, x)
     moving = np.array([v.pin is not None for v in problem.vector.variables])
     assert np.abs(x - y).max() > 0.01
     assert np.all(x[~moving] == y[~moving])
@@ -331,7 +332,7 @@ def test_pins_turned_together_are_an_equal_design() -> None:
     holding = np.arange(0, len(problem.dynamics.rows), 7)
     one, other = (constraints_at(problem, z, holding).values for z in (x, y))
     assert_allclose(one, other, atol=1e-10)
-    assert_allclose(settled(problem, y), y, atol=1e-9)
+    assert_allclose(least_moved_pins(problem, y), y, atol=1e-9)
 
 
 def test_settled_pins_stay_in_the_box() -> None:
@@ -339,7 +340,7 @@ def test_settled_pins_stay_in_the_box() -> None:
     for seed in range(20):
         x = some_x(problem, seed, 1.0)
         moving = np.array([v.pin is not None for v in problem.vector.variables])
-        assert np.abs(settled(problem, x)[moving]).max() <= 1 + 1e-12
+        assert np.abs(least_moved_pins(problem, x)[moving]).max() <= 1 + 1e-12
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -355,7 +356,7 @@ def test_answer_does_not_hang_on_the_start(seed: int) -> None:
         Search(problem=problem, x=start).run(trust=0.2, tolerance=1e-7)
         for start in (problem.vector.start, x)
     ]
-    one, other = (settled(problem, s.x) for s in found)
+    one, other = (least_moved_pins(problem, s.x) for s in found)
     assert found[0].squared == pytest.approx(found[1].squared, rel=1e-6)
     assert_allclose(one[~moving], other[~moving], atol=1e-3)
     assert np.abs(one - other)[moving].max() * problem.vector.pin_box < 2e-4
@@ -374,7 +375,7 @@ def test_order_of_cylinders_does_not_matter_for_pins() -> None:
         made = dict(
             zip(
                 [c.name for c in machine.cylinders],
-                problem.vector.linkages(settled(problem, search.x)),
+                problem.vector.linkages(least_moved_pins(problem, search.x)),
                 strict=True,
             )
         )

@@ -17,9 +17,12 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
-from armdesign.design.requirements.candidate import frame_of
-from armdesign.design.requirements.check import Check, check, digging_forces
-from armdesign.design.requirements.settings import Clearance, Lift, Outline, Speed
+from armdesign.design.requirements.check import check, digging_forces
+from armdesign.design.requirements.lifts import Lift, lift_pose
+from armdesign.design.requirements.places import Clearance, Outline
+from armdesign.design.requirements.record import Check
+from armdesign.design.requirements.speeds import Speed
+from armdesign.design.search.prices import prices
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.barrel import barrel_ratio
 from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
@@ -146,7 +149,7 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
     """
     machine = MACHINES["excavator"]()
     found = own(lifts=(lift,))[f"lift.{lift.name}"]
-    at = frame_of(machine, replace(Requirements.of(machine), lifts=(lift,)), 181).lifts[0]
+    at = lift_pose(machine, lift, Requirements.of(machine).holding_share)
     link = lift.link or "bucket"
     place = [1000.0 * x for x in lift.at or machine.tool.at]
     loaded = machine.replace(
@@ -170,7 +173,7 @@ def test_lift_at_a_place_stands_there() -> None:
     that lifts more.
     """
     machine, old = MACHINES["excavator"](), reference()
-    at = frame_of(machine, replace(Requirements.of(machine), lifts=(FRONT,)), 181).lifts[0]
+    at = lift_pose(machine, FRONT, Requirements.of(machine).holding_share)
     (q,) = at.rigid.q
     frames = old.frames(q[None])
     x, z, angle = frames["bucket"]
@@ -378,7 +381,7 @@ def _speed(rate: float, at: Literal["mean", "every"]) -> dict[str, Any]:
     return {"speeds": (Speed(name="up", joints={"boom": rate, "stick": -rate}, at=at),)}
 
 
-PRICED = {  # settings with the limit relaxed by a factor k − 1, and where they bind
+LEAST_PRICE = {  # settings with the limit relaxed by a factor k − 1, and where they bind
     "speed.up": (("areas",), lambda k: _speed(0.393 / k, "mean")),
     "speed.up every": (("areas", "pins"), lambda k: _speed(0.366 / k, "every")),
     "digging_force.fold": (("areas",), lambda k: {"digging_force": {"fold": 112e3 * (2 - k)}}),
@@ -406,44 +409,46 @@ PRICED = {  # settings with the limit relaxed by a factor k − 1, and where the
 }
 
 
-@pytest.mark.parametrize("case", PRICED)
+@pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_is_what_relaxing_buys(case: str) -> None:
     """The multiplier against solving again with the limit relaxed by 0.05 % (times 20): first
     order, 2 %.
     """
-    vary, make = PRICED[case]
+    vary, make = LEAST_PRICE[case]
     before, after = (solved(problem_of("double", vary, **make(k)), 1e-8) for k in (1.0, 1.0005))
     name = case.split()[0]
     worth = sum(
-        worth.at_margin for label, worth in before.worth().items() if label.startswith(name)
+        worth.at_margin for label, worth in prices(before).items() if label.startswith(name)
     )
     gain = 20 * (math.sqrt(after.squared / before.squared) - 1)
     assert gain > 1e-5
     assert worth == pytest.approx(gain, rel=0.02)
 
 
-@pytest.mark.parametrize("case", PRICED)
+@pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_of_all_of_one_percent(case: str) -> None:
     """Against solving again with 1 % more: limits and stiffness bend over it, 5 %; never above the
     multiplier.
     """
-    vary, make = PRICED[case]
+    vary, make = LEAST_PRICE[case]
     before, after = (solved(problem_of("double", vary, **make(k)), 1e-8) for k in (1.0, 1.01))
     priced = [
-        worth for label, worth in before.worth().items() if label.startswith(case.split()[0])
+        worth for label, worth in prices(before).items() if label.startswith(case.split()[0])
     ]
     gain = math.sqrt(after.squared / before.squared) - 1
     assert all(worth.gain <= worth.at_margin for worth in priced)
     assert sum(worth.gain for worth in priced) == pytest.approx(gain, rel=0.05)
 
 
-@pytest.mark.parametrize("case", [case for case in PRICED if PRICED[case][0] == ("areas",)])
+@pytest.mark.parametrize(
+    "case", [case for case in LEAST_PRICE if LEAST_PRICE[case][0] == ("areas",)]
+)
 def test_bound_of_sizes_with_an_explicit_requirement(case: str) -> None:
     """No sizes exceed it, and where the requirement is linear or convex in the areas it is below
     that without it.
     """
     machine, space = MACHINES["double"](), workspace_of("double")
-    requirements = replace(Requirements.of(machine), **PRICED[case][1](1.0))
+    requirements = replace(Requirements.of(machine), **LEAST_PRICE[case][1](1.0))
     design, free = (
         ad.size_cylinders(machine, space, requirements),
         ad.size_cylinders(machine, space),

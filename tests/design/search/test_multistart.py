@@ -16,10 +16,11 @@ from armdesign import Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.problem import Problem
-from armdesign.design.search import multistart as searching
-from armdesign.design.search.multistart import multistart
+from armdesign.design.search import multistart as module
+from armdesign.design.search.multistart import follow, multistart
+from armdesign.design.search.semidefinite import programme
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.design.search.slsqp import polish
+from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
 from armdesign.report.designs import _starts, design_sheets
@@ -39,12 +40,9 @@ def coarse(name: str, vary: tuple[str, ...]) -> Problem:
 def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches stay where they start."""
 
-    def look(searches: list[Search], *_: Any, **__: Any) -> None:
-        for search in searches:
-            search.look()
-
-    monkeypatch.setattr(searching, "_run", look)
-    monkeypatch.setattr(searching, "_with_least_moves", lambda search: search)
+    monkeypatch.setattr(Search, "run", lambda search, **_: search.look())
+    monkeypatch.setattr(module, "improve_by_slsqp", lambda search: search)
+    monkeypatch.setattr(module, "with_least_moved_pins", lambda search: search)
 
 
 @pytest.mark.usefixtures("only_looked_at")
@@ -128,7 +126,7 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
     base, slopes = problem.dynamics.scaled_stiffness_and_gradient(
         problem.vector.start, np.arange(2)
     )
-    step = search._programme((2, 1, 1, len(problem.vector.start)))
+    step = programme(2, 1, 1, len(problem.vector.start))
     ends = np.zeros(len(problem.vector.start))
     with pytest.raises(InfeasibleError, match="not finite"):
         step.solve(base, slopes * np.inf, np.ones(1), np.zeros((1, len(ends))), ends, ends)
@@ -141,16 +139,14 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
     ("name", "vary"),
     [("excavator_20t", ("linkages",)), ("mini_excavator_2t", ("cylinder.bucket",))],
 )
-def test_polishing_ends_where_it_cannot_be_bettered(name: str, vary: tuple[str, ...]) -> None:
-    """An optimum stays where it is: polished once more, a four-bar gains nothing."""
+def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) -> None:
+    """An optimum stays where it is: searched along what bends once more, a four-bar gains nothing."""
     problem = coarse(name, vary)
     search = Search(problem=problem, x=problem.vector.start).run(
         trust=0.2, tolerance=2e-3, looks=3
     )
-    searching._follow(search, curved=True, trust=0.05, tolerance=1e-5)
-    before = search.merit
-    polish(search)
-    assert search.merit < before + 1e-4
+    search = follow(search, curved=True, trust=0.05, tolerance=1e-5)
+    assert improve_by_slsqp(search).merit < search.merit + 1e-4
 
 
 def test_seeds_agree_where_four_bars_move() -> None:

@@ -95,9 +95,9 @@ def test_strokes_cover_todays_ranges() -> None:
 def test_binding_requirements_are_tight_and_worth_something() -> None:
     design = excavator_design()
     assert design.binding
-    assert all(0 <= c.slack < 2e-3 and design.worth[c.name] > 0 for c in design.binding)
-    assert [design.worth[c.name] for c in design.binding] == sorted(
-        (design.worth[c.name] for c in design.binding), reverse=True
+    assert all(0 <= c.slack < 2e-3 and design.prices[c.name] > 0 for c in design.binding)
+    assert [design.prices[c.name] for c in design.binding] == sorted(
+        (design.prices[c.name] for c in design.binding), reverse=True
     )
 
 
@@ -134,6 +134,6 @@ def test_what_the_nearest_sizes_on_the_grid_miss() -> None:
         "no sizes on the 0.1 mm grid meet all requirements: the nearest misses digging.lift ("
         in str(error.value)
     )
-    assert "(0.03 %); loosen them" in str(error.value)
+    assert "(0.03 %); relax them" in str(error.value)
     eased = replace(limits, digging_share=1.0003 - only.together / only.limit * 1.0003 - 1e-9)
     ad.size_cylinders(machine, space, eased)  # given that much, there is one

@@ -21,7 +21,9 @@ from armdesign import ArmDesignError, Requirements, Workspace
 from armdesign.design.design import Design
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.settings import Lift, Speed
+from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.speeds import Speed
+from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, as_machine, double, problem_of, solved, workspace_of
@@ -183,7 +185,7 @@ def test_gain_of_more_oil_is_its_worth() -> None:
     search, more = (
         solved(problem_of("excavator", oil_total_share=share), 1e-7) for share in (1.0, 1.002)
     )
-    worth = search.worth()
+    worth = prices(search)
     gain = 5 * (math.sqrt(more.squared / search.squared) - 1)
     assert gain > 0
     priced = worth["oil.cap.total"].at_margin + worth["oil.annulus.total"].at_margin
@@ -228,7 +230,7 @@ def test_worth_is_what_solving_again_says(name: str) -> None:
     names = tuple(name.split())
     worth = sum(
         w.gain
-        for label, w in search.worth().items()
+        for label, w in prices(search).items()
         if label.startswith(names) and label not in kept
     )
     assert worth == pytest.approx(gain, rel=0.05)

@@ -14,10 +14,14 @@ import armdesign as ad
 from armdesign import Machine, Requirements
 from armdesign.design.program.constraints import holding_rows
 from armdesign.design.requirements.check import check, cylinder_mass
-from armdesign.design.requirements.settings import Clearance, Lift, Speed
-from armdesign.design.search.infeasibility import Conflict, sentence
-from armdesign.design.search.multistart import posed
-from armdesign.errors import Concession, InfeasibleError
+from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.places import Clearance
+from armdesign.design.requirements.record import Concession
+from armdesign.design.requirements.speeds import Speed
+from armdesign.design.search.infeasibility.concessions import conflict_error, conflict_rows
+from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
+from armdesign.design.search.multistart import formulate
+from armdesign.errors import InfeasibleError
 from armdesign.units import outward
 from tests.design.designs import MACHINES, problem_of, workspace_of
 from tests.machines import four_bar
@@ -56,8 +60,9 @@ def test_one_against_the_box() -> None:
     assert only.together == pytest.approx(only.limit * (1 - 1 / 1.2), rel=1e-6)
     assert only.alone == only.together
     assert "no design meets moment_arm.lift" in str(error)
-    assert "it must give" in str(error)
+    assert "relax it by at least" in str(error)
     assert "(17 %)" in str(error)
+    assert error.table == ""
     assert "besides" not in str(error)
 
 
@@ -106,10 +111,14 @@ def test_two_by_hand() -> None:
     assert thrust.value == pytest.approx(0.971**2, rel=1e-6)
     assert digging.value == pytest.approx(0.971**2, rel=1e-6)
     text = str(error)
-    assert "thrust.lift (thrust of the lift cylinder at most" in text
-    assert "together with digging.lift (digging torque of the lift cylinder at least" in text
-    assert "they must give" in text
-    assert "or one alone" in text
+    assert "no design meets thrust.lift together with digging.lift; relax them: " in text
+    heads, *rows = error.table.splitlines()
+    assert heads.split("  ")[0] == "requirement"
+    assert heads.endswith("or it alone by")
+    assert rows[0].startswith("thrust.lift   thrust of the lift cylinder")
+    assert "at most" in rows[0]
+    assert "at least" in rows[1]
+    assert rows[0].endswith("(11 %)")
 
 
 def test_two_without_either() -> None:
@@ -191,20 +200,23 @@ def test_two_conflicts_at_once() -> None:
         # what rounding takes: 0.1 % of an area
         assert c.together / c.limit == pytest.approx(share, rel=0.02)
     assert "no design meets moment_arm.lift" in str(error)
-    assert "; nor moment_arm.fold" in str(error)
+    assert ", nor moment_arm.fold" in str(error)
     assert "besides" not in str(error)
 
 
 def test_nothing_conflicts() -> None:
     problem = problem_of("double")
-    conflict = Conflict(problem, problem.vector.start, holding_rows(problem, problem.vector.start))
-    assert conflict.smallest() == ()
+    conflict = ConflictSearch(
+        problem, problem.vector.start, holding_rows(problem, problem.vector.start)
+    )
+    assert conflict.irreducible_subset() == ()
 
 
 def test_the_error_travels_between_processes() -> None:
     error = refused("single", ("areas",), **TWO)
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.conflict) == (str(error), error.conflict)
+    assert again.table == error.table
 
 
 # --------------------------------------------------------------------------- granting what is said
@@ -291,11 +303,11 @@ def test_where_pins_close_no_linkage_nothing_is_met() -> None:
     way.
     """
     machine = four_bar("left")
-    problem = posed(machine, ad.Workspace.grid(machine, 3), None, ("linkages",))
+    problem = formulate(machine, ad.Workspace.grid(machine, 3), None, ("linkages",))
     x = problem.bounds[1].copy()
     while problem.vector.closes(x):
         x[2 * len(machine.cylinders) :] *= -1.5
-    conflict = Conflict(problem, x, np.zeros(1, dtype=int))
+    conflict = ConflictSearch(problem, x, np.zeros(1, dtype=int))
     assert conflict.violated(x)
 
 
@@ -344,8 +356,8 @@ def test_numbers_are_rounded_to_the_granting_side() -> None:
     assert outward(0.0, 4, True) == 0.0
 
 
-def test_sentence_where_no_one_alone_is_enough() -> None:
-    """Limits in workshop units, amounts with their share."""
+def test_rows_of_a_conflict() -> None:
+    """Constraints in workshop units, amounts with their share, and what is left of the limits."""
     parts: dict[str, Any] = {
         "words": "oil of all cap sides",
         "unit": "m³",
@@ -356,8 +368,12 @@ def test_sentence_where_no_one_alone_is_enough() -> None:
         Concession(name="a", at_least=False, alone=None, **parts),
         Concession(name="b", at_least=True, alone=None, **parts),
     ]
-    assert (
-        sentence(conflict, settles=True)
-        == "no design meets a (oil of all cap sides at most 50 l) together with b (oil of all cap"
-        " sides at least 50 l): they must give a 2 l (4 %), b 2 l (4 %), no one alone is enough"
-    )
+    assert conflict_rows(conflict) == [
+        ("a", "oil of all cap sides", "at most 50 l", "2 l (4 %)", "52 l"),
+        ("b", "oil of all cap sides", "at least 50 l", "2 l (4 %)", "48 l"),
+    ]
+    error = conflict_error("crane", conflict)
+    assert str(error) == "crane: no design meets a together with b; relax them"
+    with_alone = replace(conflict[0], alone=0.004)
+    assert conflict_rows([with_alone, conflict[1]])[0][-1] == "4 l (8 %)"
+    assert conflict_rows([with_alone, conflict[1]])[1][-1] == "–"

@@ -1,0 +1,146 @@
+"""An upper bound on the frequency of every combination of sizes, as a sum over the cylinders.
+
+Stiffness is a sum over the cylinders, K = K_0 + Σ_i k_i r_i r_iᵀ, whose k_i is a number of the
+chosen size; motors are in K_0. Letting the choice be a mixture of sizes (weights that add up to 1)
+makes it a semidefinite programme. Its multipliers, Z_j ⪰ 0 with Σ tr Z_j = 1 for the poses and y ≥
+0 for the shared requirements, bound the lowest ω² of all allowed combinations by
+
+    λ ≤ Σ_j ⟨Z_j, K_0j⟩ + y·slack + Σ_i h_i(size i),   h_i = Σ_j k_ij r_ijᵀ Z_j r_ij + y·change_i
+
+(weak duality, whatever the solver did; everything in the frame of M's Cholesky factor).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.catalogue.scaled_poses import ScaledPoses
+from armdesign.design.catalogue.separable import AllowedSizes
+from armdesign.design.search.semidefinite import certificate, programme
+from armdesign.errors import InfeasibleError
+from armdesign.machine.machine import Machine
+
+ROWS = 16  # poses in one programme
+COLUMNS = 8  # sizes of a cylinder in one programme
+ROUNDS = 20  # of programmes
+# lowest poses that they choose from, and four times as many all over the workspace
+WATCHED = 300
+CLOSE = 1e-4  # of λ, between the bound and the mixture, where rounds end
+
+
+@dataclass(frozen=True, eq=False)
+class SeparableBound:
+    """λ ≤ constant + Σ_i by_size[i][size i] for every allowed combination."""
+
+    constant: float
+    by_size: list[Array]
+
+    @property
+    def largest(self) -> float:
+        """The bound of all combinations."""
+        return float(self.constant + sum(bounds.max() for bounds in self.by_size))
+
+    @property
+    def least(self) -> float:
+        """The smallest bound of a combination."""
+        return float(self.constant + sum(bounds.min() for bounds in self.by_size))
+
+
+def separable_bound(
+    allowed: AllowedSizes, poses: ScaledPoses, medium: Machine
+) -> tuple[SeparableBound, Array]:
+    """The best bound of a few programmes of few sizes at few poses each, and the poses that mattered."""
+    order = np.argsort(poses.lowest)
+    spread = np.arange(0, len(order), max(1, len(order) // (4 * WATCHED)))
+    watched = np.unique(np.concatenate([order[:WATCHED], spread]))
+    bound, rows = _Mixtures(allowed, poses[watched], medium).best_bound()
+    return bound, watched[rows]
+
+
+class _Mixtures:
+    """Programmes over mixtures of sizes at some poses."""
+
+    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, medium: Machine) -> None:
+        self._allowed, self._poses = allowed, poses
+        self._oil = poses.oil(allowed.cylinders, medium)
+
+    def best_bound(self) -> tuple[SeparableBound, Array]:
+        """The best bound of several rounds, and the poses that were in them."""
+        poses, oil = self._poses, self._oil
+        rows = np.argsort(poses.lowest)[:: max(1, min(WATCHED, len(poses)) // ROWS)][:ROWS]
+        rows = np.resize(rows, ROWS)  # a programme has one shape: a pose may stand in it twice
+        columns = [np.unique(np.linspace(0, len(k) - 1, COLUMNS).astype(int)) for k in oil]
+        even = np.broadcast_to(np.eye(poses.rest.shape[1]), poses.rest[rows].shape)
+        even = even / np.trace(even, axis1=1, axis2=2).sum()
+        best = self._bound(even, np.zeros(len(self._allowed.slack)), rows)
+        mattered = {int(row) for row in rows}
+        for _ in range(ROUNDS):
+            try:
+                weights, y, mixture = self._multipliers(rows, columns)
+            except InfeasibleError:  # the solver gave up: what is known so far still holds
+                break
+            bound = self._bound(weights, y, rows)
+            best = min(best, bound, key=lambda b: b.largest)
+            mixed = [mix @ k[c] for mix, k, c in zip(mixture, oil, columns, strict=True)]
+            lowest = poses.lowest_with(np.stack(mixed))
+            if best.largest - lowest.min() < CLOSE * max(abs(best.largest), 1.0):
+                break
+            rows = _other_rows(rows, weights, lowest)
+            columns = [
+                _other_columns(c, mix, bounds)
+                for c, mix, bounds in zip(columns, mixture, bound.by_size, strict=True)
+            ]
+            mattered |= {int(row) for row in rows}
+        return best, np.array(sorted(mattered))
+
+    def _multipliers(self, rows: Array, columns: list[Array]) -> tuple[Array, Array, list[Array]]:
+        """Multipliers Z of the poses, y of the shared requirements, and the best mixture of sizes in ``columns``."""
+        poses, allowed = self._poses, self._allowed
+        nc, m = len(columns), len(allowed.slack)
+        slopes = np.zeros((nc * COLUMNS, ROWS, *poses.rest.shape[1:]))
+        jacobian, high = np.zeros((m + 2 * nc, nc * COLUMNS)), np.zeros(nc * COLUMNS)
+        arm = poses.arm[rows]
+        for i, sizes in enumerate(columns):
+            at = slice(i * COLUMNS, i * COLUMNS + len(sizes))
+            outer = np.einsum("na,nb->nab", arm[:, i], arm[:, i])
+            slopes[at] = self._oil[i][sizes][:, rows, None, None] * outer
+            jacobian[:m, at] = allowed.changes[i][sizes].T
+            jacobian[m + i, at], jacobian[m + nc + i, at], high[at] = -1.0, 1.0, 1.0
+        value = np.concatenate([allowed.slack, np.ones(nc), -np.ones(nc)])
+        step = programme(ROWS, poses.rest.shape[1], len(value), len(high)).solve(
+            poses.rest[rows], slopes, value, jacobian, np.zeros(len(high)), high
+        )
+        parts = [step.change[i * COLUMNS : i * COLUMNS + len(c)] for i, c in enumerate(columns)]
+        mixture = [
+            mix / mix.sum() if mix.sum() > 0 else np.full(len(mix), 1 / len(mix)) for mix in parts
+        ]
+        return certificate(step), step.multipliers[:m], mixture
+
+    def _bound(self, weights: Array, y: Array, rows: Array) -> SeparableBound:
+        """What multipliers say about all sizes."""
+        poses, allowed = self._poses, self._allowed
+        arm = poses.arm[rows]
+        per_stiffness = np.einsum("nca,nab,ncb->cn", arm, weights, arm)
+        constant = np.einsum("nab,nab->", weights, poses.rest[rows]) + y @ allowed.slack
+        by_size = [
+            k[:, rows] @ p + change @ y
+            for k, p, change in zip(self._oil, per_stiffness, allowed.changes, strict=True)
+        ]
+        return SeparableBound(float(constant), by_size)
+
+
+def _other_rows(rows: Array, weights: Array, lowest: Array) -> Array:
+    """Poses for the next programme: those that carried weight, and the lowest of the last mixture."""
+    carried = rows[np.argsort(-np.trace(weights, axis1=1, axis2=2))][: ROWS // 2]
+    wanted = dict.fromkeys([*map(int, carried), *map(int, np.argsort(lowest)[:ROWS])])
+    return np.resize(np.array(list(wanted)[:ROWS]), ROWS)
+
+
+def _other_columns(columns: Array, mixture: Array, bounds: Array) -> Array:
+    """Sizes for the next programme: those in the mixture, and those of the largest bounds."""
+    used = columns[np.argsort(-mixture)][: max(2, int((mixture > 1e-4).sum()))][: COLUMNS // 2]
+    wanted = dict.fromkeys([*map(int, used), *map(int, np.argsort(-bounds)[:COLUMNS])])
+    return np.array(list(wanted)[:COLUMNS])

@@ -1,0 +1,97 @@
+"""Changes to a machine file that make a design of it: pins, bars, strokes, sizes and masses on the grid of a drawing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from armdesign.arrays import Array
+from armdesign.design.program.moving_masses import weighed
+from armdesign.design.program.problem import Problem
+from armdesign.design.program.variables import SIZES
+from armdesign.design.search.drawing_grid import GRID
+from armdesign.units import litre, mm
+
+
+def changes_of(
+    problem: Problem, x: Array, sizes: Sequence[float], x_of_sizes: Array
+) -> dict[str, Any]:
+    """All changes that pins of x, rounded, and bores and rods in a row [mm] make.
+
+    Args:
+        problem: of today's machine.
+        x: the design whose pins and bars count.
+        sizes: bore and rod of every cylinder [mm].
+        x_of_sizes: a design with these sizes, for dead volumes that follow them.
+    """
+    return _with_masses(
+        problem, pin_changes(problem, x) | _size_changes(problem, sizes, x_of_sizes)
+    )
+
+
+def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
+    """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
+    changes: dict[str, Any] = {}
+    linkages = list(problem.vector.linkages(x))
+    today, requirements = problem.machine, problem.requirements
+    common = requirements.box(today, problem.workspace)
+    for i in problem.vector.moving:
+        name = f"cylinder.{today.cylinders[i].name}"
+        for place in sorted({place for place, _ in problem.vector.moves(i).values()}):
+            limit = requirements.box_of(today.cylinders[i].name, place, common) / mm
+            pairs = zip(
+                linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
+            )
+            at = [_rounded(value / mm, before / mm, limit) for value, before in pairs]
+            changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
+            linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
+        poses = problem.vector.range_poses[i]
+        if poses is None:
+            continue
+        length = linkages[i].length(poses) / mm
+        closed = math.floor(length.min() / GRID + 1e-9) * GRID
+        stroke = math.ceil((length.max() - closed) / GRID - 1e-9) * GRID
+        changes |= {
+            f"{name}.closed_length_mm": round(closed, 1),
+            f"{name}.stroke_mm": round(stroke, 1),
+        }
+    return changes
+
+
+def _rounded(value: float, before: float, limit: float) -> float:
+    """A pin coordinate on the grid and within the box [mm]; as it was where it did not move."""
+    if abs(value - before) < 1e-9:
+        return before
+    low = math.ceil((before - limit) / GRID - 1e-6) * GRID
+    high = math.floor((before + limit) / GRID + 1e-6) * GRID
+    return round(min(max(round(value / GRID) * GRID, low), high), 1)
+
+
+def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[str, Any]:
+    """Bores and rods that vary, and dead volumes where they follow the areas."""
+    changes: dict[str, Any] = {}
+    for i, (cylinder, free) in enumerate(
+        zip(problem.machine.cylinders, problem.vector.resized, strict=False)
+    ):
+        name = f"cylinder.{cylinder.name}"
+        own = zip(SIZES, sizes[2 * i : 2 * i + 2], free, strict=True)
+        changes |= {f"{name}.{key}": size for key, size, varies in own if varies}
+        if problem.dynamics.proportional and any(free):
+            today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
+            volumes = today * problem.vector.areas(x)[i] / problem.vector.areas_today[i] / litre
+            changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
+            changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
+    return changes
+
+
+def _with_masses(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
+    """Changes with the own masses that sizes and pins make, to the gram."""
+    if problem.vector.moving_masses is None:
+        return changes
+    new, changes = weighed(problem.machine.replace(changes), problem.machine), dict(changes)
+    for i, names in problem.vector.moving_masses.bars.items():
+        for name in names:
+            key, mass = new.linkages[i].mass_key_of(name), new.cylinders[i].masses[name]
+            changes[f"cylinder.{new.cylinders[i].name}.{key}"] = round(mass, 3)
+    return changes

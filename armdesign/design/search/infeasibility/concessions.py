@@ -1,0 +1,179 @@
+"""Concessions: by how much requirements in conflict are to be relaxed, the settings that grant it, and the words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from armdesign.design.requirements.record import Concession, Requirement
+from armdesign.design.requirements.settings import Requirements
+from armdesign.errors import InfeasibleError
+from armdesign.units import WORKSHOP, outward
+
+DIGITS = 6  # of a setting that gives
+HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
+
+
+def concessions(
+    requirements: Requirements,
+    subsets: Sequence[Sequence[str]],
+    of: Mapping[str, Requirement],
+    amounts: Mapping[str, float],
+    alone: Mapping[str, float | None],
+) -> tuple[Concession, ...]:
+    """What the requirements of conflicts give, with the settings that grant it.
+
+    Args:
+        requirements: that are in conflict.
+        subsets: names of the requirements of every irreducible infeasible subset.
+        of: the requirements by their names.
+        amounts: that they give together, where they give something.
+        alone: what each gives where no other of its subset does.
+    """
+    values: dict[str, float] = {}
+    for name, amount in amounts.items():
+        c = of[name]
+        if c.setting and amount > 0 and c.limit:
+            value = _granting(requirements, c, amount)
+            values[c.setting] = (min if _falls(c) else max)(values.get(c.setting, value), value)
+    return tuple(
+        Concession(
+            **of[name].identity,
+            together=amounts.get(name, 0.0),
+            alone=amounts.get(name, 0.0) if len(names) == 1 else alone.get(name),
+            part=part,
+            value=values.get(of[name].setting) if amounts.get(name, 0.0) > 0 else None,
+        )
+        for part, names in enumerate(subsets)
+        for name in names
+    )
+
+
+def _falls(c: Requirement) -> bool:
+    """Whether its setting falls when it is relaxed: a lower limit, or a factor on the value."""
+    return c.at_least or c.inverse
+
+
+def _granting(requirements: Requirements, c: Requirement, amount: float) -> float:
+    """The setting that grants an amount, rounded to the granting side."""
+    stated = requirements.setting(c.setting) if c.stated is None else c.stated
+    ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
+    value = stated * (1 / ratio if c.inverse else max(ratio, 0.0))
+    return outward(value, DIGITS, not _falls(c))
+
+
+# ------------------------------------------------------------------------------------------- words
+
+
+def conflict_error(
+    machine: str,
+    conflict: Sequence[Concession],
+    none_meets: str = "no design meets",
+    settled: bool = True,
+    otherwise: str = "",
+) -> InfeasibleError:
+    """The error that says a conflict in one line, and in a table where several requirements are in it.
+
+    Args:
+        machine: its name.
+        conflict: what the requirements give.
+        none_meets: what was looked for in vain.
+        settled: whether what they give is enough for all requirements to be met.
+        otherwise: what else helps.
+    """
+    parts = [
+        [c for c in conflict if c.part == part] for part in dict.fromkeys(c.part for c in conflict)
+    ]
+    if len(conflict) == 1:
+        names, amount = _with_limit(conflict[0]), f" by at least {_amount(conflict[0])}"
+    else:
+        names = ", nor ".join(" together with ".join(c.name for c in one) for one in parts)
+        amount = ""
+    more = "" if settled else "; others conflict besides"
+    return InfeasibleError(
+        machine,
+        f"{none_meets} {names}{more}",
+        f"relax {'it' if amount else 'them'}{amount}{_settings(conflict)}{otherwise}",
+        tuple(conflict),
+        "" if amount else conflict_table(conflict),
+    )
+
+
+def nearest_error(
+    machine: str,
+    none_meets: str,
+    missed: Sequence[Concession],
+    otherwise: str = "",
+    kind: type[InfeasibleError] = InfeasibleError,
+) -> InfeasibleError:
+    """The error that says by what the nearest of some designs misses requirements, if that is known."""
+    words = " and ".join(f"{_with_limit(c)} by {_amount(c)}" for c in missed)
+    problem = f"{none_meets}{f': the nearest misses {words}' if words else ''}"
+    return kind(machine, problem, f"relax them{_settings(missed)}{otherwise}", tuple(missed))
+
+
+def conflict_rows(conflict: Sequence[Concession]) -> list[tuple[str, ...]]:
+    """A row for each requirement of a conflict, in the order of ``HEADS``; the last column only if one alone helps."""
+    rows: list[tuple[str, ...]] = []
+    for c in conflict:
+        sign = -1 if c.at_least else 1
+        row = (
+            c.name,
+            c.words,
+            f"{'at least' if c.at_least else 'at most'} {WORKSHOP.short(c.limit, c.unit)}",
+            _amount(c) if c.together > 0 else "–",
+            WORKSHOP.short(c.limit + sign * c.together, c.unit) if c.together > 0 else "–",
+            "–" if c.alone is None or _single(c, conflict) else _given(c, c.alone),
+        )
+        rows.append(row)
+    known = any(row[-1] != "–" for row in rows)
+    return rows if known else [row[:-1] for row in rows]
+
+
+def conflict_table(conflict: Sequence[Concession]) -> str:
+    """The rows of a conflict as plain text, a blank line between subsets that have nothing in common."""
+    rows = conflict_rows(conflict)
+    heads = HEADS[: len(rows[0])]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    lines = ["  ".join(map(str.ljust, heads, widths)).rstrip()]
+    for k, (c, row) in enumerate(zip(conflict, rows, strict=True)):
+        if k > 0 and c.part != conflict[k - 1].part:
+            lines.append("")
+        lines.append("  ".join(map(str.ljust, row, widths)).rstrip())
+    return "\n".join(lines)
+
+
+def _single(c: Concession, conflict: Sequence[Concession]) -> bool:
+    """Whether a requirement cannot be met by itself."""
+    return sum(other.part == c.part for other in conflict) == 1
+
+
+def _settings(conflict: Sequence[Concession]) -> str:
+    """The settings that grant all that a conflict needs."""
+    values = {
+        c.setting: (
+            f"{c.setting} {'×' if c.setting.startswith('speed.') else '='} {c.value:.{DIGITS}g}"
+        )
+        for c in conflict
+        if c.value is not None
+    }
+    return f"{': ' if values else ''}{', '.join(values.values())}"
+
+
+def _with_limit(c: Concession) -> str:
+    return (
+        f"{c.name} ({c.words} {'at least' if c.at_least else 'at most'}"
+        f" {WORKSHOP.short(c.limit, c.unit)})"
+    )
+
+
+def _amount(c: Concession) -> str:
+    return _given(c, c.together)
+
+
+def _given(c: Concession, amount: float) -> str:
+    """An amount in its unit and as a share, both rounded up, so that what is read is enough."""
+    percent = 100 * amount / abs(c.limit) if c.limit else 0.0
+    digits = max(2, len(str(int(percent))))
+    share = f" ({outward(percent, digits, True):.{digits}g} %)" if c.limit else ""
+    factor = WORKSHOP.table[c.unit][0]
+    return f"{WORKSHOP.short(outward(amount / factor, 4, True) * factor, c.unit)}{share}"

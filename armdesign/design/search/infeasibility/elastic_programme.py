@@ -1,0 +1,293 @@
+"""Elastic programme: the design that misses some requirements least while it meets the others.
+
+Frequency is left aside. Sequential linear programmes in a trust region, from several starts:
+local, because the problem is not convex in the pins. Bores and rods then go to the grid of a
+drawing one after the other, while the rest follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.program.constraints import drawn_in, evaluations_at, holding_rows
+from armdesign.design.program.gradient import STEP
+from armdesign.design.program.problem import Problem
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.search.drawing_grid import grid_sizes
+from armdesign.design.search.trust_region import Box, TrustRegion, ascend
+from armdesign.errors import InfeasibleError
+
+MET = 1e-6  # a share of its limit by which a requirement may be missed
+PENALTY = (
+    100.0  # of a requirement that must hold, against the largest share of those that may give
+)
+EACH = 1e-3  # of every other share that is given: what need not give does not
+UNKNOWN = 1e3  # share that a requirement is missed by where it is not a number
+STARTS = 3  # designs from which requirements are tried: the one at hand, today's, others drawn
+DRAWN = 0.7  # share of the bounds in which they are drawn
+FINE, ROUGH = 1e-4, 1e-3  # shares of what is missed that a step must promise to be made
+ANYWHERE, NEARBY = 0.3, 0.05  # trust; the latter for the rest when a size goes to the grid
+STEPS, SMALLEST = 40, 1e-7  # of the trust region
+LOOKS = 4  # at the whole workspace for poses of larger loads
+
+Groups: TypeAlias = Sequence[Collection[str]]
+Bounds: TypeAlias = tuple[Array, Array]  # of x
+
+
+@dataclass(frozen=True, eq=False)
+class Roles:
+    """Requirements that may give, in groups of a common largest share, and those that must hold."""
+
+    soft: Groups
+    hard: Collection[str]
+
+    @cached_property
+    def names(self) -> set[str]:
+        """All of them."""
+        return {*self.hard}.union(*self.soft)
+
+    def groups(self, names: Sequence[str]) -> Array:
+        """The group of each name, by its number; −1 of what must hold."""
+        numbers = {name: g for g, group in enumerate(self.soft) for name in group}
+        return np.array([numbers.get(name, -1) for name in names], dtype=int)
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticSolution:
+    """The design that misses least: shares given, what is missed besides, and requirements that mattered."""
+
+    x: Array
+    given: float
+    missed: float
+    tight: frozenset[str] = frozenset()
+
+    @property
+    def met(self) -> bool:
+        """Whether it misses nothing."""
+        return max(self.given, self.missed) <= MET
+
+    @property
+    def cost(self) -> float:
+        """What solutions are compared by."""
+        return self.given + PENALTY * self.missed
+
+
+@dataclass(frozen=True, eq=False)
+class _Rooms:
+    """A design's requirements: room as a share of each limit, its Jacobian, the requirement of each row, and cost."""
+
+    x: Array
+    names: list[str]
+    room: Array  # (m,)
+    jacobian: Array  # (m, nx)
+    given: float
+    missed: float
+
+    @property
+    def merit(self) -> float:
+        """Less what is given and missed."""
+        return -(self.given + PENALTY * self.missed)
+
+
+@dataclass(eq=False)
+class ElasticProgramme:
+    """The requirements of a problem, drawn in as it says, near a design.
+
+    Attributes:
+        problem: whose requirements count.
+        x: the design at hand.
+        holding: rows at which static forces are watched; more join.
+        depth: share by which all limits are drawn in besides: what misses that least lies furthest
+            inside.
+    """
+
+    problem: Problem
+    x: Array
+    holding: Array
+    depth: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all requirements."""
+        return list(dict.fromkeys(self._rooms(self.x, None).names))
+
+    def violated(self, x: Array) -> set[str]:
+        """Requirements that x misses."""
+        at = self._rooms(x, None)
+        return {name for name, room in zip(at.names, at.room, strict=True) if room < -MET}
+
+    def feasible(self, names: Collection[str]) -> bool:
+        """Whether some design meets these requirements."""
+        return not names or self.solve(Roles((), names), ROUGH).met
+
+    @np.errstate(invalid="ignore", divide="ignore")
+    def amounts(self, x: Array) -> dict[str, tuple[Evaluation, float]]:
+        """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
+        amounts = {}
+        for c in evaluations_at(self.problem, x, holding_rows(self.problem, x)):
+            missed = (c.limit - c.value[0].real) * (1 if c.at_least else -1)
+            kept = np.broadcast_to(drawn_in(self.problem, c), c.constraint.shape)[0].real
+            size = abs(c.limit) if c.slack_scale is None else c.slack_scale
+            amount = float(np.max(missed + kept / _constraint_per_slack(c) * size))
+            amounts[c.name] = c, max(0.0, amount)
+        return amounts
+
+    def solve(
+        self, roles: Roles, tolerance: float = FINE, starts: int = STARTS
+    ) -> ElasticSolution:
+        """The design that meets all that must hold and of whose groups the largest shares missed are least in sum.
+
+        Each start is followed until a step promises less than a share ``tolerance`` of what is
+        missed.
+        """
+        random = np.random.default_rng(0)
+        low, high = bounds = self.problem.bounds
+        pins = np.array([v.pin is not None for v in self.problem.vector.variables])
+        best: ElasticSolution | None = None
+        for k in range(starts if pins.any() else min(starts, 2)):
+            x = (self.x, self.problem.vector.start)[k].copy() if k < 2 else self.x.copy()
+            if k >= 2:
+                x[pins] = random.uniform(DRAWN * low[pins], DRAWN * high[pins])
+            # sizes that are chosen are not today's
+            solution = self._solve_from(np.clip(x, low, high), roles, bounds, ANYWHERE, tolerance)
+            if best is None or solution.cost < best.cost - MET:
+                best = solution
+            if best.met:
+                break
+        assert best is not None
+        return best
+
+    def on_grid(self, solution: ElasticSolution, roles: Roles) -> ElasticSolution:
+        """From a solution to one whose bores and rods lie on the grid."""
+        bounds = self.problem.bounds
+        for entry in range(2 * len(self.problem.machine.cylinders)):
+            tried = list(self._with_size(solution, entry, roles, bounds))
+            if tried:
+                solution, bounds = min(tried, key=lambda pair: pair[0].cost)
+        return solution
+
+    def _with_size(
+        self, solution: ElasticSolution, entry: int, roles: Roles, bounds: Bounds
+    ) -> Iterator[tuple[ElasticSolution, Bounds]]:
+        """Solutions with one area as the grid has it, and the bounds that hold it there.
+
+        The first that costs nothing.
+        """
+        for value in grid_sizes(self.problem, solution.x, entry):
+            low, high, x = (part.copy() for part in (*bounds, solution.x))
+            low[entry] = high[entry] = x[entry] = value
+            other = self._solve_from(x, roles, (low, high), NEARBY, ROUGH)
+            yield other, (low, high)
+            if other.cost < solution.cost + MET:
+                break
+
+    def _solve_from(
+        self, x: Array, roles: Roles, bounds: Bounds, trust: float, tolerance: float
+    ) -> ElasticSolution:
+        """The solution near x, at which no pose of the workspace is loaded more than the watched ones."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for _ in range(LOOKS):
+                solution = self._descend(x, roles, bounds, trust, tolerance)
+                if not any(name.startswith("holding.") for name in roles.names):
+                    break
+                rows = holding_rows(self.problem, solution.x)
+                if np.isin(rows, self.holding).all():
+                    break
+                self.holding = np.union1d(self.holding, rows).astype(int)
+                x = solution.x
+        return solution
+
+    def _descend(
+        self, x: Array, roles: Roles, bounds: Bounds, trust: float, tolerance: float
+    ) -> ElasticSolution:
+        """Linear programmes in a trust region, by the watched rows."""
+        tight: frozenset[str] = frozenset()
+
+        def step(at: _Rooms, box: Box, _: Sequence[_Rooms]) -> tuple[_Rooms, float] | None:
+            nonlocal tight
+            if at.given + at.missed < 0.1 * MET:
+                return None
+            change, foreseen, tight = _step(at, roles, box)
+            promised = -at.merit - foreseen
+            if promised < -tolerance * at.merit:
+                return None
+            return self._rooms(at.x + change, roles), promised
+
+        best = ascend(self._rooms(x, roles), step, bounds, TrustRegion(trust, SMALLEST, STEPS))
+        return ElasticSolution(best.x, best.given, best.missed, tight)
+
+    # a dead centre or an open four-bar on the way is no better
+    @np.errstate(invalid="ignore", divide="ignore")
+    def _rooms(self, x: Array, roles: Roles | None) -> _Rooms:
+        """Room of the requirements that have a role (all must hold if None) at x."""
+        wanted = None if roles is None else roles.names
+        watched = wanted is None or any(name.startswith("holding.") for name in wanted)
+        rows = self.holding if watched else self.holding[:0]
+        kept = [
+            c for c in evaluations_at(self.problem, x, rows) if wanted is None or c.name in wanted
+        ]
+        shares = [
+            (c.constraint - drawn_in(self.problem, c)) / _constraint_per_slack(c) - self.depth
+            for c in kept
+        ]
+        room = np.concatenate(shares, axis=1)
+        names = [
+            c.name for c, part in zip(kept, shares, strict=True) for _ in range(part.shape[1])
+        ]
+        costs = _costs(room[0].real, names, roles or Roles((), ()))
+        return _Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
+
+
+def _constraint_per_slack(evaluation: Evaluation) -> Array:
+    """Room of a condition per relative slack (k,); of what nothing changes, one."""
+    if evaluation.slack_scale is not None:
+        return np.ones(evaluation.constraint.shape[1])  # its room is a share of that scale already
+    sensitivity = evaluation.limit_sensitivity[0].real
+    return np.where(sensitivity > 0, sensitivity, 1.0)
+
+
+def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:
+    """What the groups give: their largest shares in sum, and a little of every share; and what the others miss."""
+    group = roles.groups(names)
+    short = np.where(np.isfinite(room), np.maximum(-room, 0.0), UNKNOWN)
+    largest = sum(float(short[group == g].max(initial=0.0)) for g in range(len(roles.soft)))
+    return largest + EACH * float(short[group >= 0].sum()), float(short[group < 0].sum())
+
+
+def _step(at: _Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
+    """Linear programme of one step: change of x, cost foreseen, requirements with a multiplier.
+
+    least Σ t + Σ w e  with  c + C d + e ≥ 0,  e ≥ 0,  and e ≤ t of its group, w = EACH for the
+    soft ones, w = PENALTY for the others.
+    """
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_array, eye_array, hstack, vstack
+
+    low, high = box
+    reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
+    near = np.flatnonzero(np.isfinite(at.room) & (at.room + reach < 0))
+    m, nx, count = len(near), len(low), len(roles.soft)
+    group = roles.groups([at.names[k] for k in near])
+    gives = group >= 0
+    excess = eye_array(m, format="csr")
+    limits = hstack([csr_array(-at.jacobian[near]), csr_array((m, count)), -excess])
+    member = csr_array((group[:, None] == np.arange(count)).astype(float).reshape(m, count))
+    shared = hstack([csr_array((m, nx)), -member, excess], format="csr")[gives]
+    answer = linprog(
+        np.concatenate([np.zeros(nx), np.ones(count), np.where(gives, EACH, PENALTY)]),
+        A_ub=vstack([limits, shared]),
+        b_ub=np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
+        bounds=[*zip(low, high, strict=True), *[(0.0, None)] * (count + m)],
+    )
+    if answer.status != 0:
+        raise InfeasibleError(
+            "design", f"the search for a conflict gave up ({answer.message})", "relax requirements"
+        )
+    held = near[np.abs(answer.ineqlin.marginals[:m]) > 1e-9]
+    return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in held)

@@ -1,0 +1,169 @@
+"""Refusals: why no design can be written, and amounts by which requirements give enough, tried before they are said.
+
+Conflicts are looked for with limits drawn in by what rounding takes. What they must give is
+granted, a design is sought and rounded near the one that misses least; where that fails, a little
+more is granted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.requirements.record import Concession, Evaluation, Requirement
+from armdesign.design.search.infeasibility.concessions import (
+    concessions,
+    conflict_error,
+    nearest_error,
+)
+from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch, Relaxation
+from armdesign.design.search.infeasibility.restoration import (
+    restore_feasibility,
+    run_from_feasible,
+)
+from armdesign.design.search.rounding import inmost_machine, nearest_misses
+from armdesign.design.search.sequential_sdp import MISSED, Search
+from armdesign.errors import InfeasibleError
+
+# shares by which limits are drawn in, until there is a conflict
+DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
+MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
+GRID = "on the 0.1 mm grid"
+
+
+def require_feasible(search: Search) -> Search:
+    """The search, on from where all requirements are met if it ended where one is missed.
+
+    Raises:
+        InfeasibleError: no design meets them all; names those that conflict and what they must
+            give.
+    """
+    search = restore_feasibility(search)
+    if search.violation <= MISSED:
+        return search
+    conflict = _Conflict.near(search, DRAWN_IN[0] if search.problem.vector.moving else 0.0)
+    if conflict.exists:
+        raise conflict.error("no design meets")
+    return run_from_feasible(search, conflict.x)
+
+
+def not_written(search: Search) -> InfeasibleError:
+    """The error where designs meet all requirements, but none was found that can be written."""
+    for share in DRAWN_IN if search.problem.vector.moving else ():
+        conflict = _Conflict.near(search, share)
+        if conflict.exists:
+            return conflict.error(f"no sizes and pins {GRID} meet")
+    missed = nearest_misses(search)
+    names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
+    amounts = {c.name: abs(c.value - c.limit) for c in missed}
+    given = _enough(search, (names,), of, amounts, {}, search.x)
+    return nearest_error(
+        search.problem.machine.name, f"no sizes {GRID} meet all requirements", given
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Conflict:
+    """What conflicts near a search, and the least by which it is to be relaxed, None if that does not help."""
+
+    search: Search
+    subsets: tuple[tuple[str, ...], ...]
+    relaxation: Relaxation | None
+    among: ConflictSearch
+
+    @classmethod
+    def near(cls, search: Search, share: float) -> _Conflict:
+        """The conflict near a search with limits drawn in by a share."""
+        among = ConflictSearch(search.problem.tightened(share), search.x, search.holding)
+        subsets = among.disjoint_subsets()
+        if not subsets:
+            return cls(search, (), None, among)
+        relaxation = among.least_relaxation(subsets)
+        if relaxation is None:  # what conflicts cannot give enough: anything else may help
+            others = tuple(n for n in among.names if not any(n in names for names in subsets))
+            relaxation = among.least_relaxation([*subsets, others])
+            amounts = relaxation.amounts if relaxation else {}
+            helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
+            subsets = (*subsets, helps) if helps else subsets
+        return cls(search, subsets, relaxation, among)
+
+    @property
+    def exists(self) -> bool:
+        """Whether something must give."""
+        return bool(self.subsets) and not (self.relaxation and self.relaxation.nothing)
+
+    @property
+    def x(self) -> Array:
+        """The design that misses least."""
+        return self.relaxation.x if self.relaxation else self.among.x
+
+    def error(self, none_meets: str) -> InfeasibleError:
+        """The error that names what conflicts and what it must give, together and alone."""
+        search, amounts = self.search, self.among.amounts(self.among.x)
+        of = {name: condition for name, (condition, _) in amounts.items()}
+        if self.relaxation is None:  # what misses least says what lacks
+            lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
+            given = concessions(search.problem.requirements, [tuple(lacks)], of, lacks, {})
+        else:
+            together, x = self.relaxation.amounts, self.relaxation.x
+            alone = self._alone(of, together, x)
+            given = _enough(search, self.subsets, of, together, alone, x)
+        otherwise = ""
+        if search.problem.sizes:
+            none_meets = f"with the sizes of the catalogue that were tried, {none_meets}"
+            otherwise = " or offer other sizes"
+        return conflict_error(
+            search.problem.machine.name, given, none_meets, self.relaxation is not None, otherwise
+        )
+
+    def _alone(
+        self, of: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
+    ) -> dict[str, float | None]:
+        """What each requirement of a subset gives where no other of its subset does.
+
+        None where that does not help.
+        """
+        alone: dict[str, float | None] = {}
+        for subset in self.subsets:
+            others = [other for other in self.subsets if other is not subset]
+            rest = {n: together[n] for names in others for n in names if n in together}
+            for name in subset if len(subset) > 1 else ():
+                alone[name] = None
+                if not of[name].setting:
+                    continue
+                relaxation = self.among.least_relaxation([(name,), *others], near)
+                if relaxation is None:
+                    continue
+                amounts = {**rest, name: relaxation.amounts[name]}
+                given = _enough(self.search, [(name,), *others], of, amounts, {}, relaxation.x)
+                alone[name] = next(c.together for c in given if c.name == name)
+        return alone
+
+
+def _enough(
+    search: Search,
+    subsets: Sequence[Sequence[str]],
+    of: Mapping[str, Requirement],
+    amounts: Mapping[str, float],
+    alone: Mapping[str, float | None],
+    x: Array,
+) -> tuple[Concession, ...]:
+    """The concessions with which a design near ``x`` is found and can be written.
+
+    The largest tried if none is.
+    """
+    problem = search.problem
+    for more in MORE:
+        larger = {
+            name: amount + more * abs(of[name].limit)
+            for name, amount in amounts.items()
+            if amount > 0
+        }
+        given = concessions(problem.requirements, subsets, of, larger, alone)
+        granted = problem.under(problem.requirements.granting(given))
+        if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
+            break
+    return given

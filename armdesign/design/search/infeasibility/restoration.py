@@ -1,0 +1,31 @@
+"""Restoration of feasibility: back to designs that meet all requirements, and on from there within them."""
+
+from __future__ import annotations
+
+from armdesign.arrays import Array
+from armdesign.design.search.infeasibility.elastic_programme import MET, ElasticProgramme, Roles
+from armdesign.design.search.sequential_sdp import MISSED, Search
+
+# share of what is missed that a step must promise, where a design that meets all is sought
+EXACT = 1e-6
+STRICT = (
+    30.0  # times dearer a missed requirement, for a search that left the designs that meet all
+)
+
+
+def restore_feasibility(search: Search) -> Search:
+    """The search, on from where all requirements are met if it ended where one is missed and a way is found."""
+    if search.violation <= MISSED:
+        return search
+    programme = ElasticProgramme(search.problem, search.x, search.holding)
+    solution = programme.solve(Roles((), programme.names), EXACT)
+    return run_from_feasible(search, solution.x) if solution.met else search
+
+
+def run_from_feasible(search: Search, x: Array) -> Search:
+    """The search, on from a design that meets all requirements, without leaving those that do."""
+    for strictness in (search.strictness, STRICT):
+        search = search.at(x, strictness).run(trust=0.02, tolerance=1e-5)
+        if search.violation <= 10 * MET:
+            return search
+    return search.at(x)

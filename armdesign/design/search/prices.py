@@ -1,0 +1,111 @@
+"""Prices of requirements: the relative gain in the worst frequency from relaxing each by 1 %.
+
+At the margin a price is a multiplier; the price of the whole 1 % is found by solving again from
+the optimum: another limit may soon be met, and designs of nearly the same frequency may lie far
+apart, so that no box around this one holds the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.program.constraints import evaluations_at
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.semidefinite import Step
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.design.search.trust_region import box_around
+from armdesign.errors import InfeasibleError
+
+RELAXED = 0.01  # share by which a requirement is relaxed to price it
+TRUST = 0.05  # with which that is solved again,
+# until a step promises less than this of ω², or than this share of what is expected
+FINE, ENOUGH = 1e-7, 0.01
+LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price
+
+
+@dataclass(frozen=True)
+class Price:
+    """Relative gain in the worst frequency from relaxing a requirement by 1 %: if the first of it counts, and all."""
+
+    at_margin: float
+    gain: float
+
+
+def prices(search: Search) -> dict[str, Price]:
+    """Price of each requirement at an optimum.
+
+    Requirements that one setting states are relaxed together, as a designer relaxes them, and
+    share the gain by their multipliers.
+    """
+    optimum = replace(search).run(TRUST, 10 * FINE, looks=2)
+    problem, margins = optimum.problem, marginal_prices(optimum)
+    settings = {c.name: c.setting for c in evaluations_at(problem, search.x, search.holding)}
+    together: dict[str, list[str]] = {}
+    for name in margins:
+        together.setdefault(settings.get(name) or name, []).append(name)
+    priced: dict[str, Price] = {}
+    for names in together.values():
+        expected = sum(margins[name] for name in names)
+        share = _gain(optimum, names, expected) / expected if expected > LEAST_PRICE else 1.0
+        priced |= {
+            name: Price(at_margin=margins[name], gain=share * margins[name]) for name in names
+        }
+    return priced
+
+
+def marginal_prices(search: Search) -> dict[str, float]:
+    """Relative gain in the worst frequency per 1 % of each requirement, by its multiplier."""
+    trial, bounds, at = search.trial(), search.bounds, search.limits
+    box = box_around(search.x, bounds, TRUST)
+    model = search.linearised(trial, search.active(trial.squared), box)
+    try:
+        step = model.solve(box)
+    except InfeasibleError:  # the solver gave up: nothing is known
+        return {}
+    scale = 0.5 * search.reference / float(trial.squared.min())  # f ~ sqrt(λ)
+    multipliers = np.zeros(len(at.values))
+    multipliers[model.kept] = search.strictness * step.multipliers[: len(model.kept)]
+    # a limit that no variable moves has no price, whatever the solver's multiplier says
+    multipliers[~np.any(at.jacobian[:, bounds[1] > bounds[0]] != 0, axis=1)] = 0.0
+    gains: dict[str, float] = {}
+    for name, gain in (
+        *zip(at.names, multipliers * at.per_percent * scale, strict=True),
+        *zip(
+            _pin_boxes(search.problem),
+            RELAXED * bounds[1] * _at_end(step, box) * scale,
+            strict=True,
+        ),
+    ):
+        gains[name] = gains.get(name, 0.0) + float(gain)
+    gains.pop("", None)
+    return gains
+
+
+def _at_end(step: Step, box: tuple[Array, Array]) -> Array:
+    """Multipliers of the ends of x, without those of the trust region."""
+    upper = np.where(box[1] < TRUST, step.high_multipliers, 0)
+    return np.asarray(upper + np.where(box[0] > -TRUST, step.low_multipliers, 0))
+
+
+def _pin_boxes(problem: Problem) -> list[str]:
+    """Name of the pin box that bounds each entry of x; empty for areas."""
+    cylinders = problem.machine.cylinders
+    return [
+        f"pin_box.{cylinders[v.cylinder].name}.{v.pin}" if v.pin else ""
+        for v in problem.vector.variables
+    ]
+
+
+def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
+    """Relative gain in frequency that is found from an optimum with requirements relaxed by 1 %."""
+    low, high = optimum.bounds
+    more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
+    problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))
+    eased = optimum.of(problem, optimum.x, (low - more, high + more))
+    eased.run(TRUST, max(FINE, ENOUGH * expected), looks=2)
+    return math.sqrt(max(eased.squared / optimum.squared, 1.0)) - 1
