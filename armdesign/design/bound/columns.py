@@ -1,4 +1,4 @@
-"""Designs of single cylinders: the columns of the programme that seeks multipliers, and the cylinders they are of."""
+"""Columns: designs of single cylinders that drive a joint alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the regi
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SoleDrive:
-    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, that of each row."""
+    """A cylinder with the joint that it alone drives, and its shape at the workspace's angles."""
 
     cylinder: int
     joint: int
@@ -31,7 +31,7 @@ class SoleDrive:
 
 
 def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[SoleDrive, ...]:
-    """The cylinders that drive one joint alone and whose pins vary in a way that ``cylinder_shape`` knows."""
+    """Cylinders that drive one joint alone and vary in a way that ``cylinder_shape`` knows."""
     machine, found = problem.machine, []
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
         shared = any(
@@ -72,7 +72,13 @@ def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[So
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """Designs of single cylinders: index of the drive (c,), b and scale (c, 3), swept volumes (c, 2) [m³]."""
+    """Designs of single cylinders.
+
+    Attributes:
+        drive: index of the drive (c,).
+        design: b and scale (c, 3).
+        volume: swept volumes (c, 2) [m³].
+    """
 
     drive: Array
     design: Array

@@ -1,4 +1,4 @@
-"""What the requirements ask of one cylinder alone, over boxes of shapes (``cylinder_shape``) and for swept volumes v = A S.
+"""What the requirements ask of one cylinder alone, over boxes of shapes and swept volumes.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
@@ -58,7 +58,7 @@ class CylinderConstraints:
     back: float
 
     def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
-        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, v, 2) around their volumes.
+        """Boxes (m, 3) that may hold an allowed design, scales, vertices (k, v, 2) of volumes.
 
         Boxes (m, 5) say also between which ends the volumes lie; each on its own, so that a rod
         that stays is let go. A box is left out only where nothing can be allowed, so never for
@@ -120,7 +120,7 @@ class CylinderConstraints:
     def _buildable(
         self, e: Enclosure, scale: Interval, least: Array, most: Array, slender: Array
     ) -> Interval:
-        """The scales at which the areas that the volumes ask for are neither too large nor leave too thin a rod."""
+        """The scales at which areas are not too large and rods not too thin for the volumes."""
         low = np.maximum(scale.low, (least / self.area[1]).max(axis=1) / e.stroke.high)
         high = np.minimum(scale.high, (most / self.area[0]).min(axis=1) / e.stroke.low)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,7 +129,7 @@ class CylinderConstraints:
 
 
 def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
-    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most with v2 ≤ v1 − slender √v1, a convex curve; where any are."""
+    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most, v2 ≤ v1 − slender √v1; where any are."""
 
     def cap_for(annulus: Array) -> Array:
         return np.asarray((slender + np.sqrt(slender**2 + 4 * annulus)) ** 2 / 4)
@@ -146,7 +146,7 @@ def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
 
 
 def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tuple[Array, Flags]:
-    """As ``_vertices`` (k, 6, 2), with v1 − v2 the volume (k,) of a rod that stays, which must be ≥ slender √v1."""
+    """Corners (k, 6, 2) where v1 − v2 is the volume (k,) of a rod that stays, ≥ slender √v1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         stout = np.fmin(np.inf, (rod.high / slender) ** 2)
     a, b = (
@@ -213,7 +213,7 @@ def cylinder_constraints(
 
 
 def _holding(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> tuple[Array, Array]:
-    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m].
+    """Angles (n,) at which today's cylinder pushes or pulls most, and torques (n, 2) [N m].
 
     The greatest that some load asks for at least, and the least that some load asks for at most.
     """
