@@ -14,9 +14,9 @@ Where λ(x) ≥ λ0,
 
     0 ≤ Σ_j ⟨Y_j, K_j(x) − λ M_j(x)⟩ ≤ Σ_j ⟨Y_j, K_j(x) − λ0 (M_j(x) − M_j0)⟩ − λ Σ_j ⟨Y_j, M_j0⟩,
 
-so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars are worth so
-much per area, like oil (``mass_enclosure``), but for their gravity in g H/r of the others, which is
-an interval. Multipliers are sought with the masses of the design at hand.
+so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars add so much
+per area, like oil (``mass_enclosure``), but for their gravity in g H/r of the others, which is an
+interval. Multipliers are sought with the masses of the design at hand.
 
 Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each
 cylinder; designs of a larger term at its multipliers join, until none is left (Dantzig and Wolfe,

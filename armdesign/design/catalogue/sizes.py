@@ -15,8 +15,8 @@ from armdesign.units import mm
 Sizes = tuple[tuple[float, float], ...]
 
 ISO_BORES_MM = (25, 32, 40, 50, 63, 80, 90, 100, 110, 125, 140, 160, 180, 200, 220, 250, 280, 320)
-ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100, 110, 125, 140,
-               160, 180, 200, 220)  # fmt: skip
+ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100,
+               110, 125, 140, 160, 180, 200, 220)  # fmt: skip
 GRID_MM = 5  # of makers of excavators
 SAME = 1e-9  # [m]
 LARGEST = 2.0  # [m] a bore beyond it was meant in mm

@@ -148,7 +148,7 @@ class ElasticProgramme:
     def solve(
         self, roles: Roles, tolerance: float = FINE, starts: int = STARTS
     ) -> ElasticSolution:
-        """The design that meets what must hold and misses the groups least, by their largest shares.
+        """The design that meets what must hold and misses the groups least.
 
         Each start is followed until a step promises less than a share ``tolerance`` of what is
         missed.
