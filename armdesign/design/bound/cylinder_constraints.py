@@ -170,32 +170,23 @@ def cylinder_constraints(
     None where its shape is not known.
     """
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
-    poses = problem.vector.range_poses[i]
+    vector, poses, more = problem.vector, problem.vector.range_poses[i], 1 + CONSTRAINT_TOLERANCE
     if poses is None:
         return None
-    joint = machine.linkages[i].joints[0]
     digs = cylinder.name in r.digging
-    ranged = poses.q[
-        :: 1 if digs else 10, joint
-    ]  # the best of all digs; the least arm may be looked for at some
-    arms, today, more = (
-        np.abs(problem.vector.arms_today[i]),
-        problem.vector.areas_today[i],
-        1 + CONSTRAINT_TOLERANCE,
-    )
+    # the best of all poses digs; the least arm may be looked for at some
+    ranged = poses.q[:: 1 if digs else 10, machine.linkages[i].joints[0]]
+    arms, today = np.abs(vector.arms_today[i]), vector.areas_today[i]
     angles, torques = _holding(problem, i, bars)
     shape = shape_of(problem, i, np.concatenate([ranged, angles]))
     if shape is None:
         return None
-    low, high = (
-        problem.vector.areas(end)[i] / today for end in problem.bounds
-    )  # an annulus may follow its bore
-    bore_varies, rod_varies = problem.vector.resized[i]
+    # an annulus may follow its bore
+    low, high = (vector.areas(end)[i] / today for end in problem.bounds)
     high = np.minimum(high, [r.thrust_share, np.inf])
-    hold = np.pad(
-        np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2),
-        ((0, 0), (2 + len(ranged), 0)),
-    )
+    bore_varies, rod_varies = vector.resized[i]
+    hold = np.maximum(np.stack([torques, -torques]) * shape.sign, 0.0).max(axis=2)
+    hold = np.pad(hold, ((0, 0), (2 + len(ranged), 0)))
     return CylinderConstraints(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
