@@ -250,14 +250,14 @@ def check(
     implausible values. Writes nothing.
     """
     from armdesign.frequency.workspace import Workspace
-    from armdesign.inspection.file_faults import faults as faults_of
+    from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
     from armdesign.machine.loading import load
     from armdesign.report.inspections import check_sheets
 
     counts = grid_points(points)
     with progress("reading the file"):
-        faults = faults_of(machine, allow_outside=allow_outside)
+        faults = file_faults.faults(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)

@@ -21,7 +21,7 @@ from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
-from armdesign.design.requirements.settings import Lift
+from armdesign.design.requirements.lifts import Lift
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
