@@ -41,6 +41,21 @@ if TYPE_CHECKING:
     from armdesign.paper import formulas as formulas
     from armdesign.simulation.excitation import Step as Step
     from armdesign.simulation.excitation import Table as Table
+    from armdesign.simulation.identification.frequency_response import (
+        FrequencyResponse as FrequencyResponse,
+    )
+    from armdesign.simulation.identification.frequency_response import (
+        frequency_response as frequency_response,
+    )
+    from armdesign.simulation.identification.modal_fit import ModalFit as ModalFit
+    from armdesign.simulation.identification.modal_fit import (
+        identify_forced_response as identify_forced_response,
+    )
+    from armdesign.simulation.identification.modal_fit import (
+        identify_frequency_response as identify_frequency_response,
+    )
+    from armdesign.simulation.identification.ringdown import Ringdown as Ringdown
+    from armdesign.simulation.identification.ringdown import identify_ringdown as identify_ringdown
     from armdesign.simulation.linearization import LinearModel as LinearModel
     from armdesign.simulation.linearization import linearize as linearize
     from armdesign.simulation.simulate import Simulation as Simulation
@@ -79,6 +94,13 @@ _HOME = {
     "validate": "simulation.validation",
     "LinearModel": "simulation.linearization",
     "linearize": "simulation.linearization",
+    "Ringdown": "simulation.identification.ringdown",
+    "identify_ringdown": "simulation.identification.ringdown",
+    "ModalFit": "simulation.identification.modal_fit",
+    "identify_forced_response": "simulation.identification.modal_fit",
+    "identify_frequency_response": "simulation.identification.modal_fit",
+    "FrequencyResponse": "simulation.identification.frequency_response",
+    "frequency_response": "simulation.identification.frequency_response",
 }
 
 __all__ = [*_HOME, "formulas"]

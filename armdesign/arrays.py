@@ -1,32 +1,24 @@
-"""The array types of all signatures (axis 0 is the pose), and work on long arrays chunk by chunk."""
+"""Array types of all signatures (axis 0 is the pose); chunks and weighted percentiles."""
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields
-from functools import cache, wraps
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from functools import wraps
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-from armdesign.errors import printable
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 Array: TypeAlias = NDArray[Any]  # of float, or complex where a complex step passes
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 
 CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
-PATIENCE = 2.0  # [s] before a progress bar appears
 
 
 def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
-    """A method of an array that remembers what it found for the last one."""
+    """Decorator of a method of an array: its result for the last array is remembered."""
     name = f"_last_{method.__name__}"
 
     @wraps(method)
@@ -34,24 +26,21 @@ def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
         key = x.tobytes()
         if name not in vars(self) or vars(self)[name][0] != key:
             vars(self)[name] = key, method(self, x)
-        found: T = vars(self)[name][1]
-        return found
+        result: T = vars(self)[name][1]
+        return result
 
     return recalled
 
 
 def chunks(count: int) -> Iterator[slice]:
-    """Slices of at most ``CHUNK`` rows that cover ``count`` rows.
-
-    One empty slice where there are none.
-    """
+    """Slices of at most ``CHUNK`` rows that cover ``count`` rows; one empty slice for none."""
     return (slice(start, min(start + CHUNK, count)) for start in range(0, max(count, 1), CHUNK))
 
 
 def stacked(parts: Iterable[T], count: int) -> T:
-    """One dataclass of ``count`` rows from parts of its arrays, each let go once copied.
+    """One dataclass of ``count`` rows from parts of its arrays, each released once copied.
 
-    The rest is the first's.
+    Fields that are no arrays are those of the first part.
     """
     parts = iter(parts)
     part = next(parts)
@@ -76,11 +65,10 @@ def stacked(parts: Iterable[T], count: int) -> T:
 
 
 def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:
-    """Percentiles (k,) of values (n,) of which each counts as much as its weight (n,) ≥ 0, linear between neighbours.
+    """Percentiles (k,) of values (n,) with weights (n,) ≥ 0, linear between neighbours.
 
-    0 % and 100 % are least and greatest of all values, those of weight zero too; equal weights
-    give ``np.percentile``. Of weights that are all zero each value counts as one. Infinite values
-    are allowed.
+    0 % and 100 % are least and greatest of all values, also of weight zero; equal weights give
+    ``np.percentile``, and so do weights that are all zero. Infinite values are allowed.
     """
     if not weights.any():
         weights = np.ones(len(values))
@@ -105,39 +93,5 @@ def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array
 
 
 def weighted_share(flags: Flags, weights: Array) -> float:
-    """Share that is so (n,), each value counting as much as its weight (n,) ≥ 0.
-
-    As one, where all are zero.
-    """
+    """Share of true flags (n,) by weights (n,) ≥ 0, or by number if all weights are zero."""
     return float(np.average(flags, weights=weights if weights.any() else None))
-
-
-@cache
-def terminal() -> Console:
-    """The console on stderr.
-
-    One for all who show progress, so that spinners and bars leave each other's lines.
-    """
-    from rich.console import Console
-
-    return Console(stderr=True)
-
-
-def shown(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:
-    """The same slices, with a progress bar on stderr once they take long, if that is a terminal."""
-    start, bar = time.monotonic(), None
-    try:
-        for rows in slices:
-            if bar is None and time.monotonic() - start > PATIENCE and sys.stderr.isatty():
-                from rich.markup import escape
-                from rich.progress import Progress
-
-                bar = Progress(console=terminal(), transient=True)
-                task = bar.add_task(escape(printable(what)), total=count)
-                bar.start()
-            if bar is not None:
-                bar.update(task, completed=rows.start)
-            yield rows
-    finally:
-        if bar is not None:
-            bar.stop()

@@ -35,7 +35,8 @@ from armdesign.options import (
     open_workspace,
     stated_bands,
 )
-from armdesign.output import outputs, progress, show, tell, write_csv
+from armdesign.output import outputs, show, tell, write_csv
+from armdesign.progress import progress
 from armdesign.transaction import as_interrupt
 
 if TYPE_CHECKING:
@@ -249,14 +250,14 @@ def check(
     implausible values. Writes nothing.
     """
     from armdesign.frequency.workspace import Workspace
-    from armdesign.inspection.file_faults import faults as faults_of
+    from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
     from armdesign.machine.loading import load
     from armdesign.report.inspections import check_sheets
 
     counts = grid_points(points)
     with progress("reading the file"):
-        faults = faults_of(machine, allow_outside=allow_outside)
+        faults = file_faults.faults(machine, allow_outside=allow_outside)
         if not faults:
             model = load(machine, allow_outside=allow_outside)
             sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armdesign.design.requirements.record import Concession
 
 # C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of
 # surrogate pairs
@@ -62,41 +64,6 @@ class MachineFileError(ArmDesignError):
 
 class PoseError(ArmDesignError):
     """A pose cannot be taken: out of stroke, open four-bar, singular, or not finite."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Concession:
-    """What one requirement of a conflict must give.
-
-    Attributes:
-        name: of the requirement.
-        words: what it is about.
-        unit: SI, of all that follows.
-        limit: that cannot be kept.
-        at_least: whether that is a lower one.
-        together: what it gives where all of the conflict give so that the largest share is least,
-            with what rounding to a drawing's grid or a catalogue's sizes takes; 0 where it stands
-            in the way and need not, or cannot, give.
-        alone: what it gives where no other of its part does; None where that does not help.
-        part: which of several conflicts that have nothing in common it belongs to; all of them
-            must give.
-        setting: key under ``[requirements]`` that states the limit; empty where none does.
-            ``speed.NAME`` stands for all speeds of a motion.
-        value: of the setting that gives what is needed together, in the key's unit, as a factor
-            for speeds; None where it gives nothing. ``Requirements.granting`` makes requirements
-            of the values of a conflict.
-    """
-
-    name: str
-    words: str
-    unit: str
-    limit: float
-    at_least: bool
-    together: float
-    alone: float | None
-    part: int = 0
-    setting: str = ""
-    value: float | None = None
 
 
 class InfeasibleError(ArmDesignError):

@@ -6,7 +6,7 @@ import os
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -173,17 +173,6 @@ def tell_error(error: ArmDesignError) -> None:
     tell(f"armdesign: {error}", sys.stderr)
     for line in getattr(error, "table", "").splitlines():
         tell(line, sys.stderr)
-
-
-@contextmanager
-def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """Show progress on stderr without a trace; yields a function that changes the text."""
-    from rich.text import Text
-
-    from armdesign.arrays import terminal
-
-    with terminal().status(Text(printable(text))) as status:
-        yield lambda changed_text: status.update(Text(printable(changed_text)))
 
 
 def show(items: Sequence[Sheet | str]) -> None:

@@ -1,4 +1,4 @@
-"""Several files of one folder that change as one: all of them or none, whatever happens on the way.
+"""Several files of one folder that change as one, all or none, whatever happens on the way.
 
 New files are written into a folder of their own beside their places, ``.writing-`` with ``new``
 and ``old`` in it. When all are whole, and every place is free, the files that they replace are
@@ -39,12 +39,10 @@ ENDS = tuple(
 
 @contextlib.contextmanager
 def staged(place: Path) -> Iterator[Path]:
-    """A folder to write into.
-
-    When the block ends its files move to ``place``, all of them or none.
+    """A folder to write into, whose files move to ``place`` after the block, all or none.
 
     Raises:
-        OSError: one that cannot be written, or whose place is taken; all is then as it was.
+        OSError: a file cannot be written, or its place is taken; all is then as it was.
     """
     fresh = [folder for folder in (place, *place.absolute().parents) if not folder.exists()]
     try:
@@ -71,17 +69,14 @@ def mend(place: Path) -> None:
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """What would end the program meanwhile, Ctrl-C or a signal, does so after the block."""
-    if (
-        threading.current_thread() is not threading.main_thread()
-    ):  # Python runs handlers in that one alone
+    """Postpone what ends the program, Ctrl-C or a signal, until after the block."""
+    if threading.current_thread() is not threading.main_thread():  # it alone runs handlers
         yield
         return
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in ENDS}
-    known = {
-        number: handler for number, handler in before.items() if handler is not None
-    }  # None: not Python's own
+    # None: a handler that is not Python's own
+    known = {number: handler for number, handler in before.items() if handler is not None}
     for number in known:
         signal.signal(number, lambda number, _: came.append(number))
     try:
@@ -95,25 +90,21 @@ def undisturbed() -> Iterator[None]:
 
 @contextlib.contextmanager
 def as_interrupt() -> Iterator[list[int]]:
-    """What else ends the program ends it as Ctrl-C does: SIGTERM, a closed terminal.
-
-    Yields the signals that came.
-    """
+    """Make SIGTERM and a closed terminal end the program as Ctrl-C does; yields such signals."""
     came: list[int] = []
 
     def end(number: int, _: object) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
-    left = [
-        number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL
-    ]  # not those that nohup ignores
-    for number in left:
+    # not the ones that nohup ignores
+    by_default = [number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL]
+    for number in by_default:
         signal.signal(number, end)
     try:
         yield came
     finally:
-        for number in left:
+        for number in by_default:
             signal.signal(number, signal.SIG_DFL)
 
 
@@ -183,7 +174,7 @@ class _Stage:
             shutil.copy2(self.place / file, kept, follow_symlinks=False)
 
     def _journal(self, name: str) -> dict[str, list[str]]:
-        """Of all files: those that move, those of them that replace old ones, and folders to be made for them."""
+        """Names of files that move, of old files that they replace, and of new folders."""
         journal: dict[str, list[str]] = json.loads((self.root / name).read_text(encoding="utf-8"))
         for path in map(Path, (*journal["files"], *journal["folders"])):
             if path.is_absolute() or ".." in path.parts:

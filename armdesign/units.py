@@ -57,10 +57,7 @@ def _joined(number: str, unit: str) -> str:
 
 
 def outward(value: float, digits: int, up: bool) -> float:
-    """A number with so many significant digits, rounded up or down.
-
-    As it is where it has no more.
-    """
+    """A number rounded up or down to significant digits; unchanged if it has no more."""
     if value == 0:
         return value
     step = 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)

@@ -18,10 +18,7 @@ OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def of_user() -> Iterator[Path]:
-    """Folders of this user, the best first: with the other caches, or temporary ones.
-
-    They need not exist.
-    """
+    """Folders of this user, best first: with the other caches, or temporary; may not exist."""
     caches = Path(os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache"))
     if caches.is_absolute():  # else nobody knows the user's home
         yield caches / "armdesign"
@@ -38,15 +35,14 @@ def temporary() -> Iterator[Path]:
 
 
 def made(folder: Path, owner_of: Path | None = None) -> bool:
-    """Whether a folder is there, made now if need be, and nobody else can change what is in it.
+    """Whether a folder exists, made if need be, and nobody else can change what is in it.
 
     Args:
-        folder: not those above it, but for the last one.
-        owner_of: a folder of programs that are run anyway: within it, those who may write there
-            are trusted.
+        folder: to be checked; made with the folders above it if need be.
+        owner_of: a folder of programs that are run anyway; within it, its owner is trusted.
 
     Raises:
-        OSError: there is none, and none can be made.
+        OSError: the folder does not exist and cannot be made.
     """
     folder.parent.mkdir(mode=0o700 if owner_of is None else 0o755, parents=True, exist_ok=True)
     owners, parent = {0, _user()}, Path(os.path.realpath(folder.parent))
@@ -55,9 +51,9 @@ def made(folder: Path, owner_of: Path | None = None) -> bool:
     elif not all(_stays(place.stat(), owners) for place in (parent, *parent.parents)):
         return False
     folder.mkdir(mode=0o755, exist_ok=True)
-    found = folder.lstat()  # a link is no folder
-    return stat.S_ISDIR(found.st_mode) and (
-        not POSIX or (found.st_uid in owners and not found.st_mode & OTHERS_WRITE)
+    status = folder.lstat()  # a link is no folder
+    return stat.S_ISDIR(status.st_mode) and (
+        not POSIX or (status.st_uid in owners and not status.st_mode & OTHERS_WRITE)
     )
 
 
@@ -70,7 +66,7 @@ def _stays(place: os.stat_result, owners: set[int]) -> bool:
 
 
 def writable(folder: Path) -> bool:
-    """Whether a file can be made in a folder; its mode alone does not tell."""
+    """Whether a file can be made in a folder, which its mode alone does not say."""
     with contextlib.suppress(OSError):
         tempfile.TemporaryFile(dir=folder).close()
         return True

@@ -40,9 +40,9 @@ from armdesign.design.program.design_vector import RANGE_POSES, Geometry
 from armdesign.design.program.fixed_pins import lowest
 from armdesign.design.program.gradient import SteppedDesign
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.candidate import frame_of
+from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.check import check
-from armdesign.design.requirements.relative import conditions, static_loads_held
+from armdesign.design.requirements.settings import evaluations
 from armdesign.design.search.sequential_sdp import MISSED
 from armdesign.frequency.modes import hertz
 from armdesign.machine.poses import static_forces
@@ -165,10 +165,10 @@ class Judge:
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
         stiffness = dynamics.actuator_stiffness(g[pose], *strokes, forces) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
-        frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
-        judged = [*conditions(new, frame), *static_loads_held(new, frame, forces[None])]
-        room = np.array([c.room[0].real.min() for c in judged])
-        missed = np.where(np.isfinite(room), np.maximum(-room, 0.0), 10.0)
+        reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
+        evaluated = evaluations(new, reference, forces[None])
+        values = np.array([e.constraint[0].real.min() for e in evaluated])
+        missed = np.where(np.isfinite(values), np.maximum(-values, 0.0), 10.0)
         return lowest(lower @ stiffness @ np.swapaxes(lower, 1, 2)), forces, missed
 
 

@@ -20,8 +20,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import armdesign as ad
-from armdesign.simulation.controlled_plant import Loop
+from armdesign.simulation.controlled_plant import ControlledPlant
 from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate_all
 
@@ -46,7 +47,7 @@ def sweeps() -> list[Case]:
         machine = ad.load("excavator_20t").with_payload(400.0 + 40 * (number % 20))
         pose = POSE + np.array([0.0, 0.004, 0.003]) * number
         experiment = Experiment.of(machine, pose, 0, 0)
-        commands = experiment.commands(experiment.sweep(5e-4 * (1 + number % 3) / 2))
+        commands = experiment.commands(experiment.swept_sine(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
         found.append(
             Case(
@@ -65,13 +66,14 @@ def sweeps() -> list[Case]:
 def by_scipy(case: Case, method: str) -> float:
     """Factor of real time of one case by scipy's integrator with the same right-hand side."""
     plant = Plant(case.machine)
-    loop = Loop.of([plant], [plant.rest(case.q, case.preloaded)], [case.command], [case.hold])
+    start = find_equilibrium(plant, case.q, case.preloaded).state
+    system = ControlledPlant.of([plant], [start], [case.command], [case.hold])
 
     def run() -> None:
         solve_ivp(
-            lambda t, y: loop.rates(np.array([t]), y[None])[0],
+            lambda t, y: system.rates(np.array([t]), y[None])[0],
             (0.0, case.duration),
-            loop.start[0],
+            system.start[0],
             method=method,
             rtol=TOLERANCE,
             atol=TOLERANCE,

@@ -15,7 +15,7 @@ PACKAGE = ROOT / "armdesign"
 
 # From the ground up: a module imports from its own room and from those above it in this list only.
 ROOMS = (
-    *("units", "errors", "user_folders", "transaction", "arrays"),
+    *("units", "errors", "user_folders", "transaction", "arrays", "progress"),
     *("hydraulics", "mechanism", "machine", "frequency", "inspection"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
@@ -23,7 +23,7 @@ ROOMS = (
     *("plots", "report", "paper", "output", "options", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"mechanism.arm", "simulation.plant.bodies"},
+    "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
     "matplotlib": {"plots.canvas"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.toml_writing", "design.provenance"},

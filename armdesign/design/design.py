@@ -21,7 +21,8 @@ from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call, documented
-from armdesign.design.requirements.check import Check, slacks, static_loads
+from armdesign.design.requirements.check import slacks, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.refusal import not_written, require_feasible
 from armdesign.design.search.multistart import Starts, formulate, multistart

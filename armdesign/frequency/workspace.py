@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks, shown
+from armdesign.arrays import Array, Flags, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
 from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
@@ -23,6 +23,7 @@ from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
+from armdesign.progress import with_bar
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MARGIN_TOLERANCE = 1e-9
@@ -188,7 +189,7 @@ class Workspace:
         ``what`` names the work in the progress bar.
         """
         kept = len(self) <= KEPT
-        for rows in shown(chunks(len(self)), len(self), what):
+        for rows in with_bar(chunks(len(self)), len(self), what):
             yield rows, self.rigid[rows] if kept else self.machine.rigid_poses(self.q[rows])
 
     def holds(self, payload: LoadCase) -> Flags:

@@ -1,4 +1,4 @@
-"""Everything that makes a machine file unusable, at once: the file, its URDF, and the machine that they make."""
+"""Every fault that makes a machine file unusable: of the file, its URDF, and their machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from armdesign.machine import machine_file
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.from_urdf import FLUID, SUPPLY
 from armdesign.machine.key_lines import Places, tell_line
-from armdesign.machine.loading import find, load
+from armdesign.machine.loading import find
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import linkage
 from armdesign.machine.schema import MachineSection
@@ -24,11 +24,11 @@ from armdesign.mechanism.arm import Arm
 
 
 def faults(path_or_name: str | Path, *, allow_outside: bool = False) -> list[ArmDesignError]:
-    """Everything that makes a machine file unusable, one error each; empty if it can be used.
+    """Every fault that makes a machine file unusable; empty if it can be used.
 
     Schema, keys that contradict each other, faults of the URDF, links and joints that it does not
-    have, then what only the assembled machine tells: ranges, dead centres, four-bars that do not
-    close. Each is looked at as far as it can be known without what is wrong elsewhere.
+    have, then faults that only the assembled machine shows: ranges, dead centres, four-bars that
+    do not close. Each is looked for as far as possible beside the others.
 
     Args:
         path_or_name: as of ``load``.
@@ -48,13 +48,10 @@ def faults(path_or_name: str | Path, *, allow_outside: bool = False) -> list[Arm
 
 def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     """Every fault, in the order in which they are looked for."""
-    section, faults, wrong = machine_file.faults(text, path.name)
-    found: list[ArmDesignError] = [*faults]
-    if (
-        section is None
-        or "urdf" in wrong
-        or any(fault.part.endswith(": urdf") for fault in faults)
-    ):
+    section, in_file, wrong = machine_file.faults(text, path.name)
+    found: list[ArmDesignError] = [*in_file]
+    odd = {fault.part.removeprefix(f"{path.name}: ") for fault in in_file}
+    if section is None or "urdf" in wrong | odd:
         return found
     try:
         urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
@@ -63,17 +60,18 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
     in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf)
     found += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
-    geometry = _without_masses(urdf_text) if in_urdf else urdf_text
-    if joints is None or any(fault.part.endswith(": joints") for fault in faults):
+    if joints is None or "joints" in odd:
         return found
+    geometry = _without_masses(urdf_text) if in_urdf else urdf_text
     if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf):
         return found
     try:
         if not found:
-            found += assembly_faults(Machine.unchecked(text, urdf_text, path))
+            machine = Machine.unchecked(text, urdf_text, path, section=section)
+            found += assembly_faults(machine)
         if found:
             return [*found, *_faults_of_the_rest(section, geometry, path, _blamed(found))]
-        Workspace.grid(load(path, allow_outside=allow_outside))
+        Workspace.grid(machine)
     except ArmDesignError as error:
         found.append(error)
     return found
@@ -82,9 +80,9 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
 def _unknown_names(
     section: MachineSection, urdf_text: str, source: str, wrong: set[str]
 ) -> list[MachineFileError]:
-    """Links and motors' joints that the URDF lacks.
+    """Links and motors' joints that the URDF lacks, without stand-ins.
 
-    None for stand-ins, none if the URDF has none at all.
+    None if the URDF has no links, or no joints, at all.
     """
     try:
         robot = urdf_faults.parse(urdf_text, source)
@@ -104,7 +102,7 @@ def _unknown_names(
 
 
 def _without_masses(urdf_text: str) -> str:
-    """A URDF of the same geometry: pins and ranges do not depend on masses, so faults of these do not hide them."""
+    """A URDF of the same geometry, for faults of pins and ranges beside faults of masses."""
     try:
         robot = urdf_faults.parse(urdf_text, "")
     except MachineFileError:
@@ -116,18 +114,15 @@ def _without_masses(urdf_text: str) -> str:
 
 
 def _blamed(faults: Iterable[ArmDesignError]) -> set[str]:
-    """Names of the cylinders of which something has been said."""
-    found = (re.search(r": cylinder\.([^.]+)", fault.part) for fault in faults)
-    return {match[1] for match in found if match}
+    """Names of the cylinders that faults are about."""
+    matches = (re.search(r": cylinder\.([^.]+)", fault.part) for fault in faults)
+    return {match[1] for match in matches if match}
 
 
 def _faults_of_the_rest(
     section: MachineSection, urdf_text: str, path: Path, blamed: set[str]
 ) -> Iterator[MachineFileError]:
-    """Faults of the cylinders of which nothing has been said.
-
-    Joints that only others move stand still.
-    """
+    """Faults of the cylinders that are not blamed; joints that only others move stand still."""
     arm = Arm(urdf_text, section.joints, section.frozen, section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
         moved = {j for table in sound.values() for j in linkage(table, arm).joints} or set(

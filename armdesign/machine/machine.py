@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, chunks, shown, stacked
+from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid
@@ -34,6 +34,7 @@ from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
+from armdesign.progress import with_bar
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -363,7 +364,7 @@ class Machine:
             PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
-        chunked = (self._reachable(q[rows]) for rows in shown(chunks(len(q)), len(q), "poses"))
+        chunked = (self._reachable(q[rows]) for rows in with_bar(chunks(len(q)), len(q), "poses"))
         return stacked(chunked, len(q))
 
     def _reachable(self, q: RigidPoses | Array) -> Poses:

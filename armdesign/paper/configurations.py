@@ -170,7 +170,7 @@ class Mechanism:
         }
 
     def with_gravity(self, stiffness: Any, inertia: Any = 0.0) -> Any:
-        """Frequency [Hz] if gravity took ``stiffness`` [N m/rad], with ``inertia`` [kg m²] added."""
+        """Frequency [Hz] if gravity took ``stiffness`` [N m/rad], ``inertia`` [kg m²] added."""
         arm = formulas.moment_arm(**self.pins)
         total = self.load_mass * (self.link_pin_distance**2 + self.link_length**2) + inertia
         return np.sqrt(np.maximum(self.stiffness * arm**2 - stiffness, 0.0) / total) / (

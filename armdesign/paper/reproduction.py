@@ -25,7 +25,7 @@ from armdesign.arrays import Array
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, Mechanism, error_of, grid
-from armdesign.simulation.excitation import Sweep
+from armdesign.simulation.excitation import SweptSine
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification.modal_fit import spectral_peak
 from armdesign.simulation.simulate import Case, Simulation, simulate_all
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # amplitude: share of the spool's travel; the paper says "a sine sweep"
-SWEEP = Sweep(amplitude=0.01, start=1.0, stop=45.0, duration=2.5, fade=0.02)
+SWEEP = SweptSine(amplitude=0.01, start=1.0, stop=45.0, duration=2.5, fade=0.02)
 RATE = 200.0  # records per second
 COARSE = 1e-5  # tolerance of the integration for the highest of lines that are 0.4 Hz apart
 FINE = 1e-6  # tolerance for fits
@@ -78,7 +78,7 @@ class Reproduction:
 
     machine: Machine
     mechanism: Mechanism
-    sweep: Sweep
+    sweep: SweptSine
     measurements: tuple[Measurement, ...]
 
     @cached_property
@@ -143,7 +143,7 @@ def reproduce(
     machine: Machine | None = None,
     masses: Sequence[float] = MASSES,
     lengths: Sequence[float] = LENGTHS,
-    sweep: Sweep = SWEEP,
+    sweep: SweptSine = SWEEP,
 ) -> Reproduction:
     """Measure every configuration both ways.
 
@@ -172,7 +172,7 @@ def _configured(machine: Machine, mass: float, length: float) -> Machine:
     )
 
 
-def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measurement, ...]:
+def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measurement, ...]:
     """All runs side by side, about the preload that the authors' valve leaves (``Experiment``)."""
     pose, small = np.zeros(1), [Experiment.of(machine, np.zeros(1), 0, 0) for machine in machines]
     amplitudes = [experiment.default_amplitude() for experiment in small]
@@ -188,7 +188,7 @@ def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measuremen
         for m, one in zip(machines, small, strict=True)
     ]
     held = [
-        experiment.case(experiment.sweep(amplitude))
+        experiment.case(experiment.swept_sine(amplitude))
         for experiment, amplitude in zip(small, amplitudes, strict=True)
     ]
     pairs = zip(
@@ -202,7 +202,7 @@ def _measurements(machines: Sequence[Machine], sweep: Sweep) -> tuple[Measuremen
 
 
 def _measured(
-    sweep: Sweep, small: Experiment, amplitude: float, motion: Simulation, held: Simulation
+    sweep: SweptSine, small: Experiment, amplitude: float, motion: Simulation, held: Simulation
 ) -> Measurement:
     part = f"{small.machine.name}: sweep"
     peak = spectral_peak(motion.time, motion.speeds[:, 0], (sweep.start, sweep.stop), part)

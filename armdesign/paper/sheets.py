@@ -86,15 +86,16 @@ def _paper_frequencies(reproduction: Reproduction) -> Sheet:
     by_place = {
         (m, n): cell for m, n, cell in zip(at.load_mass, at.link_length, cells, strict=True)
     }
+    drift = max(abs(one.drift) for one in reproduction.measurements)
     worst = float(np.abs(reproduction.identified / exact - 1).max())
     return Sheet(
         title="Exact natural frequency [Hz], and deviation of the sweep's spectral peak",
         columns=("m2", *(f"l2 = {length:g} m" for length in lengths)),
         rows=tuple((f"{m:g} kg", *(by_place.get((m, n), "") for n in lengths)) for m in masses),
         note=(
-            f"fitted at small amplitude: within {100 * worst:.2g} %; in the sweep the oil cavitated"
-            f" in {reproduction.cavitated} of {len(exact)} configurations and the piston drifted by up to"
-            f" {1000 * max(abs(one.drift) for one in reproduction.measurements):.0f} mm"
+            f"fitted at small amplitude: within {100 * worst:.2g} %; in the sweep the oil"
+            f" cavitated in {reproduction.cavitated} of {len(exact)} configurations and the piston"
+            f" drifted by up to {1000 * drift:.0f} mm"
         ),
     )
 
@@ -113,9 +114,9 @@ def _sweep_bias(bias: pd.DataFrame) -> Sheet:
         columns=("periods in the sweep", "ζ", *BIASES.values()),
         rows=tuple(rows),
         note=(
-            "a short record ends while the oscillator still rings; the position of a long one peaks"
-            " at √(1 − 2ζ²) of the natural frequency, its resonance; spectral lines 1/T apart add up"
-            " to half a line"
+            "a short record ends while the oscillator still rings; the position of a long one"
+            " peaks at √(1 − 2ζ²) of the natural frequency, its resonance; spectral lines 1/T"
+            " apart add up to half a line"
         ),
     )
 

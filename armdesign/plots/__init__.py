@@ -1,4 +1,4 @@
-"""Pictures of results. The one door to matplotlib is ``canvas``; it opens with the first figure."""
+"""Pictures of results; ``canvas``, the door to matplotlib, opens with the first figure."""
 
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
 from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off

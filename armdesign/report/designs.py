@@ -242,6 +242,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
         "thrust",
         *digs * ["digging"],
     ]
+    quantities = "oil, largest thrust, least digging torque and f² × speed"
     each = "; oil of one cylinder's side at most 1.1 × the limit" if front.against == "oil" else ""
     return Sheet(
         title=(
@@ -250,12 +251,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
         ),
         columns=(*columns, "f² × speed"),
         rows=tuple(rows),
-        note="; ".join(
-            [
-                f"oil, largest thrust, least digging torque and f² × speed relative to today's{each}",
-                *front.sentences,
-            ]
-        ),
+        note="; ".join([f"{quantities} relative to today's{each}", *front.sentences]),
     )
 
 

@@ -44,8 +44,8 @@ def loads_sheet(
         ),
         rows=rows,
         note=(
-            f"total oil: cap {cap}, rod {rod}; cap and rod [{pressure}]: largest static pressure of"
-            " the loaded chamber, with the other at return pressure or at its valve's preload"
+            f"total oil: cap {cap}, rod {rod}; cap and rod [{pressure}]: largest static pressure"
+            " of the loaded chamber, with the other at return pressure or at its valve's preload"
         ),
         bold=tuple(k for k, row in enumerate(rows) if "→" in row[0]),
     )

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.validation import Sweep, Validation
+    from armdesign.simulation.sweeps import Sweep
+    from armdesign.simulation.validation import Validation
 
 COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
 
@@ -34,7 +35,7 @@ def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
 
 def _row(label: str, sweep: Sweep, friction: bool) -> tuple[str, ...]:
     """One sweep; ``friction``: with the column of what dry friction makes of it."""
-    from armdesign.simulation.validation import Run
+    from armdesign.simulation.sweeps import Run
 
     valve = "–" if math.isnan(sweep.amplitude) else f"{100 * sweep.amplitude:.2g} %"
     linear = f"{sweep.linear_frequency:.4f}"
@@ -51,7 +52,7 @@ def _row(label: str, sweep: Sweep, friction: bool) -> tuple[str, ...]:
 
 def _failures(label: str, sweep: Sweep) -> list[str]:
     """Why a sweep, or its repetition with dry friction, failed; empty if neither did."""
-    from armdesign.simulation.validation import Failure, Run
+    from armdesign.simulation.sweeps import Failure, Run
 
     both = (sweep, sweep.with_friction if isinstance(sweep, Run) else None)
     place = f"{label}, {sweep.payload}, {sweep.cylinder}"
@@ -59,13 +60,13 @@ def _failures(label: str, sweep: Sweep) -> list[str]:
 
 
 def _note(friction: bool) -> str:
-    from armdesign.simulation.validation import AGREES
+    from armdesign.simulation.sweeps import AGREES
 
     note = (
         "valve: mean opening in the sweep, which adds damping: ζ falls with it; remark: agrees"
-        f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with the"
-        " amplitude), leaks (they change pressures, and damp), creep (no spool position makes up"
-        " for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply + return"
+        f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with"
+        " the amplitude), leaks (they change pressures, and damp), creep (no spool position makes"
+        " up for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply + return"
         " or less where a relief would open: its frequency does not depend on pressure; oil with"
         " air under the static pressures, as printed by check and map"
     )
@@ -86,7 +87,7 @@ def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
 
 def verdict(validations: Sequence[Validation]) -> str:
     """How many of all sweeps agree, what the others remark, and the largest deviation."""
-    from armdesign.simulation.validation import Run
+    from armdesign.simulation.sweeps import Run
 
     runs = [run for validation in validations for run in validation.runs]
     remarks = Counter(run.remark for run in runs)

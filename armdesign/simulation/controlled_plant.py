@@ -1,4 +1,4 @@
-"""Plants, their commands, the slow loop that holds the pistons' mean places, and the energy book, as one system."""
+"""Plants under command: with the slow loop that holds pistons' mean positions, and energies."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.excitation import EvenOpening
-from armdesign.simulation.integrator import Breaks
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.breakpoints import Breaks
+from armdesign.simulation.excitation import SymmetricValve
+from armdesign.simulation.plant.compiled import Records, compiled
 from armdesign.simulation.plant.plant import Plant
 
 Command: TypeAlias = Callable[[float], Sequence[float]]
@@ -26,7 +26,7 @@ ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class ControlledPlant:
     """n cases of one plant under command.
 
     State: the plant's, two low-passes per cylinder of the slow loop, energy supplied, put into oil
@@ -40,7 +40,7 @@ class Loop:
     Attributes:
         plant: of all cases.
         start: states at t = 0 (n, size).
-        asked: commands by time.
+        demands: spool commands by time.
         breaks: when these jump.
         corners: ω_c (n, 1) [rad/s], 0: no loop.
         gains: K (n, nc) [1/m].
@@ -49,7 +49,7 @@ class Loop:
 
     plant: Plant
     start: Array
-    asked: tuple[Command, ...]
+    demands: tuple[Command, ...]
     breaks: tuple[Breaks, ...]
     corners: Array
     gains: Array
@@ -59,75 +59,73 @@ class Loop:
     def of(
         cls,
         plants: Sequence[Plant],
-        rests: Sequence[Array],
+        starts: Sequence[Array],
         commands: Sequence[Command | ByName],
         holds: Sequence[float | None],
-    ) -> Loop:
-        """The system of some plants of one machine each, from rest.
+    ) -> ControlledPlant:
+        """The system of some plants of one machine each, from their states at t = 0.
 
         Raises:
             SimulationError: a command is no function, not one per cylinder, for a cylinder that
                 does not exist, or its breakpoints are no ascending times.
         """
-        asked, breaks, places, gains = [], [], [], []
+        demands, breaks, places, gains = [], [], [], []
         corners = 2 * math.pi * np.array([[hold or 0.0] for hold in holds])
-        for plant, rest, command, corner in zip(plants, rests, commands, corners, strict=True):
+        for plant, start, command, corner in zip(plants, starts, commands, corners, strict=True):
             names = [actuator.name for actuator in plant.machine.actuators]
-            asked.append(_by_order(command, names, plant.machine.name))
-            breaks.append(_breaks(command, asked[-1], plant.machine.name))
-            places.append(plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0])
+            demands.append(_by_order(command, names, plant.machine.name))
+            breaks.append(breaks_of(command, demands[-1], plant.machine.name))
+            places.append(plant.evaluate(start[None], np.zeros((1, plant.nc))).extensions[0])
             held = [not isinstance(command, Mapping) or name in command for name in names]
-            speeds = np.array([even.speed for even in EvenOpening.all(plant, rest)])
+            speeds = np.array([valve.speed for valve in SymmetricValve.all(plant, start)])
             gains.append(np.where(held, corner / 4 / speeds, 0.0))
-        start = np.concatenate([rests, np.zeros((len(rests), 2 * plants[0].nc + 3))], axis=1)
-        plant = Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0]
+        own = np.zeros((len(starts), 2 * plants[0].nc + 3))
         return cls(
-            plant, start, tuple(asked), tuple(breaks), corners, np.array(gains), np.array(places)
+            plant=Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0],
+            start=np.concatenate([starts, own], axis=1),
+            demands=tuple(demands),
+            breaks=tuple(breaks),
+            corners=corners,
+            gains=np.array(gains),
+            places=np.array(places),
         )
 
-    def picked(self, cases: Sequence[int]) -> Loop:
+    def picked(self, cases: Sequence[int]) -> ControlledPlant:
         """The system of some of the cases."""
         rows, machines = list(cases), self.plant.machines
-        plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
-        asked, breaks = (
-            tuple(self.asked[row] for row in rows),
-            tuple(self.breaks[row] for row in rows),
-        )
-        return Loop(
-            plant,
-            self.start[rows],
-            asked,
-            breaks,
-            self.corners[rows],
-            self.gains[rows],
-            self.places[rows],
+        return ControlledPlant(
+            plant=Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant,
+            start=self.start[rows],
+            demands=tuple(self.demands[row] for row in rows),
+            breaks=tuple(self.breaks[row] for row in rows),
+            corners=self.corners[rows],
+            gains=self.gains[rows],
+            places=self.places[rows],
         )
 
     @cached_property
     def _corrects(self) -> bool:
         return bool(self.gains.any())
 
-    def commands(self, wanted: Array, state: Array) -> Array:
-        """Spool commands (n, nc): those asked for, with the loop's correction of the opening."""
+    def commands(self, demand: Array, state: Array) -> Array:
+        """Spool commands (n, nc): the demands, with the loop's correction of the opening."""
         if not self._corrects:
-            return wanted
-        corrected = np.empty_like(wanted)
-        _correct(wanted, state, self.gains, self.plant.actuators, corrected)
+            return demand
+        corrected = np.empty_like(demand)
+        _correct(demand, state, self.gains, self.plant.parameters.actuators, corrected)
         return corrected
 
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
-        wanted = np.array(
-            [asked(t) for asked, t in zip(self.asked, time.tolist(), strict=True)], dtype=float
-        )
-        found = self.plant.evaluate(state, self.commands(wanted, state))
-        _follow(
-            state, self.gains, self.places, self.corners, found.told, found.powers, found.rates
-        )
-        return found.rates
+        demands = [demand(t) for demand, t in zip(self.demands, time.tolist(), strict=True)]
+        command = self.commands(np.array(demands, dtype=float), state)
+        evaluation = self.plant.evaluate(state, command)
+        rates, outputs, powers, _ = evaluation
+        _follow(state, self.gains, self.places, self.corners, outputs, powers, rates)
+        return rates
 
     def energies(self, states: Array) -> Array:
-        """Energy [J] supplied, put into oil and dissipated (3, m) since the start at states (m, …) of one case."""
+        """Energy [J] supplied, put into oil and dissipated (3, m) since the start of one case."""
         return np.asarray(states[:, -3:].T * ENERGY)
 
 
@@ -151,36 +149,39 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
         _function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 
-    def asked(time: float) -> list[float]:
+    def demand(time: float) -> list[float]:
         spools = [0.0] * len(names)
         for index, part in parts:
             spools[index] = part(time)
         return spools
 
-    return asked
+    return demand
 
 
-def _breaks(command: Command | ByName, asked: Command, machine: str) -> Breaks:
+def breaks_of(command: Command | ByName, demand: Command, machine: str) -> Breaks:
     """When a command may jump, by the ``breakpoints`` of its functions.
 
-    ``asked`` is that command by order.
+    Args:
+        command: as given.
+        demand: the same command as one call for all cylinders.
+        machine: its name, for messages.
+
+    Raises:
+        SimulationError: breakpoints are no ascending times.
     """
-    parts = (
-        {f" {name}": part for name, part in command.items()}
-        if isinstance(command, Mapping)
-        else {"": command}
-    )
-    told = [
-        _breakpoints(part, f"{machine}: command{name}: breakpoints")
-        for name, part in parts.items()
+    functions: Mapping[str, object] = {"": command}
+    if isinstance(command, Mapping):
+        functions = {f" {name}": function for name, function in command.items()}
+    stated = [
+        _breakpoints(function, f"{machine}: command{name}: breakpoints")
+        for name, function in functions.items()
     ]
-    return Breaks(
-        sorted({time for times in told for time in times or ()}), None not in told, asked
-    )
+    instants = {time for times in stated for time in times or ()}
+    return Breaks(sorted(instants), None not in stated, demand)
 
 
 def _breakpoints(command: object, part: str) -> list[float] | None:
-    """The ``breakpoints`` of one function [s]; None if it has none to tell."""
+    """The ``breakpoints`` of one function [s]; None if it states none."""
     given = getattr(command, "breakpoints", None)
     if given is None:
         return None
@@ -199,7 +200,7 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
 
 
 def _function(given: Any, part: str) -> Any:
-    """What is given, if it can be called."""
+    """The given function, if it can be called."""
     if not callable(given):
         raise SimulationError(
             part, f"{given!r} is not a function of time", "give one, like lambda t: 0.1"
@@ -208,27 +209,33 @@ def _function(given: Any, part: str) -> Any:
 
 
 @compiled
-def _correct(wanted: Any, state: Any, gains: Any, actuators: Any, corrected: Any) -> None:
-    """Spool positions that open a valve by what the loop adds; those without a loop as they are.
+def _correct(
+    demand: Array, state: Array, gains: Array, actuators: Records, corrected: Array
+) -> None:
+    """Write spool positions that open a valve by what the loop adds; without a loop the demands.
 
     One machine and one row of gains serve any number of states.
     """
-    n, nc = wanted.shape
+    n, nc = demand.shape
     for case in range(n):
         m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0
         for i in range(nc):
-            corrected[case, i] = wanted[case, i]
+            corrected[case, i] = demand[case, i]
             if gains[row, i] > 0:
-                share = (
-                    opening(actuators[m, i], wanted[case, i])
-                    + state[case, state.shape[1] - nc - 3 + i]
-                )
+                correction = state[case, state.shape[1] - nc - 3 + i]
+                share = opening(actuators[m, i], demand[case, i]) + correction
                 corrected[case, i] = spool_position(actuators[m, i], share)
 
 
 @compiled
 def _follow(
-    state: Any, gains: Any, places: Any, corners: Any, told: Any, power: Any, rates: Any
+    state: Array,
+    gains: Array,
+    places: Array,
+    corners: Array,
+    outputs: Records,
+    powers: Array,
+    rates: Array,
 ) -> None:
     """Write the rates of both low-passes and of the energies."""
     n, nc = gains.shape
@@ -236,11 +243,9 @@ def _follow(
     first = second - nc
     for case in range(n):
         for i in range(nc):
-            error, once = (
-                gains[case, i] * (places[case, i] - told[case, i].extension),
-                state[case, first + i],
-            )
+            error = gains[case, i] * (places[case, i] - outputs[case, i].extension)
+            once = state[case, first + i]
             rates[case, first + i] = corners[case, 0] * (error - once)
             rates[case, second + i] = corners[case, 0] * (once - state[case, second + i])
         for k in range(3):
-            rates[case, second + nc + k] = power[case, k] / ENERGY
+            rates[case, second + nc + k] = powers[case, k] / ENERGY

@@ -1,9 +1,9 @@
-"""A frequency measurement on one cylinder at one pose: over which band, how long and how hard to sweep.
+"""A frequency measurement on one cylinder at one pose: band, duration and amplitude of sweeps.
 
 The default amplitude comes from the linear plant: as large as pressures, strokes, the change of
 geometry and the softness of air leave it a small motion.
 
-A shut valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep
+A closed valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep
 with. Oil without air is as stiff under any pressure, so there the sweeps run about a preload
 instead: p1 + p2 = supply + return, or less where a relief would open. Oil with air rests as the
 machine file says, like the linear answer.
@@ -22,14 +22,15 @@ from armdesign.errors import SimulationError
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 from armdesign.machine.machine import Machine
-from armdesign.simulation.excitation import EvenOpening, Moved, Step, Sweep
+from armdesign.simulation.excitation import Step, SweptSine, SymmetricCommand, SymmetricValve
 from armdesign.simulation.identification.modal_fit import (
-    Fit,
-    fit_modes,
+    ModalFit,
+    identify_forced_response,
     record_length,
     spectral_peak,
 )
 from armdesign.simulation.linearization import LinearModel, linearize
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, Simulation
 from armdesign.units import bar, mm
@@ -67,9 +68,9 @@ class Experiment:
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
-        preloaded: the rest that the sweeps run about, see ``Plant.rest``.
-        rest: its state there.
-        even: the cylinder's valve, made even.
+        preloaded: chamber pressures that the sweeps run about, see ``find_equilibrium``.
+        equilibrium: its state there (size,).
+        valve: of the cylinder, with the same flow to both sides.
     """
 
     machine: Machine
@@ -82,8 +83,8 @@ class Experiment:
     duration: float
     plant: Plant
     preloaded: bool | None
-    rest: Array
-    even: EvenOpening
+    equilibrium: Array
+    valve: SymmetricValve
 
     @classmethod
     def of(cls, machine: Machine, pose: Array, index: int, mode: int) -> Experiment:
@@ -95,36 +96,33 @@ class Experiment:
                 piston is at its end.
         """
         plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
-        rest = plant.rest(pose, preloaded)
+        equilibrium = find_equilibrium(plant, pose, preloaded).state
         trapped = natural_modes(machine.at(pose)).frequencies[0]
         if trapped[mode] == 0:
             part = f"{machine.name}: mode {mode + 1}"
             raise SimulationError(part, "is unstable on its trapped oil", "choose another pose")
-        _refuse_limits(plant, rest)
+        _refuse_limits(plant, equilibrium)
         linear = linearize(machine, pose, preloaded=preloaded)
         frequencies = linear.natural_frequencies if len(linear.modes) == len(trapped) else trapped
         band = _band(frequencies, frequencies[mode])
-        duration = max(
-            CYCLES / frequencies[mode], 1.5 * record_length(band, _count(frequencies, band))
-        )
-        even = EvenOpening.all(plant, rest)[index]
+        shortest = record_length(band, _count(frequencies, band))
         return cls(
-            machine,
-            pose,
-            index,
-            mode,
-            linear,
-            frequencies,
-            band,
-            duration,
-            plant,
-            preloaded,
-            rest,
-            even,
+            machine=machine,
+            pose=pose,
+            index=index,
+            mode=mode,
+            linear=linear,
+            frequencies=frequencies,
+            band=band,
+            duration=max(CYCLES / frequencies[mode], 1.5 * shortest),
+            plant=plant,
+            preloaded=preloaded,
+            equilibrium=equilibrium,
+            valve=SymmetricValve.all(plant, equilibrium)[index],
         )
 
     def of_machine(self, machine: Machine) -> Experiment:
-        """The same experiment on a version of the machine that rests alike."""
+        """The same experiment on a version of the machine with the same equilibrium."""
         return replace(self, machine=machine, plant=Plant(machine))
 
     @property
@@ -139,12 +137,10 @@ class Experiment:
 
     @property
     def creeps(self) -> bool:
-        """Whether oil leaks away that no spool position makes up for: then there is no rest to sweep about."""
-        held = self.plant.split(self.rest)[4]
-        _, _, cap, annulus, _, _ = self.plant.split(
-            self.plant.derivative(self.rest[None], held[None])[0]
-        )
-        fastest = float(np.abs(np.concatenate([cap, annulus])).max())
+        """Whether oil leaks that no spool position makes up for: there is no equilibrium then."""
+        spool = self.plant.split(self.equilibrium)[4]
+        rates = self.plant.derivative(self.equilibrium[None], spool[None])
+        fastest = float(np.abs(self.plant.pressures(rates)).max())
         return fastest * self.duration > CREEP * self.machine.supply.pressure
 
     @property
@@ -157,33 +153,30 @@ class Experiment:
         """Records per second: 16 per period of the fastest mode and of the band's end."""
         return 16 * float(max(self.band[1], self.frequencies.max()))
 
-    def sweep(self, amplitude: float) -> Sweep:
+    def swept_sine(self, amplitude: float) -> SweptSine:
         """The sweep of the valve's mean opening."""
-        return Sweep(
+        return SweptSine(
             amplitude=amplitude, start=self.band[0], stop=self.band[1], duration=self.duration
         )
 
     def commands(
         self, excitation: Callable[[float], float]
     ) -> dict[str, Callable[[float], float]]:
-        """What moves one valve's opening.
-
-        Of the others, those that make up for a leakage hold their place.
-        """
-        trims = self.plant.split(self.rest)[4].tolist()
-        centre = float(self.even.share(trims[self.index]))
+        """Spool commands: the excitation for one valve; those that make up for leakage hold."""
+        spools = self.plant.split(self.equilibrium)[4].tolist()
+        centre = float(self.valve.opening(spools[self.index]))
         commands: dict[str, Callable[[float], float]] = {
-            cylinder.name: Step(size=trim)
-            for cylinder, trim in zip(self.machine.actuators, trims, strict=True)
-            if trim != 0
+            cylinder.name: Step(size=spool)
+            for cylinder, spool in zip(self.machine.actuators, spools, strict=True)
+            if spool != 0
         }
-        return commands | {self.cylinder: Moved(self.even, centre, excitation)}
+        return commands | {self.cylinder: SymmetricCommand(self.valve, centre, excitation)}
 
     def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
-        """A run of the nonlinear model under an excitation of the opening, a slow loop holding the mean.
+        """A run of the nonlinear model under an excitation; a slow loop holds the mean position.
 
         Args:
-            excitation: ``sweep``, or another function of time.
+            excitation: of the mean opening, ``swept_sine`` or another function of time.
             duration: [s]; default: the sweep's.
         """
         return Case(
@@ -196,23 +189,25 @@ class Experiment:
             preloaded=self.preloaded,
         )
 
-    def fit(self, motion: Simulation) -> Fit:
-        """The modes in the response of the piston's speed to the speed that the spool asks for, in a run.
+    def fit(self, motion: Simulation) -> ModalFit:
+        """The modes in the response of the piston's speed to the speed that the spool asks for.
 
         Raises:
-            SimulationError: the spool opened nothing, or see ``fit_modes``.
+            SimulationError: the spool opened nothing, or see ``identify_forced_response``.
         """
-        asked = np.asarray(self.even.speed * self.even.share(motion.spool[:, self.index]))
+        excitation = np.asarray(self.valve.speed * self.valve.opening(motion.spool[:, self.index]))
         part = f"{self.machine.name}: sweep of {self.cylinder}"
-        if not np.any(asked):
-            problem = f"the spool stays within its overlap of {100 * self.even.valve.overlap:g} %"
+        if not np.any(excitation):
+            overlap = 100 * self.valve.valve.overlap
+            problem = f"the spool stays within its overlap of {overlap:g} %"
             raise SimulationError(part, problem, "raise the amplitude, or give a faster spool")
-        return fit_modes(
-            motion.time, asked, motion.speeds[:, self.index], self.band, self.modes, part
+        speed = motion.speeds[:, self.index]
+        return identify_forced_response(
+            motion.time, excitation, speed, self.band, self.modes, part
         )
 
     def peak(self, motion: Simulation) -> float:
-        """Where the spectrum of the piston's speed is highest near the mode in a run [Hz], between its lines, too."""
+        """Where the interpolated spectrum of the piston's speed is highest near the mode [Hz]."""
         near = (
             max(self.band[0], self.target / NEIGHBOUR),
             min(self.band[1], self.target * NEIGHBOUR),
@@ -226,7 +221,7 @@ class Experiment:
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""
         joints, cap, annulus, pistons = self._swing(self.linear)
-        _, _, caps, annuli, _, _ = self.plant.split(self.rest)
+        _, _, caps, annuli, _, _ = self.plant.split(self.equilibrium)
         room = np.concatenate(
             [self._pressure_room(caps), self._pressure_room(annuli), self._ends()]
         )
@@ -235,7 +230,10 @@ class Experiment:
         return largest * self._undetuned(largest * joints)
 
     def _swing(self, linear: LinearModel) -> tuple[Array, Array, Array, Array]:
-        """Largest swings of joints, cap and annulus pressures [Pa] and pistons [m] in a sweep of opening 1, linear."""
+        """Largest swings of joints, cap and annulus pressures [Pa] and pistons [m].
+
+        In a sweep of opening 1 of the linear plant.
+        """
         from scipy.signal import StateSpace, lsim
 
         plant, size = self.plant, len(linear.A) - 2 * self.plant.nc
@@ -243,25 +241,27 @@ class Experiment:
         outputs = np.vstack([np.eye(size), linear.C[:, :size]])
         column = self._opening_column()[:size, None]
         system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
-        opening = [self.sweep(1.0)(t) for t in time]
+        opening = [self.swept_sine(1.0)(t) for t in time]
         swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
         edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc, int(plant.has_line)])
         joints, _, cap, annulus, _, pistons = np.split(swing, edges)
         return joints, cap, annulus, pistons
 
     def _opening_column(self) -> Array:
-        """What a unit of mean opening adds to ẏ at rest (size,), SI: B of the arm, with the spool as it stands."""
+        """Change of ẏ (size,) by a unit of mean opening at equilibrium, SI: a column of B."""
         plant, column = self.plant, np.zeros(self.plant.size)
         for sign in (1.0, -1.0):
-            state = self.rest.copy()
-            plant.split(state)[4][self.index] = self.even.spool(sign)
-            column += (
-                sign / 2 * plant.derivative(state[None], np.zeros((1, plant.nc)))[0] * plant.units
-            )
+            state = self.equilibrium.copy()
+            plant.split(state)[4][self.index] = self.valve.spool(sign)
+            rates = plant.derivative(state[None], np.zeros((1, plant.nc)))[0]
+            column += sign / 2 * rates * plant.units
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
-        """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief, little with air."""
+        """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief.
+
+        With air little, as it changes the bulk modulus.
+        """
         ways = np.minimum(pressures - LOWEST_PRESSURE, self.machine.supply.pressure - pressures)
         ways = np.minimum(ways, self._relief_room(pressures))
         soft = [_softening(self.machine.fluid, p) for p in pressures.tolist()]
@@ -273,15 +273,17 @@ class Experiment:
         Where the other chamber is at return pressure, its edges let in more than out, and both
         pressures climb from swing to swing.
         """
-        supply, relief = self.machine.supply, self.plant.actuators["relief"][0]
-        _, _, caps, annuli, _, _ = self.plant.split(self.rest)
+        supply, relief = self.machine.supply, self.plant.parameters.actuators["relief"][0]
+        _, _, caps, annuli, _, _ = self.plant.split(self.equilibrium)
         climbs = np.minimum(caps, annuli) < supply.return_pressure + BARELY
         room = (relief - pressures) / np.where(climbs, CYCLES, 1.0)
         return np.where(relief < supply.pressure, room, np.inf)
 
     def _ends(self) -> Array:
         """How far the pistons may swing (nc,) [m]; motors without end."""
-        places = self.plant.evaluate(self.rest[None], np.zeros((1, self.plant.nc))).extensions[0]
+        places = self.plant.evaluate(
+            self.equilibrium[None], np.zeros((1, self.plant.nc))
+        ).extensions[0]
         strokes = np.array([actuator.stroke for actuator in self.machine.actuators])
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
@@ -319,45 +321,32 @@ def _band(frequencies: Array, target: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _refuse_limits(plant: Plant, rest: Array) -> None:
-    """Where nothing can oscillate freely: a load above supply pressure or at a relief, a piston on its stop."""
-    _, _, caps, annuli, _, _ = plant.split(rest)
-    places = plant.evaluate(rest[None], np.zeros((1, plant.nc))).extensions[0].tolist()
-    supply = plant.machine.supply.pressure
-    for cylinder, place, pressure in zip(
-        plant.machine.actuators, places, np.maximum(caps, annuli), strict=True
-    ):
-        part, end = (
-            f"{plant.machine.name}: {cylinder.name} {cylinder.kind}",
-            min(place, cylinder.stroke - place),
-        )
-        leaks = (
-            cylinder.valve is not None and cylinder.valve.leaks
-        )  # then the flow makes the pressure, too
+def _refuse_limits(plant: Plant, equilibrium: Array) -> None:
+    """Refuse where nothing can oscillate: a load above supply or relief, a piston on its stop."""
+    pressures = plant.pressures(equilibrium[None])[0].max(axis=0)
+    places = plant.evaluate(equilibrium[None], np.zeros((1, plant.nc))).extensions[0].tolist()
+    supply = plant.machine.supply
+    for cylinder, place, pressure in zip(plant.machine.actuators, places, pressures, strict=True):
+        part = f"{plant.machine.name}: {cylinder.name} {cylinder.kind}"
+        relief, end = cylinder.relief(supply), min(place, cylinder.stroke - place)
+        leaks = cylinder.valve is not None and cylinder.valve.leaks
+        # Behind a valve that leaks the flow makes the pressure, too.
         stands = "rests at {:.{}f} bar" if leaks else "needs {:.{}f} bar to hold the load"
-        if pressure >= supply:
-            problem = f"{stands.format(pressure / bar, 0)}, supply is {supply / bar:.0f} bar"
-            raise SimulationError(
-                part, problem, "choose a lighter load, a larger cylinder or another pose"
-            )
-        if pressure > (relief := cylinder.relief(plant.machine.supply)) - BARELY:
-            problem = (
-                f"{stands.format(pressure / bar, 1)}, its relief opens at {relief / bar:.1f} bar"
-            )
-            raise SimulationError(
-                part, problem, "raise relief_bar, or choose a lighter load or another pose"
-            )
+        if pressure >= supply.pressure:
+            problem = f"{stands.format(pressure / bar, 0)}, supply is {supply.pressure / bar:.0f}"
+            remedy = "choose a lighter load, a larger cylinder or another pose"
+            raise SimulationError(part, f"{problem} bar", remedy)
+        if pressure > relief - BARELY:
+            problem = f"{stands.format(pressure / bar, 1)}, its relief opens at"
+            remedy = "raise relief_bar, or choose a lighter load or another pose"
+            raise SimulationError(part, f"{problem} {relief / bar:.1f} bar", remedy)
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
-            raise SimulationError(
-                part, f"is {end / mm:.2f} mm from its end stop", "choose a pose inside its stroke"
-            )
+            problem = f"is {end / mm:.2f} mm from its end stop"
+            raise SimulationError(part, problem, "choose a pose inside its stroke")
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:
-    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``.
-
-    Inf without air.
-    """
+    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
     if fluid.air == 0:
         return math.inf
     step = 1e-3 * bar

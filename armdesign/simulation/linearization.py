@@ -1,10 +1,10 @@
-"""The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and their damping.
+"""The plant linearised about a pose: ẋ = A x + B u, y = C x + D u, its poles and damping ratios.
 
 A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here
-knows a formula of stiffness. The operating point is rest with all valves shut, or open just enough
-to make up for leakage. Shut, a lapped valve passes no flow whatever the pressures, so it adds no
-damping: what damps is leakage and viscous friction. Dry friction, which has no derivative at rest,
-is left out. The flow that a spool opens is larger to one side than to the other; A holds the mean
+knows a formula of stiffness. The operating point is equilibrium with all valves closed, or open
+just enough to make up for leakage. Closed, a lapped valve passes no flow whatever the pressures, so it adds no
+damping: what damps is leakage and viscous friction. Dry friction, which has no derivative at
+standstill, is left out. The flow that a spool opens is larger to one side than to the other; A holds the mean
 of both, and 0 within an overlap.
 """
 
@@ -23,39 +23,32 @@ from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.friction import Friction
 from armdesign.machine.machine import Machine
+from armdesign.simulation.plant.equilibrium import find_equilibrium, refuse_overcome
 from armdesign.simulation.plant.plant import Plant
 from armdesign.units import bar
 
-# Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988, table
-# 1).
+# Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988).
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-STEPS = (
-    1e-4,
-    1e-3,
-    0.05,
-    0.05,
-    0.05,
-    1e-6,
-    1e-2,
-)  # of q, q̇, p1, p2, supply [bar], spool, spool speed
+# Of q, q̇, p1, p2, supply [bar], spool, spool speed.
+STEPS = (1e-4, 1e-3, 0.05, 0.05, 0.05, 1e-6, 1e-2)
+COMMAND_STEP = 1e-2
 ROUNDING = 1e-10  # of a damping ratio
-NEGLIGIBLE = (
-    1e-5  # of the fastest pole: slower ones are the trapped oil's zeros with their rounding
-)
+# Of the fastest pole: slower ones are the trapped oil's zeros with their rounding.
+NEGLIGIBLE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """State space about rest at one pose; arrays are read-only, SI.
+    """State space about the equilibrium at one pose; arrays are read-only, SI.
 
     Attributes:
         A: (n, n) over the states.
         B: (n, nc) by the spool commands −1…1.
         C: (nc, n), to the piston positions [m].
         D: (nc, nc), zero.
-        states: names of the states; the last 2 nc are those of the spools.
+        states: names of the states; the last 2 nc are of the spools.
         inputs: names of the cylinders.
-        equilibrium: the state at rest (n,): q, q̇, p1, p2 [Pa], spool, spool speed.
+        equilibrium: the state there (n,): q, q̇, p1, p2 [Pa], spool, spool speed.
     """
 
     A: Array
@@ -81,8 +74,8 @@ class LinearModel:
 
         The spools' own are left out.
 
-        The spools drive the rest and feel nothing of it, so its poles are those of its own block
-        of A. At most one pair per joint: pairs slower than these are creep under leakage.
+        The spools drive the rest and feel nothing of it, so its poles are the eigenvalues of its own
+        block of A. At most one pair per joint: pairs slower than these are creep under leakage.
         """
         size = len(self.A) - 2 * len(self.inputs)
         joints = (size - 2 * len(self.inputs)) // 2
@@ -102,7 +95,7 @@ class LinearModel:
         return np.asarray(np.where(np.abs(ratios) < ROUNDING, 0.0, ratios))
 
     def to_control(self) -> Any:
-        """The same as a ``StateSpace`` of python-control, names of states, inputs and outputs with it.
+        """The model as a ``StateSpace`` of python-control, with names of states, inputs, outputs.
 
         Pressures are in bar there, all else SI: numbers of one order, which need no balancing by
         slycot.
@@ -130,25 +123,26 @@ class LinearModel:
 
 
 def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) -> LinearModel:
-    """State space of the machine under its payload about rest at one pose q (nq,).
+    """State space of the machine under its payload about its equilibrium at a pose q (nq,).
 
     Args:
         machine: the machine.
         q: joint positions [rad, m].
-        preloaded: chamber pressures at rest, see ``Plant.rest``.
+        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
 
     Raises:
         PoseError: the pose cannot be taken.
         SimulationError: a cylinder has no valve, or a relief cannot hold its load: there is no
-            rest.
+            equilibrium.
     """
     plant = Plant(without_dry_friction(machine))
-    plant.refuse_overcome(q)
-    rest = plant.rest(q, preloaded)
-    held, steps = plant.split(rest)[4], plant.spread(STEPS)
-    a = _jacobian(lambda y: plant.derivative(y, _rows(held, y)), rest, steps)
-    b = _jacobian(lambda u: plant.derivative(_rows(rest, u), u), held, np.full(plant.nc, 1e-2))
-    c = _jacobian(lambda y: plant.evaluate(y, _rows(held, y)).extensions, rest, steps)
+    refuse_overcome(plant, q)
+    equilibrium = find_equilibrium(plant, q, preloaded).state
+    spool, steps = plant.split(equilibrium)[4], plant.spread(STEPS)
+    commands = np.full(plant.nc, COMMAND_STEP)
+    a = _jacobian(lambda y: plant.derivative(y, _rows(spool, y)), equilibrium, steps)
+    b = _jacobian(lambda u: plant.derivative(_rows(equilibrium, u), u), spool, commands)
+    c = _jacobian(lambda y: plant.evaluate(y, _rows(spool, y)).extensions, equilibrium, steps)
     unit = plant.units
     return LinearModel(
         A=a * unit[:, None] / unit,
@@ -157,7 +151,7 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
         D=np.zeros((plant.nc, plant.nc)),
         states=plant.state_names,
         inputs=tuple(actuator.name for actuator in machine.actuators),
-        equilibrium=rest * unit,
+        equilibrium=equilibrium * unit,
     )
 
 
@@ -179,9 +173,9 @@ def _rows(values: Array, like: Array) -> Array:
 
 
 def _jacobian(f: Callable[[Array], Array], x: Array, steps: Array) -> Array:
-    """∂f/∂x (outputs, inputs) at x with a step per input.
+    """Jacobian ∂f/∂x (outputs, inputs) at x with a step per input.
 
-    F takes all shifted x (n, inputs) at once.
+    The function takes all shifted x (n, inputs) at once.
     """
     shifts = np.diag(steps)
     points = [x + sign * k * shifts for k in range(1, len(WEIGHTS) + 1) for sign in (1, -1)]

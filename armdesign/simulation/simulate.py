@@ -1,4 +1,4 @@
-"""A machine's motion in time under spool commands: ``simulate``, and many at once: ``simulate_all``."""
+"""A machine's motion in time under spool commands: ``simulate``, and many: ``simulate_all``."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, Loop
+from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, pump_events
-from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
-from armdesign.simulation.plant.equilibrium import Holding
+from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
+from armdesign.simulation.plant.equilibrium import Equilibrium, Holding, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
@@ -30,7 +30,7 @@ F = TypeVar("F", Cylinder, Motor)
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What happened, at n times over nq joints and nc cylinders; arrays are read-only.
+    """A run at n instants, over nq joints and nc cylinders; arrays are read-only.
 
     Attributes:
         time: (n,) [s].
@@ -38,7 +38,7 @@ class Simulation:
         velocity: joint speeds (n, nq) [rad/s, m/s].
         pressures: of cap and annulus (n, nc, 2) [Pa].
         spool: positions (n, nc), −1…1.
-        command: what the spools were asked for, the slow loop included (n, nc).
+        command: of the spools, the slow loop included (n, nc).
         flows: into cap and annulus (n, nc, 2) [m³/s].
         extensions: piston positions (n, nc) [m].
         speeds: rates of the pin-to-pin lengths (n, nc) [m/s].
@@ -84,16 +84,15 @@ class Simulation:
 
     @property
     def energy_error(self) -> float:
-        """Largest difference of the balance, supplied = stored + dissipated, over the largest of its terms.
+        """Largest gap of the balance supplied = stored + dissipated, over its largest term.
 
-        A closed machine without damping exchanges energy within itself: there it is that of
-        kinetic and potential.
+        A closed machine without damping exchanges energy within itself: there the largest change
+        of its kinetic and potential energy counts.
         """
         gap = np.abs(self.supplied - self.stored - self.dissipated).max()
         terms = [np.abs(term).max() for term in (self.supplied, self.stored, self.dissipated)]
-        least = TOLERANCE * (
-            ENERGY + np.abs(self.energy).max()
-        )  # at rest nothing is exchanged, but rounding
+        # At rest nothing is exchanged but by rounding.
+        least = TOLERANCE * (ENERGY + np.abs(self.energy).max())
         return float(gap / max(*terms, np.ptp(self.energy), least))
 
 
@@ -127,18 +126,17 @@ def simulate(
 ) -> Simulation:
     """Motion of the machine under its payload from one pose, by the nonlinear model of ``Plant``.
 
-    At rest the pressures hold the load: the loaded chamber carries it, the other is at return
-    pressure or at the preload that the machine file asks for. Without leakage a machine with shut
-    valves stays there. Valves start shut, or, with leakage, as far open as makes up for it. What
-    cannot be held is told in ``events``. With ``velocity`` it starts as if struck: at the same
-    pose and pressures, but moving. With all valves shut it then rings freely, for
-    ``identify_decay``.
+    It starts from equilibrium: the loaded chamber carries the load, the other is at return pressure
+    or at the preload that the machine file asks for. Without leakage a machine with closed valves
+    stays there. Valves start closed, or, with leakage, as far open as makes up for it. What cannot
+    be held is said in ``events``. With ``velocity`` it starts as if struck: at the same pose and
+    pressures, but moving. With all valves closed it then rings freely, for ``identify_ringdown``.
 
     Args:
         machine: the machine; every cylinder needs a valve.
         q: joint positions at the start (nq,) [rad, m].
         command: spool commands −1…1 at a time [s], one per cylinder (positive extends); or one
-            function of time per cylinder name, the others shut. One that says by an attribute
+            function of time per cylinder name, the others closed. One that says by an attribute
             ``breakpoints`` [s], ascending, when it or its slope jumps, as ``Step`` and ``Table``
             do, is followed exactly, however short a pulse.
         duration: [s].
@@ -148,7 +146,7 @@ def simulate(
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder
             near its place; None: no loop.
-        preloaded: chamber pressures at rest, see ``Plant.rest``.
+        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
         supply_pressure: that the pump holds [Pa] instead of the machine's, to which its reliefs
             stay set. 0: a dead pump, open to whatever flows back.
         tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
@@ -186,17 +184,15 @@ def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list
         SimulationError: a valve is missing, or the integration of some cases gives up: all of them
             are named.
     """
-    found = attempt_all(cases, tolerance=tolerance)
-    raise_together([run for run in found if isinstance(run, SimulationError)])
-    return [run for run in found if isinstance(run, Simulation)]
+    runs = attempt_all(cases, tolerance=tolerance)
+    raise_together([run for run in runs if isinstance(run, SimulationError)])
+    return [run for run in runs if isinstance(run, Simulation)]
 
 
 def attempt_all(
     cases: Sequence[Case], *, tolerance: float = TOLERANCE
 ) -> list[Simulation | SimulationError]:
-    """As ``simulate_all``.
-
-    But a case whose integration gives up is an error in its place, and the others go on.
+    """The runs of ``simulate_all``, with an error in place of a case that gives up.
 
     Raises:
         PoseError: a pose cannot be taken.
@@ -209,14 +205,14 @@ def attempt_all(
     for index, case in enumerate(cases):
         _refuse(case)
         stacks.setdefault(stack_shape(case.machine), []).append(index)
-    found: dict[int, Simulation | SimulationError] = {}
+    runs: dict[int, Simulation | SimulationError] = {}
     for rows in stacks.values():
-        found |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
-    return [found[index] for index in range(len(cases))]
+        runs |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
+    return [runs[index] for index in range(len(cases))]
 
 
 def _supplied(case: Case) -> Case:
-    """The case on a machine whose pump holds the pressure asked for, with the reliefs where they are today."""
+    """The case with the pump pressure that it asks for, and the reliefs where they are today."""
     pressure, machine = case.supply_pressure, case.machine
     if pressure is None:
         return case
@@ -231,9 +227,8 @@ def _supplied(case: Case) -> Case:
             return actuator
         return replace(actuator, valve=replace(valve, relief=actuator.relief(machine.supply)))
 
-    flow_limited = (
-        machine.supply.flow_limited and pressure > 0
-    )  # a dead pump has no share of its pressure to cut off at
+    # A dead pump has no share of its pressure to cut off at.
+    flow_limited = machine.supply.flow_limited and pressure > 0
     supplied = replace(
         machine,
         supply=replace(machine.supply, pressure=float(pressure), flow_limited=flow_limited),
@@ -262,89 +257,82 @@ def _refuse(case: Case) -> None:
 def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
     """Runs of one shape."""
     plants = [Plant(case.machine) for case in cases]
-    starts, held = zip(
-        *(_start(plant, case) for plant, case in zip(plants, cases, strict=True)), strict=True
+    starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
+    system = ControlledPlant.of(
+        plants,
+        [start.state for start in starts],
+        [case.command for case in cases],
+        [case.hold for case in cases],
     )
-    loop = Loop.of(plants, starts, [case.command for case in cases], [case.hold for case in cases])
-    return [
-        (
-            _failure(loop.picked([row]), states, tolerance)
-            if isinstance(states, GaveUpError)
-            else _recorded(loop.picked([row]), float(case.duration), states, _unheld(held[row]))
-        )
-        for row, (case, states) in enumerate(
-            zip(cases, _states(loop, cases, tolerance), strict=True)
-        )
-    ]
+    runs: list[Simulation | SimulationError] = []
+    for row, states in enumerate(_states(system, cases, tolerance)):
+        alone = system.picked([row])
+        if isinstance(states, GaveUpError):
+            runs.append(_failure(alone, states, tolerance))
+        else:
+            unheld = _unheld(starts[row].holdings)
+            runs.append(_recorded(alone, float(cases[row].duration), states, unheld))
+    return runs
 
 
-def _start(plant: Plant, case: Case) -> tuple[Array, tuple[Holding, ...]]:
-    """State (size,) at t = 0: rest, but for the velocity.
-
-    And how each actuator holds its load there.
-    """
-    state, held = plant.resting(case.q, case.preloaded)
+def _start(plant: Plant, case: Case) -> Equilibrium:
+    """Equilibrium at t = 0, but for the velocity."""
+    start = find_equilibrium(plant, case.q, case.preloaded)
     if case.velocity is not None:
-        plant.split(state)[1][:] = case.velocity
-    return state, held
+        plant.split(start.state)[1][:] = case.velocity
+    return start
 
 
-def _unheld(held: Sequence[Holding]) -> list[str]:
-    """What is not held at t = 0, in words: loads above a relief, leaks that no spool position makes up for."""
-    overcome, creeps = (
-        [getattr(one, what) for one in held if getattr(one, what)]
-        for what in ("overcome", "creeps")
-    )
-    return [
-        *(f"{words} at 0 s" for words in overcome),
-        *(f"{words} from 0 s on" for words in creeps),
-    ]
+def _unheld(holdings: Sequence[Holding]) -> list[tuple[float, str]]:
+    """Loads above a relief, and leaks that no spool position makes up for, as events at 0 s."""
+    overcome = [f"{one.overcome} at 0 s" for one in holdings if one.overcome]
+    creeps = [f"{one.creeps} from 0 s on" for one in holdings if one.creeps]
+    return [(0.0, words) for words in (*overcome, *creeps)]
 
 
-def _states(loop: Loop, cases: Sequence[Case], tolerance: float) -> list[Array | GaveUpError]:
+def _states(
+    system: ControlledPlant, cases: Sequence[Case], tolerance: float
+) -> list[Array | GaveUpError]:
     """States of all cases at their instants, or why there are none."""
-    durations = np.array([case.duration for case in cases], dtype=float)
-    fastest = np.array(
-        [2 * math.pi * natural_modes(c.machine.at(c.q)).frequencies.max() for c in cases]
-    )
-    spools = [
-        max(f.valve.natural_frequency for f in c.machine.actuators if f.valve) for c in cases
-    ]
-    swiftest = np.maximum(fastest, 2 * math.pi * np.array(spools))
-    counts = np.array([max(round(case.duration * case.rate), 1) for case in cases])
+    undamped, spools = [], []
+    for case in cases:
+        undamped.append(natural_modes(case.machine.at(case.q)).frequencies.max())
+        valves = [actuator.valve for actuator in case.machine.actuators if actuator.valve]
+        spools.append(max(valve.natural_frequency for valve in valves))
+    omega = 2 * math.pi * np.array(undamped)
+    largest = np.maximum(omega, 2 * math.pi * np.array(spools))
     return integrate(
-        loop, loop.start, durations, counts, fastest, tolerance, MOST_STEPS, swiftest, loop.breaks
+        system,
+        system.start,
+        Span.of([case.duration for case in cases], [case.rate for case in cases]),
+        Pace(omega, largest),
+        system.breaks,
+        tolerance,
+        MOST_STEPS,
     )
 
 
-def _failure(loop: Loop, stop: GaveUpError, tolerance: float) -> SimulationError:
-    machine, (q, velocity, *_) = (
-        loop.plant.machine,
-        loop.plant.split(stop.state[: loop.plant.size]),
-    )
+def _failure(system: ControlledPlant, stop: GaveUpError, tolerance: float) -> SimulationError:
+    plant, machine = system.plant, system.plant.machine
+    q, velocity, *_ = plant.split(stop.state[: plant.size])
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
+    command = system.demands[0](stop.time + INSTANT)
     return SimulationError(
         f"{machine.name}: simulation",
         f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
-        _likely_cause(
-            machine,
-            q + INSTANT * velocity,
-            loop.asked[0](stop.time + INSTANT),
-            stop.cause,
-            tolerance,
-        ),
+        likely_cause(machine, q + INSTANT * velocity, command, stop.cause, tolerance),
     )
 
 
-def _likely_cause(
+def likely_cause(
     machine: Machine,
     q: Array,
-    asked: Sequence[float],
+    command: Sequence[float],
     cause: str = "",
     tolerance: float = TOLERANCE,
 ) -> str:
-    """What to look at when an integration has stopped at a pose under some commands, and said why."""
-    for value in asked:
+    """What to look at when an integration has stopped at a pose, under a command, for a cause."""
+    for value in command:
         if not math.isfinite(value):
             return f"the command gives {value:g} there: give −1…1"
     for cylinder, margin in zip(machine.actuators, machine.margins(q)[0], strict=True):
@@ -367,46 +355,43 @@ def _likely_cause(
     return f"a joint driven out of its range, or {fast}"
 
 
-def _recorded(loop: Loop, duration: float, states: Array, unheld: Sequence[str]) -> Simulation:
-    """The run, and among its events what its rest does not hold, in words."""
-    plant, machine = loop.plant, loop.plant.machine
+def _recorded(
+    system: ControlledPlant, duration: float, states: Array, unheld: list[tuple[float, str]]
+) -> Simulation:
+    """The run, with what its equilibrium does not hold among its events."""
+    plant, machine = system.plant, system.plant.machine
     time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
-    commands = loop.commands(
-        np.array([loop.asked[0](t) for t in time.tolist()], dtype=float), states
-    )
-    found = plant.evaluate(body, commands)
+    demand = np.array([system.demands[0](t) for t in time.tolist()], dtype=float)
+    commands = system.commands(demand, states)
+    evaluation = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
-    pressures = plant.pressures(body)
-    energy, supply, taken = (
-        plant.bodies.energy(q, velocity),
-        plant.supply_pressure(body),
-        found.told["supplied"],
-    )
-    relief = plant.actuators["relief"][0]
-    told = [*events(machine, relief, time, found.extensions, pressures, spool, taken)]
-    told += pump_events(machine, time, supply, taken)
-    told += [(0.0, words) for words in unheld]
-    supplied, oil, dissipated = loop.energies(states)
-    tool = machine.arm.point(
-        machine.arm.kinematics(q), machine.tool.link, np.array(machine.tool.at)
-    )
-    return Simulation(
+    energy = plant.forward_dynamics.energy(q, velocity)
+    supplied, oil, dissipated = system.energies(states)
+    springs, frames = evaluation.springs, machine.arm.kinematics(q)
+    run = Simulation(
         time=time,
         q=q.copy(),
         velocity=velocity.copy(),
-        pressures=np.swapaxes(pressures, 1, 2).copy(),
+        pressures=np.swapaxes(plant.pressures(body), 1, 2).copy(),
         spool=spool.copy(),
         command=commands,
-        flows=found.valve_flows,
-        extensions=found.extensions,
-        speeds=found.told["speed"].copy(),
-        tool=np.array(tool),
+        flows=evaluation.valve_flows,
+        extensions=evaluation.extensions,
+        speeds=evaluation.outputs["speed"].copy(),
+        tool=np.array(machine.arm.point(frames, machine.tool.link, np.array(machine.tool.at))),
         energy=energy,
         supplied=supplied,
-        stored=energy - energy[0] + found.springs - found.springs[0] + oil,
+        stored=energy - energy[0] + springs - springs[0] + oil,
         dissipated=dissipated,
-        supply=supply,
-        events=tuple(words for _, words in sorted(told)),
+        supply=plant.supply_pressure(body),
+        events=(),
         joints=machine.joints,
         cylinders=tuple(actuator.name for actuator in machine.actuators),
     )
+    taken, relief = evaluation.outputs["supplied"], plant.parameters.actuators["relief"][0]
+    timed = [
+        *events(machine, relief, time, run.extensions, plant.pressures(body), spool, taken),
+        *pump_events(machine, time, run.supply, taken),
+        *unheld,
+    ]
+    return replace(run, events=tuple(words for _, words in sorted(timed)))

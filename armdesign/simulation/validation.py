@@ -1,24 +1,23 @@
-"""Is the linear answer so in the nonlinear model? A small slow sweep of one valve, the others shut: ``validate``.
+"""Validation of natural frequencies by small slow sweeps of the nonlinear model: ``validate``.
 
 The spool of one cylinder follows a sine whose frequency sweeps over the mode, while a slow loop
 holds the piston's mean position. Natural frequency and damping are fitted to the response of the
-cylinder's speed to the speed that the spool as it really stood asks for; so neither spool lag nor
+cylinder's speed to the speed that the spool's actual position asks for; so neither spool lag nor
 loop is in it, but the damping of the open valve is. It shows all coupled modes that the cylinder
 takes part in. Every sweep is run at full and at half amplitude: what belongs to amplitude shrinks
 with it, a fault of the model does not.
 
-The linear answer is one of the oil's spring alone; it knows no dry friction, which damps a small
-motion more than a large one, and at last holds a piston fast. So like is compared with like: the
-sweeps leave dry friction out. Where a machine has any, both are repeated with it, and what it
-makes of them is told beside.
+The linear frequency holds for the oil's spring alone, without dry friction, which damps a small
+motion more than a large one, and at last holds a piston fast. So the sweeps leave dry friction
+out. Where a machine has any, both are repeated with it, and those results stand beside.
 
-The linear answer takes the pressures that a shut valve leaves: the loaded chamber carries the
+The linear frequency takes the pressures that a closed valve leaves: the loaded chamber carries the
 load, the other is at return pressure or at the preload that the machine file asks for. With air
 the sweeps run about them; without air about a preload of their own, on which the frequency does
 not depend: see ``experiment``. Behind a valve that leaks the flow makes others, and oil with air
 has another stiffness under them; a large leak softens the spring as well. So the frequency of the
-plant at its own rest is told beside it. Where no spool position makes up for the leaks there is no
-rest: the load creeps.
+plant at its own equilibrium stands beside it. Where no spool position makes up for the leaks there
+is none: the load creeps.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,107 +39,14 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
 from armdesign.simulation.experiment import Experiment
-from armdesign.simulation.identification.modal_fit import Fit
 from armdesign.simulation.linearization import without_dry_friction
 from armdesign.simulation.simulate import Case, Simulation, attempt_all
+from armdesign.simulation.sweeps import Failure, Run, Sweep, with_remarks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-AGREES = 0.005  # relative deviation
-BALANCED = 1e-3  # relative error of a run's energy balance that its integration may leave
 TOLERANCE = 1e-7  # of the integration
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep:
-    """What one sweep is of; arrays are read-only.
-
-    Attributes:
-        pose: "worst", "median", "best", or the number of a pose that was asked for, from 1.
-        payload: name of the load case.
-        q: pose (nq,) [rad, m].
-        cylinder: name of the one that moves.
-        mode: number of the coupled mode, 1 is the lowest.
-        linear_frequency: of that mode [Hz].
-        frequency_at_rest: the same of the plant linearised at its own rest [Hz], see
-            ``linearize``. It differs where oil with air is under other pressures there than its
-            static load alone makes: behind a valve that leaks.
-        linear_damping: damping ratio there.
-        amplitude: mean opening of the valve in the sweep.
-    """
-
-    pose: str
-    payload: str
-    q: Array
-    cylinder: str
-    mode: int
-    linear_frequency: float
-    frequency_at_rest: float
-    linear_damping: float
-    amplitude: float
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Run(Sweep):
-    """One sweep and what was found in it; arrays are read-only.
-
-    Attributes:
-        fit: the response, measured and fitted.
-        found: which of the fit's modes it is.
-        peak: where the plain spectrum of the speed is highest near the mode [Hz]. It has the bias
-            of short sweeps, see ``bias``, and that of the modes beside it: to be known, not to be
-                used.
-        mean: mean pose during the sweep (nq,).
-        span: largest less smallest joint position during it (nq,).
-        energy_error: of the run's energy balance, see ``Simulation.energy_error``.
-        remark: what to think of the deviation: "energy" if the run's balance does not close;
-            "agrees"; "creep" if oil leaks away that no spool position makes up for; "leaks" if
-            that from ``frequency_at_rest`` is small, or shrinks with the amplitude while this does
-            not; "amplitude" if this shrinks; else "fault"; "not repeated" if the other amplitude's
-            run failed.
-        with_friction: the same sweep of the machine with its dry friction, which no linear answer
-            knows; None where it has none.
-    """
-
-    fit: Fit
-    found: int
-    peak: float
-    mean: Array
-    span: Array
-    energy_error: float
-    remark: str = ""
-    with_friction: Run | Failure | None = None
-
-    @property
-    def identified_frequency(self) -> float:
-        """Natural frequency of the fit [Hz]."""
-        return float(self.fit.natural_frequencies[self.found])
-
-    @property
-    def identified_damping(self) -> float:
-        """Damping ratio of the fit."""
-        return float(self.fit.damping_ratios[self.found])
-
-    @property
-    def deviation(self) -> float:
-        """Identified over linear natural frequency, less 1."""
-        return self.identified_frequency / self.linear_frequency - 1
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Failure(Sweep):
-    """A sweep that came to nothing, and why: a load that cannot be held, a run that gave up, nothing that oscillates.
-
-    Frequency at rest, damping and amplitude are nan where it did not come so far.
-    """
-
-    error: SimulationError
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +63,12 @@ class Validation:
 
     @property
     def runs(self) -> tuple[Run, ...]:
-        """Those in which something was found."""
+        """Sweeps with a result."""
         return tuple(one for one in self.sweeps if isinstance(one, Run))
 
     @property
     def failures(self) -> tuple[Failure, ...]:
-        """The others."""
+        """Sweeps without one."""
         return tuple(one for one in self.sweeps if isinstance(one, Failure))
 
     @property
@@ -175,10 +81,11 @@ class Validation:
     def _row(self, sweep: Run | Failure) -> dict[str, object]:
         """All columns in their order; of a failure only what a sweep is known by."""
         run, rough = (sweep, sweep.with_friction) if isinstance(sweep, Run) else (None, None)
+        with_friction = rough if isinstance(rough, Run) else None
         remark = f"failed: {sweep.error}" if isinstance(sweep, Failure) else sweep.remark
         if isinstance(rough, Failure):
             remark += f"; with dry friction failed: {rough.error}"
-        found: dict[str, object] = {
+        row: dict[str, object] = {
             "payload": sweep.payload,
             **dict(zip(self.joints, sweep.q.tolist(), strict=True)),
             "cylinder": sweep.cylinder,
@@ -191,28 +98,25 @@ class Validation:
             "amplitude": sweep.amplitude,
             "pose": sweep.pose,
             "at_rest_hz": sweep.frequency_at_rest,
-            "with_friction_hz": rough.identified_frequency if isinstance(rough, Run) else math.nan,
-            "with_friction_damping": (
-                rough.identified_damping if isinstance(rough, Run) else math.nan
-            ),
+            "with_friction_hz": with_friction.identified_frequency if with_friction else math.nan,
+            "with_friction_damping": with_friction.identified_damping
+            if with_friction
+            else math.nan,
             "remark": remark,
         }
-        if run:
-            found |= {
-                "peak_hz": run.peak,
-                "energy_error": run.energy_error,
-                "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
-                "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
-                **{
-                    f"{joint}_mean": mean
-                    for joint, mean in zip(self.joints, run.mean.tolist(), strict=True)
-                },
-                **{
-                    f"{joint}_span": span
-                    for joint, span in zip(self.joints, run.span.tolist(), strict=True)
-                },
-            }
-        return found
+        return row | (self._details(run) if run else {})
+
+    def _details(self, run: Run) -> dict[str, object]:
+        """The columns that only a result has."""
+        means, spans = (zip(self.joints, x.tolist(), strict=True) for x in (run.mean, run.span))
+        return {
+            "peak_hz": run.peak,
+            "energy_error": run.energy_error,
+            "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
+            "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
+            **{f"{joint}_mean": mean for joint, mean in means},
+            **{f"{joint}_span": span for joint, span in spans},
+        }
 
     @property
     def by_pose(self) -> dict[str, Validation]:
@@ -253,7 +157,9 @@ def validate(
     amplitude: float | None = None,
     workspace: Workspace | None = None,
 ) -> Validation:
-    """Natural frequencies measured in the nonlinear model against the linear ones, all sweeps as one stacked run.
+    """Natural frequencies measured in the nonlinear model against the linear ones.
+
+    All sweeps are one stacked run.
 
     Args:
         machine: the machine; every cylinder needs a valve.
@@ -276,64 +182,67 @@ def validate(
         raise SimulationError(
             f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening"
         )
-    for what, given in (("q", q), ("payloads", payloads), ("cylinders", cylinders)):
-        if given is not None and np.size(given) == 0:
-            raise SimulationError(
-                f"{machine.name}: {what}", "is empty", "give some, or None for the default"
-            )
+    _refuse_empty(machine, q=q, payloads=payloads, cylinders=cylinders)
     if q is None:
-        places = _chosen(frequency_map(machine, workspace or Workspace.grid(machine)), payloads)
+        map_ = frequency_map(machine, workspace or Workspace.grid(machine))
+        places = _extreme_places(map_, payloads)
     else:
-        loaded = (
-            [machine] if payloads is None else [machine.with_payload(name) for name in payloads]
-        )
-        places = [
-            (str(number), case, pose)
-            for number, pose in enumerate(machine.at(q).q, 1)
-            for case in loaded
-        ]
-    found = _measured([_trials(places, cylinders, amplitude)])[0]
-    if not found.runs:
-        raise_together([failure.error for failure in found.failures])
-    return found
+        names = [machine.payload.name] if payloads is None else payloads
+        loaded = [machine if payloads is None else machine.with_payload(name) for name in names]
+        numbered = enumerate(machine.at(q).q, 1)
+        places = [Place(str(number), case, pose) for number, pose in numbered for case in loaded]
+    validation = _validations([_plan(places, cylinders, amplitude)])[0]
+    if not validation.runs:
+        raise_together([failure.error for failure in validation.failures])
+    return validation
 
 
 def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
-    """``validate`` for several machines at once, at the worst, the median and the best pose of the map of each.
+    """Validation of several machines at once, at worst, median and best pose of each map.
 
     What cannot be run is a failure, even if that is all: so the other machines are not lost.
     """
-    return _measured([_trials(_chosen(found, None), None, None) for found in maps])
+    return _validations([_plan(_extreme_places(each, None), None, None) for each in maps])
 
 
-def _chosen(
-    found: FrequencyMap, payloads: Sequence[str] | None
-) -> list[tuple[str, Machine, Array]]:
-    """Name, machine under its load case, and pose of the worst, the median and the best place of a map."""
-    machine, names = found.machine, found.worst_of if payloads is None else payloads
-    worst = min(
-        (found.worst_of[machine.with_payload(name).payload.name] for name in names),
-        key=lambda w: w.frequency,
-    )
-    frame = found.frame[found.frame["payload"].isin(list(names))].sort_values(
-        "f1_hz", kind="stable"
-    )
-    chosen = [("worst", worst.payload, worst.q)]
-    for label, row in (("median", frame.iloc[len(frame) // 2]), ("best", frame.iloc[-1])):
-        chosen.append(
-            (label, str(row["payload"]), row[list(machine.joints)].to_numpy(dtype=float))
+def _refuse_empty(machine: Machine, **arguments: object) -> None:
+    for name, given in arguments.items():
+        if given is not None and np.size(given) == 0:  # type: ignore[arg-type]
+            remedy = "give some, or None for the default"
+            raise SimulationError(f"{machine.name}: {name}", "is empty", remedy)
+
+
+class Place(NamedTuple):
+    """A pose (nq,) [rad, m] by its name, and the machine under its load case."""
+
+    name: str
+    machine: Machine
+    pose: Array
+
+
+def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[Place]:
+    """The worst, the median and the best place of a map."""
+    machine, names = map_.machine, list(map_.worst_of if payloads is None else payloads)
+    cases = {name: machine.with_payload(name).payload.name for name in names}
+    worst = min((map_.worst_of[cases[name]] for name in names), key=lambda w: w.frequency)
+    frame = map_.frame[map_.frame["payload"].isin(names)].sort_values("f1_hz", kind="stable")
+    rows = {"median": frame.iloc[len(frame) // 2], "best": frame.iloc[-1]}
+    return [Place("worst", machine.with_payload(worst.payload), worst.q)] + [
+        Place(
+            name,
+            machine.with_payload(str(row["payload"])),
+            row[list(machine.joints)].to_numpy(dtype=float),
         )
-    return [(label, machine.with_payload(payload), pose) for label, payload, pose in chosen]
+        for name, row in rows.items()
+    ]
 
 
-def _choices(
+def _cylinders_and_modes(
     machine: Machine, poses: Poses, cylinders: Sequence[str] | None
 ) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
-    shares, names = (
-        energy_shares(poses, natural_modes(poses))[0],
-        [actuator.name for actuator in machine.actuators],
-    )
+    shares = energy_shares(poses, natural_modes(poses))[0]
+    names = [actuator.name for actuator in machine.actuators]
     modes = np.argmax(shares, axis=0)
     if cylinders is None:
         first = int(np.argmax(shares[0]))
@@ -348,53 +257,57 @@ def _choices(
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
-    """A sweep to be, and the experiment that it is part of."""
+class PlannedSweep:
+    """A sweep to be run, and the experiment that it is part of."""
 
     sweep: Sweep
     experiment: Experiment
 
     @property
     def case(self) -> Case:
-        return self.experiment.case(self.experiment.sweep(self.sweep.amplitude))
+        """Its run."""
+        return self.experiment.case(self.experiment.swept_sine(self.sweep.amplitude))
 
     def result(self, motion: Simulation | SimulationError) -> Run | Failure:
-        """What is found in the motion."""
-        told = vars(self.sweep)
+        """What is identified in the motion."""
+        sweep = vars(self.sweep)
         if isinstance(motion, SimulationError):
-            return Failure(**told, error=motion)
+            return Failure(**sweep, error=motion)
         try:
             fit, peak = self.experiment.fit(motion), self.experiment.peak(motion)
         except SimulationError as error:
-            return Failure(**told, error=error)
-        found = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
-        mean, span = motion.q.mean(axis=0), np.ptp(motion.q, axis=0)
+            return Failure(**sweep, error=error)
         return Run(
-            **told,
+            **sweep,
             fit=fit,
-            found=found,
+            found=int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target))),
             peak=peak,
-            mean=mean,
-            span=span,
+            mean=motion.q.mean(axis=0),
+            span=np.ptp(motion.q, axis=0),
             energy_error=motion.energy_error,
         )
 
 
-def _trials(
-    places: Sequence[tuple[str, Machine, Array]],
-    cylinders: Sequence[str] | None,
-    amplitude: float | None,
-) -> tuple[tuple[str, ...], list[list[_Trial] | Failure]]:
-    """Names of the joints; all trials, one list per pose and cylinder, or why there are none."""
-    groups: list[list[_Trial] | Failure] = []
-    for label, case, pose in places:
-        poses = case.at(pose)
-        for index, mode in _choices(case, poses, cylinders):
+class Plan(NamedTuple):
+    """Names of the joints; sweeps of every pose and cylinder, or why there are none."""
+
+    joints: tuple[str, ...]
+    groups: list[list[PlannedSweep] | Failure]
+
+
+def _plan(
+    places: Sequence[Place], cylinders: Sequence[str] | None, amplitude: float | None
+) -> Plan:
+    """The sweeps at some places, of some cylinders."""
+    groups: list[list[PlannedSweep] | Failure] = []
+    for name, machine, pose in places:
+        poses = machine.at(pose)
+        for index, mode in _cylinders_and_modes(machine, poses, cylinders):
             sweep = Sweep(
-                pose=label,
-                payload=case.payload.name,
+                pose=name,
+                payload=machine.payload.name,
                 q=poses.q[0].copy(),
-                cylinder=case.actuators[index].name,
+                cylinder=machine.actuators[index].name,
                 mode=mode + 1,
                 linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
                 frequency_at_rest=math.nan,
@@ -402,101 +315,46 @@ def _trials(
                 amplitude=math.nan,
             )
             try:
-                groups.append(_group(sweep, Experiment.of(case, pose, index, mode), amplitude))
+                experiment = Experiment.of(machine, pose, index, mode)
+                groups.append(_group(sweep, experiment, amplitude))
             except SimulationError as error:
                 groups.append(Failure(**vars(sweep), error=error))
-    return places[0][1].joints, groups
+    return Plan(places[0].machine.joints, groups)
 
 
-def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[_Trial]:
-    """Full and half amplitude without dry friction; where there is any, the same with it."""
-    machine, full = experiment.machine, amplitude or experiment.default_amplitude()
-    linear = experiment.linear
+def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[PlannedSweep]:
+    """Full and half amplitude without dry friction, and with it where the machine has any."""
+    machine, linear = experiment.machine, experiment.linear
+    full = amplitude or experiment.default_amplitude()
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
-    damping = (
-        float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0
-    )  # no pair left: overdamped
+    # Without a pair left it is overdamped.
+    damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
     versions = [experiment]
     if any(
         actuator.friction.coulomb or actuator.friction.static for actuator in machine.actuators
     ):
         versions = [experiment.of_machine(without_dry_friction(machine)), experiment]
-    sizes = full, full / 2
     return [
-        _Trial(dataclasses.replace(sweep, amplitude=size), version)
+        PlannedSweep(dataclasses.replace(sweep, amplitude=size), version)
         for version in versions
-        for size in sizes
+        for size in (full, full / 2)
     ]
 
 
-def _measured(
-    machines: Sequence[tuple[tuple[str, ...], list[list[_Trial] | Failure]]],
-) -> list[Validation]:
-    """All trials as one stacked run."""
-    trials = [
-        trial
-        for _, groups in machines
-        for group in groups
-        if isinstance(group, list)
-        for trial in group
-    ]
-    motions = iter(attempt_all([trial.case for trial in trials], tolerance=TOLERANCE))
-    found = []
-    for joints, groups in machines:
-        results: list[Run | Failure] = []
-        for group in groups:
+def _validations(plans: Sequence[Plan]) -> list[Validation]:
+    """All planned sweeps as one stacked run."""
+    groups = [group for plan in plans for group in plan.groups if isinstance(group, list)]
+    cases = [planned.case for group in groups for planned in group]
+    motions = iter(attempt_all(cases, tolerance=TOLERANCE))
+    validations = []
+    for joints, groups_of_one in plans:
+        sweeps: list[Run | Failure] = []
+        for group in groups_of_one:
             if isinstance(group, Failure):
-                results.append(group)
+                sweeps.append(group)
             else:
-                results += _judged(
-                    [trial.result(next(motions)) for trial in group], group[0].experiment.creeps
-                )
-        found.append(Validation(joints, tuple(results)))
-    return found
-
-
-def _judged(group: Sequence[Run | Failure], creeps: bool = False) -> list[Run | Failure]:
-    """Full and half amplitude with remarks on the deviations.
-
-    The same with dry friction, if any, put beside.
-    """
-    smooth, rough = group[:2], group[2:] or (None, None)
-    balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
-    remark = _verdict(smooth, creeps) if balanced else "energy"
-    return [
-        (
-            dataclasses.replace(one, remark=remark, with_friction=other)
-            if isinstance(one, Run)
-            else one
-        )
-        for one, other in zip(smooth, rough, strict=True)
-    ]
-
-
-def _verdict(pair: Sequence[Run | Failure], creeps: bool) -> str:
-    """Of a sweep at full and at half amplitude."""
-    linear = _trend([one.deviation for one in pair if isinstance(one, Run)])
-    at_rest = _trend(
-        [
-            one.identified_frequency / one.frequency_at_rest - 1
-            for one in pair
-            if isinstance(one, Run)
-        ]
-    )
-    if linear == "agrees":
-        return linear
-    if creeps:
-        return "creep"
-    if at_rest == "agrees":
-        return "leaks"
-    return "leaks" if linear == "fault" and at_rest == "amplitude" else linear
-
-
-def _trend(deviations: Sequence[float]) -> str:
-    """Of deviations at full and at half amplitude."""
-    if all(abs(deviation) <= AGREES for deviation in deviations):
-        return "agrees"
-    if len(deviations) < 2:
-        return "not repeated"
-    return "amplitude" if abs(deviations[1]) < 0.75 * abs(deviations[0]) else "fault"
+                results = [planned.result(next(motions)) for planned in group]
+                sweeps += with_remarks(results, group[0].experiment.creeps)
+        validations.append(Validation(joints, tuple(sweeps)))
+    return validations

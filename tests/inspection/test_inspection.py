@@ -13,7 +13,8 @@ import pytest
 
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
-from armdesign.inspection.inspection import DEAD_LENGTH_PER_BORE, Inspection, inspect
+from armdesign.inspection.inspection import Inspection, inspect
+from armdesign.inspection.oddities import DEAD_LENGTH_PER_BORE
 from armdesign.machine.machine import Machine
 from armdesign.mechanism import urdf_faults
 from armdesign.report.inspections import check_sheets

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.inspection import Finding, inspect
-from armdesign.inspection.plausibility import suspicions
+from armdesign.inspection.finding import Finding
+from armdesign.inspection.inspection import inspect
 from armdesign.machine import machine_file, scaffold, toml_writing
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
@@ -302,12 +302,7 @@ def test_inertia_and_mass_that_do_not_go_together() -> None:
 
 
 def suspected(machine: Machine) -> list[Finding]:
-    inspection = inspect(machine, ad.Workspace.grid(machine, 3))
-    shares: dict[str, float] = {}
-    for load in inspection.loads:
-        name = machine.actuators[load.cylinder].name
-        shares[name] = max(shares.get(name, 0.0), load.share)
-    return suspicions(machine, shares)
+    return inspect(machine, ad.Workspace.grid(machine, 3)).suspicions
 
 
 def test_no_sound_machine_is_suspected(machine: Machine) -> None:

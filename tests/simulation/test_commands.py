@@ -14,9 +14,11 @@ from scipy.integrate import solve_ivp
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.simulation.controlled_plant import _breaks
-from armdesign.simulation.excitation import Moved, Multisine, Pulse, SteppedSine, Sweep
-from armdesign.simulation.integrator import Breaks, integrate
+from armdesign.simulation.breakpoints import Breaks
+from armdesign.simulation.controlled_plant import breaks_of
+from armdesign.simulation.excitation import SweptSine, SymmetricCommand
+from armdesign.simulation.integrator import Pace, Span, integrate
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate, simulate_all
 
@@ -72,7 +74,7 @@ def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, told: b
 def test_the_arm_moves_as_integrated_between_the_jumps(excavator: Machine, begin: float) -> None:
     """By scipy's DOP853 on the plant's right-hand side, started anew at each jump."""
     plant, end = Plant(excavator), 0.8
-    state = plant.rest(WORST)
+    state = find_equilibrium(plant, WORST).state
     for a, b, spool in ((0.0, begin, 0.0), (begin, begin + 1e-3, SIZE), (begin + 1e-3, end, 0.0)):
         if b > a:
             command = np.array([[spool, 0.0, 0.0]])
@@ -124,7 +126,7 @@ def test_cases_with_unlike_breaks_come_out_as_if_alone(excavator: Machine) -> No
         ad.Step(size=0.05, begin=0.1, end=0.103),
         ad.Table([0.0, 0.2, 0.2, 0.3], [0.0, 0.02, -0.02, 0.0]),
         silent(0.25, 0.005),
-        Pulse(amplitude=0.1, duration=0.01),
+        SweptSine(amplitude=0.1, start=50, stop=50, duration=0.01, fade=0.5),
     ]
     cases = [
         Case(machine=excavator, q=WORST, command={"boom": command}, duration=0.5)
@@ -164,12 +166,11 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
         found = integrate(
             Stiff(),
             np.zeros((1, 2)),
-            np.array([5.0]),
-            np.array([count]),
-            np.zeros(1),
+            Span(np.array([5.0]), np.array([count])),
+            Pace(np.zeros(1), np.zeros(1)),
+            [breaks],
             1e-8,
             50_000,
-            breaks=[breaks],
         )[0]
         assert found[-1, 0] == pytest.approx(area, abs=1e-6)
 
@@ -224,20 +225,17 @@ def test_tables_and_steps() -> None:
         ad.Step(size="0.1")  # type: ignore[arg-type]
 
 
-def test_every_excitation_tells_its_breaks(excavator: Machine) -> None:
+def test_every_excitation_tells_itsbreaks_of(excavator: Machine) -> None:
     for given, expected in (
-        (Sweep(amplitude=1, start=1, stop=2, duration=10.0), [0, 1, 9, 10]),
-        (Multisine(amplitude=1, start=1, stop=2, period=5.0, periods=2), [0, 10]),
-        (SteppedSine(amplitude=1, frequencies=(1.0, 2.0), cycles=3), [0, 3, 4.5]),
-        (Pulse(amplitude=1, duration=0.5), [0, 0.5]),
+        (SweptSine(amplitude=1, start=1, stop=2, duration=10.0), [0, 1, 9, 10]),
     ):
-        moved = Moved(None, 0.0, given)  # type: ignore[arg-type]
-        found = _breaks(
+        moved = SymmetricCommand(None, 0.0, given)  # type: ignore[arg-type]
+        found = breaks_of(
             {"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, lambda _: [0.0], "machine"
         )
         np.testing.assert_allclose(found.instants, sorted({*expected, 2.0}))
         assert found.complete
-    assert not _breaks(
+    assert not breaks_of(
         {"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, lambda _: [0.0], "machine"
     ).complete
 

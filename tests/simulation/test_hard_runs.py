@@ -12,9 +12,11 @@ import pytest
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.simulation import simulate as motion
+from armdesign.simulation.breakpoints import Breaks
 from armdesign.simulation.excitation import Table
-from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, integrate
+from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Simulation, simulate
 from armdesign.units import bar, l_per_min
@@ -177,7 +179,7 @@ def test_underlap_and_leakage_rest(excavator: Machine, air: float) -> None:
         }
     machine = excavator.replace(changes)
     plant = Plant(machine)
-    rest = plant.rest(WORST)
+    rest = find_equilibrium(plant, WORST).state
     spool = plant.split(rest)[4]
     rates = plant.derivative(rest[None], spool[None])[0]
     assert np.abs(rates).max() < 1e-6
@@ -277,7 +279,13 @@ def test_no_result_is_cut_short(edges: tuple[float, ...]) -> None:
     """A case that comes to its edge gives up there; the others reach their end."""
     n = len(edges)
     found = integrate(
-        Breaking(*edges), np.zeros((n, 1)), np.full(n, 5.0), np.full(n, 5), np.zeros(n), 1e-6, 9999
+        Breaking(*edges),
+        np.zeros((n, 1)),
+        Span(np.full(n, 5.0), np.full(n, 5)),
+        Pace(np.zeros(n), np.zeros(n)),
+        [Breaks()] * n,
+        1e-6,
+        9999,
     )
     for edge, states in zip(edges, found, strict=True):
         if edge < 5:
@@ -293,12 +301,12 @@ def test_likely_causes(excavator: Machine) -> None:
     short = machines.named("four_bar_left")
     turns = [np.array([0.0, 0.0, angle]) for angle in np.linspace(-3.0, 3.0, 60)]
     broken = next(q for q in turns if np.isneginf(short.margins(q)).any())
-    assert "the four-bar of tilt does not close there" in motion._likely_cause(short, broken, [])
-    assert "of its stroke beyond a stop" in motion._likely_cause(
+    assert "the four-bar of tilt does not close there" in motion.likely_cause(short, broken, [])
+    assert "of its stroke beyond a stop" in motion.likely_cause(
         excavator, np.array([2.0, -1.2, -1.0]), []
     )
-    assert "thousand times faster" in motion._likely_cause(excavator, np.array(LEVEL), [1.0])
-    assert "gives inf there" in motion._likely_cause(excavator, np.array(LEVEL), [0.0, np.inf])
+    assert "thousand times faster" in motion.likely_cause(excavator, np.array(LEVEL), [1.0])
+    assert "gives inf there" in motion.likely_cause(excavator, np.array(LEVEL), [0.0, np.inf])
 
 
 def test_causes_are_true(excavator: Machine) -> None:
@@ -306,9 +314,9 @@ def test_causes_are_true(excavator: Machine) -> None:
     own remedy.
     """
     level = np.array(LEVEL)
-    said = motion._likely_cause(excavator, level, [0.1], f"{TOO_MANY} 500000 steps", 1e-11)
+    said = motion.likely_cause(excavator, level, [0.1], f"{TOO_MANY} 500000 steps", 1e-11)
     assert "coarser tolerance than 1e-11, a shorter duration or a smoother command" in said
-    assert "smooth a command" in motion._likely_cause(
+    assert "smooth a command" in motion.likely_cause(
         excavator, level, [0.1], f"no step is small enough: {NO_LIMIT}"
     )
 
@@ -328,7 +336,13 @@ class Toggling:
 
 def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
     found = integrate(
-        Toggling(), np.zeros((1, 3)), np.ones(1), np.ones(1, dtype=int), np.zeros(1), 1e-12, 9999
+        Toggling(),
+        np.zeros((1, 3)),
+        Span(np.ones(1), np.ones(1, dtype=int)),
+        Pace(np.zeros(1), np.zeros(1)),
+        [Breaks()],
+        1e-12,
+        9999,
     )[0]
     assert isinstance(found, GaveUpError)
     assert NO_LIMIT in found.cause

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign import Machine
+from armdesign import Machine, identify_ringdown
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.friction import Friction
 from armdesign.report.maps import map_sheets
-from armdesign.simulation.identification.ringdown import identify_decay
 from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
@@ -134,10 +134,10 @@ def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     assert "(lift) the flow makes others" in note
     told = float(re.search(r"then has ([\d.]+) Hz", note)[1])  # type: ignore[index]
     plant = Plant(machine)
-    trim = plant.split(plant.rest(found.worst.q))[4].tolist()
+    trim = plant.split(find_equilibrium(plant, found.worst.q).state)[4].tolist()
     run = simulate(machine, found.worst.q, lambda _: trim, velocity=[1e-4], duration=1.0, rate=400)
     assert told == pytest.approx(
-        identify_decay(run.time, run.velocity).natural_frequencies[0], rel=2e-3
+        identify_ringdown(run.time, run.velocity).natural_frequencies[0], rel=2e-3
     )
     assert told > 1.5 * found.worst.frequency
 

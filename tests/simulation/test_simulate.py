@@ -4,11 +4,13 @@ one line.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
 from armdesign.simulation import simulate as motion
@@ -204,3 +206,12 @@ def test_giving_up_names_time_and_place(
         SimulationError, match=r"gave up at .* s, .* boom 1\.15.*more than 8 steps"
     ):
         simulate(excavator, WORST, {"boom": pulse(0.1)}, duration=5.0)
+
+
+def test_faults_of_strikes() -> None:
+    machine = ad.load("paper_1dof")
+    for velocity in ([0.1, 0.2], [math.nan]):
+        with pytest.raises(
+            SimulationError, match=r"paper_1dof: velocity: .* is not one finite number per joint"
+        ):
+            simulate(machine, [0.0], {}, velocity=velocity, duration=1.0)

@@ -12,7 +12,9 @@ import pytest
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.simulation.integrator import GaveUpError, integrate
+from armdesign.simulation.breakpoints import Breaks
+from armdesign.simulation.integrator import GaveUpError, Pace, Span, integrate
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, attempt_all, simulate, simulate_all
 from tests import machines
@@ -35,6 +37,20 @@ class Linear:
         return Linear(self.matrices[list(cases)])
 
 
+def alone(
+    system: Linear,
+    start: np.ndarray,
+    durations: np.ndarray,
+    counts: np.ndarray,
+    omegas: np.ndarray,
+    tolerance: float,
+    most_steps: int,
+) -> list[np.ndarray | GaveUpError]:
+    """Cases whose rates may jump at any time."""
+    breaks, pace = [Breaks()] * len(start), Pace(omegas, omegas)
+    return integrate(system, start, Span(durations, counts), pace, breaks, tolerance, most_steps)
+
+
 def oscillator(omega: float, damping: float = 0.0) -> list[list[float]]:
     return [[0, 1], [-(omega**2), -2 * damping * omega]]
 
@@ -44,7 +60,7 @@ def test_oscillators_of_unlike_speed_and_duration() -> None:
     omegas, durations = np.array([1.0, 20.0, 300.0]), np.array([10.0, 100.0, 0.5])
     system = Linear(np.array([oscillator(w) for w in omegas]))
     start, counts = np.tile([1.0, 0.0], (3, 1)), np.array([50, 500, 70])
-    states = integrate(system, start, durations, counts, omegas, 1e-9, 100_000)
+    states = alone(system, start, durations, counts, omegas, 1e-9, 100_000)
     for omega, duration, count, found in zip(omegas, durations, counts, states, strict=True):
         time = np.linspace(0, duration, count + 1)
         np.testing.assert_allclose(found[:, 0], np.cos(omega * time), atol=2e-5)
@@ -53,9 +69,8 @@ def test_oscillators_of_unlike_speed_and_duration() -> None:
 def test_error_falls_with_the_tolerance() -> None:
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
-        found = integrate(
-            Linear(np.array([oscillator(2.0, 0.1)])), np.array([[1.0, 0.0]]), np.array([5.0]),
-            np.array([10]),
+        found = alone(
+            Linear(np.array([oscillator(2.0, 0.1)])), np.array([[1.0, 0.0]]), np.array([5.0]), np.array([10]),
             np.zeros(1), tolerance, 10_000,
         )[0]  # fmt: skip
         wd = 2.0 * math.sqrt(1 - 0.01)
@@ -69,7 +84,7 @@ def test_stiff_case_is_finished_implicitly() -> None:
     """λ = −1 and −10⁶: explicitly 300 000 steps; e^−t is met all the same."""
     stiff = np.array([[-1.0, 0.0], [1e6, -1e6]])
     system = Linear(np.array([stiff, oscillator(2.0)]))
-    states = integrate(
+    states = alone(
         system, np.ones((2, 2)), np.array([2.0, 2.0]), np.array([4, 4]), np.zeros(2), 1e-8, 20_000
     )
     np.testing.assert_allclose(
@@ -81,7 +96,7 @@ def test_stiff_case_is_finished_implicitly() -> None:
 def test_too_many_steps_stop_that_case_alone() -> None:
     system = Linear(np.array([oscillator(1.0), oscillator(500.0)]))
     start, omegas = np.tile([1.0, 0.0], (2, 1)), np.array([1.0, 500.0])
-    slow, fast = integrate(system, start, np.full(2, 5.0), np.full(2, 5), omegas, 1e-8, 100)
+    slow, fast = alone(system, start, np.full(2, 5.0), np.full(2, 5), omegas, 1e-8, 100)
     np.testing.assert_allclose(slow[:, 0], np.cos(np.arange(6.0)), atol=1e-6)
     assert isinstance(fast, GaveUpError)
     assert "more than 100 steps" in str(fast)
@@ -180,7 +195,9 @@ def test_bars_of_unlike_machines_do_not_mix() -> None:
     cases = [machine.with_payload(name) for name in ("full", "empty", "full")]
     cases.append(machine.replace({"cylinder.lift.barrel_kg": 99.0}))
     q = ad.Workspace.grid(machine, 5).q[3:39:9]
-    states = np.array([Plant(case).rest(pose) for case, pose in zip(cases, q, strict=True)])
+    states = np.array(
+        [find_equilibrium(Plant(case), pose).state for case, pose in zip(cases, q, strict=True)]
+    )
     states[:, 3:6] = np.random.default_rng(0).normal(size=(4, 3)) / 10
     shut = np.zeros((4, 3))
     alone = [

@@ -16,10 +16,10 @@ from armdesign.hydraulics.friction import Friction
 from armdesign.machine.loading import shipped
 from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import simulate as motion
-from armdesign.simulation import validation as judging
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 from armdesign.simulation.linearization import linearize, without_dry_friction
+from armdesign.simulation.sweeps import Failure, Run, with_remarks
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
 from tests import machines
@@ -187,9 +187,7 @@ def test_verdicts(worst: Validation) -> None:
         group = [
             replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear
         ]
-        return [
-            one.remark for one in judging._judged(group, creeps) if isinstance(one, judging.Run)
-        ]
+        return [one.remark for one in with_remarks(group, creeps) if isinstance(one, Run)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
@@ -201,9 +199,7 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.02, 0.006, creeps=True) == judged(0.02, 0.02, creeps=True) == ["creep"] * 2
     assert judged(0.004, 0.002, creeps=True) == ["agrees"] * 2
     broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
-    assert [one.remark for one in judging._judged(broken) if isinstance(one, judging.Run)] == [
-        "energy"
-    ] * 2
+    assert [one.remark for one in with_remarks(broken) if isinstance(one, Run)] == ["energy"] * 2
 
 
 def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -424,13 +420,11 @@ def test_a_sweep_that_hardly_breaks_loose() -> None:
     does.
     """
     machine = helpers.with_friction(ad.load("paper_1dof"), Friction(coulomb=1500, static=1500))
-    assert isinstance(
-        validate(machine, [0.0], amplitude=0.001).runs[0].with_friction, judging.Failure
-    )
+    assert isinstance(validate(machine, [0.0], amplitude=0.001).runs[0].with_friction, Failure)
     validation = validate(machine, [0.0], amplitude=0.004)
     for run in validation.runs:
         assert run.remark == "agrees"
-        assert isinstance(run.with_friction, judging.Run)
+        assert isinstance(run.with_friction, Run)
         assert abs(run.with_friction.deviation) > 0.05 > 10 * abs(run.deviation)
     sheet = validation_sheet(validation.by_pose)
     assert sheet.columns[-2:] == ("dry", "remark")

@@ -29,7 +29,8 @@ from armdesign.design.catalogue.slack_sums import (
     disjoint_subsets,
     meeting,
 )
-from armdesign.design.requirements.check import Check, check, slacks, static_loads
+from armdesign.design.requirements.check import check, slacks, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
     concessions,

@@ -15,8 +15,9 @@ from armdesign.arrays import Array
 from armdesign.design.program.design_vector import RANGE_POSES
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.candidate import Condition, frame_of
-from armdesign.design.requirements.relative import conditions, static_loads_held
+from armdesign.design.requirements.candidate import reference_of
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.settings import evaluations
 from armdesign.machine.poses import static_forces
 
 CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
@@ -38,44 +39,43 @@ class Constraints:
 
 def constraints_at(problem: Problem, x: Array, holding: Array | None = None) -> Constraints:
     """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
-    conditions = list(conditions_at(problem, x, holding))
-    margins = problem.margins
-    value = np.concatenate([c.room - drawn_in(problem, c) for c in conditions], axis=1)
-    gain = np.concatenate([np.broadcast_to(c.easing, c.room.shape) for c in conditions], axis=1)
-    names = [c.name for c in conditions for _ in range(c.room.shape[1])]
+    evaluated, margins = list(evaluations_at(problem, x, holding)), problem.margins
+    values = np.concatenate([e.constraint - drawn_in(problem, e) for e in evaluated], axis=1)
+    sensitivity = np.concatenate([e.limit_sensitivity for e in evaluated], axis=1)
+    names = [e.name for e in evaluated for _ in range(e.constraint.shape[1])]
     if margins.relaxed:
-        value = value + np.array([margins.relaxed.get(name, 0.0) for name in names]) * gain
+        relaxed = np.array([margins.relaxed.get(name, 0.0) for name in names])
+        values = values + relaxed * sensitivity
     reserve = np.array([margins.reserve.get(name, 0.0) for name in names])
-    return Constraints(names, value[0].real - reserve, value.imag.T / STEP, 0.01 * gain[0].real)
+    return Constraints(
+        names, values[0].real - reserve, values.imag.T / STEP, 0.01 * sensitivity[0].real
+    )
 
 
-def drawn_in(problem: Problem, condition: Condition) -> Array | float:
-    """Room (b, k) by which the problem's tightening draws a condition in.
+def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
+    """By how much the problem's tightening draws a constraint in (b, k).
 
     What no variable moves, no rounding moves.
     """
     tightening = problem.margins.tightening
     if not tightening:
         return 0.0
-    whole = tightening * condition.care * condition.easing + condition.rounding
-    return np.where(
-        np.any(condition.room.imag != 0, axis=0), np.broadcast_to(whole, condition.room.shape), 0.0
-    )
+    factor, moved = evaluation.tightening_factor, evaluation.constraint.imag != 0
+    whole = tightening * factor * evaluation.limit_sensitivity + evaluation.rounding_loss
+    return np.where(np.any(moved, axis=0), whole, 0.0)
 
 
-def conditions_at(problem: Problem, x: Array, holding: Array | None = None) -> Iterator[Condition]:
-    """Every requirement at x as its condition.
-
-    Holding at the rows given, or at ``holding_rows``.
-    """
+def evaluations_at(
+    problem: Problem, x: Array, holding: Array | None = None
+) -> Iterator[Evaluation]:
+    """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
     rows = holding_rows(problem, x) if holding is None else holding
-    dynamics = problem.dynamics
-    new = dynamics.stepped(x)
-    frame = frame_of(problem.machine, problem.requirements, RANGE_POSES)
-    yield from conditions(new, frame)
+    dynamics, new = problem.dynamics, problem.dynamics.stepped(x)
+    reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
     arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
-    yield from static_loads_held(new, frame, static_forces(arm, gravity, new.areas[:, None, :, 0]))
+    forces = static_forces(arm, gravity, new.areas[:, None, :, 0])
+    return evaluations(new, reference, forces)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:

@@ -10,14 +10,12 @@ import math
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import Constraints, constraints_at
+from armdesign.design.program.constraints import Constraints, constraints_at, evaluations_at
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.relative import rod_area_factor
+from armdesign.design.requirements.strength import rod_area_factor
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.buckling import euler_safety
-
-CURVED = ("buckling", "clearance")  # not linear, and not below their tangents, in the areas
 
 
 def buckling_factor(problem: Problem, i: int) -> float:
@@ -46,7 +44,8 @@ def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | No
         return None
     x = problem.vector.start
     exact = constraints_at(problem, x)
-    linear = np.array([not name.startswith(CURVED) for name in exact.names])
+    curved = {e.name for e in evaluations_at(problem, x) if e.curved}
+    linear = np.array([name not in curved for name in exact.names])
     names = [name for name, keep in zip(exact.names, linear, strict=True) if keep]
     names += [f"buckling.{cylinder.name}" for cylinder in problem.machine.cylinders]
     low, high = problem.bounds

@@ -1,103 +1,29 @@
-"""A design as the requirements see it, what they refer to, and what one of them is.
+"""A design as the requirements see it, and what they refer to: today's machine.
 
-A candidate's arrays have a variant on axis 0: one for a machine (``Built``), or for the optimiser
-one per design variable, each with a complex step along it (``limits.Stepped``).
+A candidate's arrays have a variant on axis 0: one for a machine (``MachineCandidate``), one for
+each of many sizes (``SizeCandidates``), or for the optimiser one per design variable, each with a
+complex step along it (``program.gradient.SteppedDesign``). Every formula over them is
+complex-safe, so the imaginary part of a stepped candidate is its exact derivative.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.lifting import LiftPose, lift_pose, unloaded
-from armdesign.design.requirements.settings import Requirements
+from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Linkage
 
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Condition:
-    """One requirement on b variants of a design at k places.
-
-    Attributes:
-        name: of the requirement.
-        words: what it is about.
-        unit: SI, of value and limit.
-        value: what the design has (b, k).
-        limit: what it may have.
-        at_least: whether the limit is a lower one.
-        slack_scale: what a slack is a share of; None: the limit.
-        room: as the optimiser sees it (b, k), dimensionless, ≥ 0 where met.
-        easing: room per 100 % of the limit (b, k), or the same for all.
-        care: how many times its share rounding may cost of the limit.
-        rounding: room that rounding of pins to the grid may cost besides.
-        setting: key under ``[requirements]`` that states the limit; empty where none does.
-    """
-
-    name: str
-    words: str
-    unit: str
-    value: Array
-    limit: float
-    at_least: bool
-    slack_scale: float | None
-    room: Array
-    easing: Array | float
-    care: float = 1.0
-    rounding: float = 0.0
-    setting: str = ""
-
-    @property
-    def slack(self) -> Array:
-        """Room (b, k) as a share of the limit, or of ``slack_scale``; ≥ 0 where met."""
-        room = self.value.real - self.limit if self.at_least else self.limit - self.value.real
-        slack = room / (self.slack_scale or abs(self.limit) or 1.0)
-        slack[np.abs(slack) < 1e-12] = 0.0  # nothing but the rounding of the arithmetic is left
-        return np.asarray(slack)
-
-
-def bounded(
-    name: str,
-    words: str,
-    unit: str,
-    value: Array,
-    limit: float,
-    *,
-    at_least: bool = False,
-    scale: float | None = None,
-    slack_scale: float | None = None,
-    room: Array | None = None,
-    easing: Array | None = None,
-    care: float = 1.0,
-    rounding: float = 0.0,
-    setting: str = "",
-) -> Condition:
-    """A condition whose room is the distance to the limit over ``scale`` (its size if None)."""
-    value = value[:, None] if value.ndim == 1 else value
-    scale = scale or slack_scale or abs(limit) or 1.0
-    if room is None:
-        room = (value - limit if at_least else limit - value) / scale
-    return Condition(
-        name=name,
-        words=words,
-        unit=unit,
-        value=value,
-        limit=limit,
-        at_least=at_least,
-        slack_scale=slack_scale,
-        room=room,
-        easing=abs(limit) / scale if easing is None else easing,
-        care=care,
-        rounding=rounding,
-        setting=setting,
-    )
+if TYPE_CHECKING:
+    from armdesign.design.requirements.settings import Requirements
 
 
 class Candidate(Protocol):
@@ -109,7 +35,7 @@ class Candidate(Protocol):
 
     @property
     def areas(self) -> Array:
-        """Bore and annulus areas of every actuator, all parallel cylinders together (b, nc, 2) [m²]."""
+        """Bore and annulus of every actuator, all parallel ones (b, nc, 2) [m², of a motor m³/rad]."""
 
     @property
     def closed(self) -> Array:
@@ -149,7 +75,7 @@ class Candidate(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Reference:
     """What the requirements refer to: today's machine, its joint ranges at ``samples`` poses, the limits.
 
     ``today`` has today's cylinders under the supply of the machine that is judged.
@@ -160,107 +86,104 @@ class Frame:
     samples: int
 
     @cached_property
-    def old(self) -> Built:
+    def old(self) -> MachineCandidate:
         """Today's machine as a candidate."""
-        return Built(self.today, self)
-
-    @cached_property
-    def lifts(self) -> list[LiftPose]:
-        """Every lift at its pose."""
-        return [
-            lift_pose(self.today, lift, self.requirements.holding_share)
-            for lift in self.requirements.lifts
-        ]
+        return MachineCandidate(self.today, self)
 
 
 @lru_cache(maxsize=8)
-def frame_of(today: Machine, requirements: Requirements, samples: int) -> Frame:
-    """The frame of today's machine; remembered, because many designs are judged in it.
+def reference_of(today: Machine, requirements: Requirements, samples: int) -> Reference:
+    """Today's machine as reference; remembered, because many designs are judged by it.
 
     Raises:
         ArmDesignError: a requirement that names what the machine does not have, or asks what
             cannot be.
     """
     requirements.refuse_unknown(today)
-    return Frame(today, requirements, samples)
+    return Reference(today, requirements, samples)
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
-    """A machine as a candidate: one variant, in real numbers."""
+class MachineCandidate:
+    """A machine as a candidate: one variant, in real numbers; joint ranges are today's."""
 
     machine: Machine
-    frame: Frame
+    reference: Reference
 
     @cached_property
     def areas(self) -> Array:
-        """See ``Candidate``."""
+        """Bore and annulus of every actuator (1, nc, 2) [m²]."""
         return np.array([[[f.bore_area, f.annulus_area] for f in self.machine.actuators]])
 
     @cached_property
     def closed(self) -> Array:
-        """See ``Candidate``."""
+        """Closed lengths (1, nc) [m]."""
         return np.array([[f.closed_length for f in self.machine.actuators]])
 
     @cached_property
     def stroke(self) -> Array:
-        """See ``Candidate``."""
+        """Strokes (1, nc) [m]."""
         return np.array([[f.stroke for f in self.machine.actuators]])
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:
-        """See ``Candidate``; over today's joint ranges."""
-        today = self.frame.today
-        found: list[tuple[Array, Array] | None] = []
-        for linkage in self.machine.linkages:
-            ends = tuple(float(end) for end in today.ranges[linkage.joints[0]])
-            one = len(linkage.joints) == 1
-            found.append(_swept(linkage, today.arm, ends, self.frame.samples) if one else None)
-        return found
+        """Length and moment arm of each cylinder over today's range of its joint (1, k)."""
+        return [
+            _swept(k, *self._range(k)) if len(k.joints) == 1 else None
+            for k in self.machine.linkages
+        ]
+
+    def _range(self, linkage: Linkage) -> tuple[Arm, tuple[float, ...], int]:
+        """What a sweep over today's range of a linkage's joint depends on, for remembering it."""
+        today = self.reference.today
+        ends = tuple(today.ranges[linkage.joints[0]].tolist())
+        return today.arm, ends, self.reference.samples
 
     def place(self, i: int, name: str) -> Array | None:
-        """See ``Candidate``."""
+        """A pin of a cylinder's linkage in its link (1, 3) or length of a bar (1, 1) [m]."""
         place = self.machine.linkages[i].place(name)
         return None if place is None else np.array([place])
 
     def transmission(self, i: int) -> Array:
-        """See ``Candidate``."""
-        linkage, today = self.machine.linkages[i], self.frame.today
-        return _transmission(
-            linkage, today.arm, tuple(today.ranges[linkage.joints[0]].tolist()), self.frame.samples
-        )
+        """Cosine of the angle between rocker and coupler over today's range (1, k)."""
+        linkage = self.machine.linkages[i]
+        return _transmission(linkage, *self._range(linkage))
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
-        """See ``Candidate``."""
-        return np.stack(
-            [drive.actuation(rigid).moment_arm for drive in self.machine.drives], axis=1
-        )[None]
+        """∂ℓ/∂q at some poses (1, n, nc, nq)."""
+        arms = [drive.actuation(rigid).moment_arm for drive in self.machine.drives]
+        return np.stack(arms, axis=1)[None]
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
-        """See ``Candidate``."""
+        """Base pin and rod end of a cylinder in the world (1, n, 3) [m]."""
         base, end = self.machine.linkages[i].ends(rigid)
         return base[None], end[None]
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:
-        """See ``Candidate``."""
+        """Gravity torque (1, n, nq) of links, cylinders and four-bars without a load [N m]."""
         return unloaded(self.machine, rigid)[None]
 
 
 @dataclass(frozen=True, eq=False)
-class Resized(Built):
-    """A machine with many sizes on its pins and strokes: a variant for each of ``sizes``, areas (b, nc, 2) [m²]."""
+class SizeCandidates(MachineCandidate):
+    """A machine with many sizes on its pins and strokes: a variant for each of ``sizes`` (b, nc, 2) [m²]."""
 
     sizes: Array
 
     @property
     def areas(self) -> Array:
-        """See ``Candidate``."""
+        """Bore and annulus of every actuator (b, nc, 2) [m²]."""
         return self.sizes
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
-        """See ``Candidate``."""
+        """∂ℓ/∂q at some poses (b, n, nc, nq)."""
         arms = super().moment_arms(rigid)
         return np.broadcast_to(arms, (len(self.sizes), *arms.shape[1:]))
+
+
+def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
+    """Gravity torque (n, nq) of links, cylinders and four-bars without a load [N m]."""
+    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
 
 
 @lru_cache(maxsize=64)
@@ -283,7 +206,7 @@ def _transmission(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: 
 
 
 def peak(values: Array, curve: Array) -> tuple[Array, Array]:
-    """Where |curve| (b, k) is largest over even values (k,), and how large: by the parabola through three samples."""
+    """Where |curve| (b, k) is largest over even values (k,), and how large: by a parabola."""
     k = int(np.abs(curve[0].real).argmax())
     middle = np.sign(curve[0, k].real) * curve[:, k]
     if k in (0, len(values) - 1):
@@ -296,12 +219,8 @@ def peak(values: Array, curve: Array) -> tuple[Array, Array]:
 
 
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:
-    """Bore and rod of one of the parallel cylinders (b,) [m].
-
-    A rod there always is, if a thin one.
-    """
+    """Bore and rod of one of the parallel cylinders (b,) [m]; a rod there always is, if a thin one."""
     one = 4 / math.pi / new.machine.cylinders[i].count
     bore_area, rod_area = new.areas[:, i, 0], new.areas[:, i, 0] - new.areas[:, i, 1]
-    return np.sqrt(one * bore_area), np.sqrt(
-        one * np.where(rod_area.real > 0, rod_area, 1e-6 * bore_area)
-    )
+    thick = np.where(rod_area.real > 0, rod_area, 1e-6 * bore_area)
+    return np.sqrt(one * bore_area), np.sqrt(one * thick)

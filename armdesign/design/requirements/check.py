@@ -3,78 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.absolute import digging_forces as forces_at_tool
-from armdesign.design.requirements.absolute import estimated_masses
-from armdesign.design.requirements.candidate import Built, Condition, Frame, Resized, frame_of
-from armdesign.design.requirements.relative import conditions, guaranteed, static_loads_held
-from armdesign.design.requirements.settings import Requirements
+from armdesign.design.requirements.candidate import (
+    MachineCandidate,
+    Reference,
+    SizeCandidates,
+    reference_of,
+)
+from armdesign.design.requirements.cylinder_mass import estimated_masses
+from armdesign.design.requirements.digging_force import digging_forces as forces_at_tool
+from armdesign.design.requirements.record import Check, Evaluation
+from armdesign.design.requirements.settings import Requirements, evaluations
+from armdesign.design.requirements.strokes_and_boxes import strokes_and_boxes
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
-from armdesign.units import Units
 
-SWEEP = (
-    181  # poses over a joint's range at which moment arms and transmission angles are looked at
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """One requirement, judged: ``value`` against ``limit`` in ``unit``.
-
-    ``slack`` ≥ 0 where it is met.
-
-    The slack is the distance to the limit over the limit (over the pin box, the stroke, the
-    outline's size or today's value where the limit is a length that may be zero). ``words`` say
-    what it is about; ``at_least`` whether the limit is a lower one.
-    """
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    slack: float
-    words: str
-    at_least: bool = False
-    setting: str = ""
-
-    @classmethod
-    def of(cls, condition: Condition) -> Check:
-        """The condition where it has least slack."""
-        slack = condition.slack[0]
-        worst = int(slack.argmin())
-        return cls(
-            name=condition.name,
-            value=float(condition.value[0, worst].real),
-            limit=float(condition.limit),
-            unit=condition.unit,
-            slack=float(slack[worst]),
-            words=condition.words,
-            at_least=condition.at_least,
-            setting=condition.setting,
-        )
-
-    def sentence(self, worth: float, at_margin: float, units: Units) -> str:
-        """That it binds, and the relative gain in frequency that relaxing it by 1 % would buy, ``worth``.
-
-        And what the first of that would buy per 1 %, ``at_margin``, where that is clearly more.
-        """
-        bound, eased = ("at least", "1 % less") if self.at_least else ("at most", "1 % more")
-        limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
-        soon = (
-            f" ({100 * at_margin:.2g} % at the margin: then another limit binds)"
-            if at_margin > 1.2 * worth
-            else ""
-        )
-        return (
-            f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
-            f"{eased} would buy {100 * worth:.2g} % of frequency{soon}"
-        )
+RANGE_POSES = 181  # over a joint's range, where moment arms and transmission angles are looked at
 
 
 def check(
@@ -93,11 +41,7 @@ def check(
         requirements: the limits.
         loads: ``static_loads`` of the machine on the workspace, if known.
     """
-    frame = frame_of(today, requirements, SWEEP)
-    judged = _judged(
-        Built(machine, frame), frame, workspace, loads or static_loads(machine, workspace)
-    )
-    return tuple(Check.of(condition) for condition in judged)
+    return tuple(map(Check.of, _of_machine(machine, today, workspace, requirements, loads)))
 
 
 def meets(
@@ -109,11 +53,8 @@ def meets(
     tolerance: float = 0.0,
 ) -> bool:
     """Whether no slack of ``check`` is below −``tolerance``; it stops at the first that is."""
-    frame = frame_of(today, requirements, SWEEP)
-    judged = _judged(
-        Built(machine, frame), frame, workspace, loads or static_loads(machine, workspace)
-    )
-    return all(condition.slack.min() >= -tolerance for condition in judged)
+    evaluated = _of_machine(machine, today, workspace, requirements, loads)
+    return all(evaluation.slack.min() >= -tolerance for evaluation in evaluated)
 
 
 def slacks(
@@ -124,7 +65,7 @@ def slacks(
     requirements: Requirements,
     loads: tuple[Array, Array],
 ) -> tuple[list[str], Array]:
-    """Names of the requirements (m), and what ``check`` finds as their slacks (b, m) for many sizes on one machine.
+    """Names of the requirements (m), and their slacks by ``check`` (b, m) for many sizes on one machine.
 
     Args:
         machine: pins, strokes and supply.
@@ -134,19 +75,33 @@ def slacks(
         requirements: as of ``check``.
         loads: as of ``check``.
     """
-    frame = frame_of(today, requirements, SWEEP)
-    judged = list(_judged(Resized(machine, frame, areas), frame, workspace, loads))
-    least = [np.broadcast_to(condition.slack.min(axis=1), len(areas)) for condition in judged]
-    return [condition.name for condition in judged], np.stack(least, axis=1)
+    reference = reference_of(today, requirements, RANGE_POSES)
+    candidates = SizeCandidates(machine, reference, areas)
+    evaluated = list(_evaluated(candidates, reference, workspace, loads))
+    least = [np.broadcast_to(each.slack.min(axis=1), len(areas)) for each in evaluated]
+    return [each.name for each in evaluated], np.stack(least, axis=1)
 
 
-def _judged(
-    new: Built, frame: Frame, workspace: Workspace, loads: tuple[Array, Array]
-) -> Iterator[Condition]:
-    yield from conditions(new, frame)
+def _of_machine(
+    machine: Machine,
+    today: Machine,
+    workspace: Workspace,
+    requirements: Requirements,
+    loads: tuple[Array, Array] | None,
+) -> Iterator[Evaluation]:
+    reference = reference_of(today, requirements, RANGE_POSES)
+    candidate = MachineCandidate(machine, reference)
+    return _evaluated(candidate, reference, workspace, loads or static_loads(machine, workspace))
+
+
+def _evaluated(
+    new: MachineCandidate, reference: Reference, workspace: Workspace, loads: tuple[Array, Array]
+) -> Iterator[Evaluation]:
     push, pull = loads
-    yield from static_loads_held(new, frame, np.stack([push, -pull])[None])
-    yield from guaranteed(new, frame, frame.requirements.box(frame.today, workspace))
+    yield from evaluations(new, reference, np.stack([push, -pull])[None])
+    yield from strokes_and_boxes(
+        new, reference, reference.requirements.box(reference.today, workspace)
+    )
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
@@ -160,11 +115,13 @@ def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
 
 
 def digging_forces(machine: Machine) -> dict[str, float]:
-    """Largest force of each cylinder at the tool [N]: see ``explicit.digging_forces``."""
-    frame = frame_of(machine, Requirements(), SWEEP)
-    return {name: float(force[0]) for name, force in forces_at_tool(frame.old, frame).items()}
+    """Largest force of each cylinder at the tool [N]: it alone, extending (ISO 6015)."""
+    reference = reference_of(machine, Requirements(), RANGE_POSES)
+    forces = forces_at_tool(reference.old, reference)
+    return {name: float(force[0]) for name, force in forces.items()}
 
 
 def cylinder_mass(machine: Machine) -> float:
     """Estimated mass of all cylinders together [kg]."""
-    return float(estimated_masses(frame_of(machine, Requirements(), SWEEP).old)[0])
+    reference = reference_of(machine, Requirements(), RANGE_POSES)
+    return float(estimated_masses(reference.old)[0])

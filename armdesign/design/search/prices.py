@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import conditions_at
+from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import Step
 from armdesign.design.search.sequential_sdp import Search
@@ -44,7 +44,7 @@ def prices(search: Search) -> dict[str, Price]:
     """
     optimum = replace(search).run(TRUST, 10 * FINE, looks=2)
     problem, margins = optimum.problem, marginal_prices(optimum)
-    settings = {c.name: c.setting for c in conditions_at(problem, search.x, search.holding)}
+    settings = {c.name: c.setting for c in evaluations_at(problem, search.x, search.holding)}
     together: dict[str, list[str]] = {}
     for name in margins:
         together.setdefault(settings.get(name) or name, []).append(name)

@@ -17,7 +17,8 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import size_in_mm
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.check import Check, check, meets, static_loads
+from armdesign.design.requirements.check import check, meets, static_loads
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.drawing_grid import diameters, neighbours
 from armdesign.design.search.file_changes import changes_of, pin_changes

@@ -1,4 +1,4 @@
-"""Natural frequency and damping fitted to a measured frequency response, with the modes outside the band beside them.
+"""Natural frequencies and damping ratios fitted to a forced response within a band.
 
 The record of an arm with almost no damping ends while it still rings, and its plain spectrum is
 smeared by that. For a linear system the spectra of a record of length T obey, at the frequencies
@@ -8,10 +8,10 @@ k/T and exactly,
 
 where the polynomial E holds the difference of the state at both ends of the record (Pintelon &
 Schoukens 2012). A, B and E are fitted together by least squares within a band; that is where the
-search starts. ``neighbours`` then fits the modes in the band as such, with neighbours and residual
-terms for the modes outside, and tells how far the modes may be off: by noise, by what the residual
-terms leave open, and by how far likely choices of them differ. The measured response, smeared no
-more, is (Y − E/A)/U.
+search starts. ``residual_terms`` then fits the modes in the band as such, with neighbours and
+residual terms for the modes outside, and states how far the modes may be off: by noise, by what
+the residual terms leave open, and by how far likely choices of them differ. The measured
+response, free of that smear, is (Y − E/A)/U.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
-from armdesign.simulation.identification.residuals import Answer, Lines, answers, real
+from armdesign.simulation.identification.records import signals_of
+from armdesign.simulation.identification.residual_terms import Answer, Lines, answers, real
 
 # degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
 SPARE = 3
@@ -34,19 +36,19 @@ OVERDAMPED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ModalFit:
     """Modes fitted to a frequency response; arrays are read-only.
 
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviation of the frequencies (m,) [Hz], by noise and by what
-            the modes outside the band leave open. What a nonlinear plant makes wrong is not in it.
-        damping_deviations: standard deviation of the damping ratios (m,).
-        frequency_remainders: share of the modes outside the band in the frequencies' deviation
-            (m,) [Hz]: what is left of them when neighbours and residual terms are fitted. Squared,
-            it adds to the share of noise.
-        damping_remainders: the same share for the damping ratios (m,).
+        frequency_deviations: standard deviations of the frequencies (m,) [Hz], by noise and by what
+            the modes outside the band leave open. Errors by nonlinearity are not in them.
+        damping_deviations: standard deviations of the damping ratios (m,).
+        frequency_remainders: part of the frequencies' deviations due to modes outside the band
+            (m,) [Hz]: what neighbours and residual terms leave of them. Its square adds to the
+            variance by noise.
+        damping_remainders: part of the damping ratios' deviations due to them (m,).
         frequency: lines of the band (k,) [Hz].
         response: measured response there (k,), complex, freed of what rings at the record's ends.
         fitted: fitted response there (k,), complex.
@@ -73,108 +75,128 @@ class Fit:
                 value.setflags(write=False)
 
 
-def fit_modes(
-    time: Array,
-    excitation: Array,
-    answer: Array,
+def identify_forced_response(
+    time: ArrayLike,
+    excitation: ArrayLike,
+    response: ArrayLike,
     band: tuple[float, float],
     modes: int = 1,
     part: str = "response",
-) -> Fit:
-    """Fit ``modes`` natural frequencies and damping ratios to a record.
+) -> ModalFit:
+    """Natural frequencies and damping ratios of the modes that a forced response shows in a band.
+
+    The record may be short and may end while the modes still ring: see the module. A swept sine
+    over the band is a good excitation; a constant offset of either signal does no harm.
 
     Args:
-        time: even instants (n,) [s].
-        excitation: input (n,).
-        answer: output (n,).
+        time: evenly spaced instants (n,) [s].
+        excitation: input (n,), as the speed asked of a piston.
+        response: output (n,), as the speed of the piston.
         band: lowest and highest frequency that counts [Hz].
         modes: how many modes the band holds.
         part: name of the record for messages.
 
     Raises:
-        SimulationError: too few lines in the band, nothing in the answer, or no oscillation in it.
+        SimulationError: the record is too short or has no even instants, nothing moves, or the
+            band shows no oscillation.
+
+    Example:
+        An oscillator of 2 Hz under a sweep from 1 to 3 Hz in 10 s:
+
+        >>> import numpy as np, armdesign as ad
+        >>> from scipy.signal import chirp, lsim
+        >>> time = np.arange(0, 10, 0.01)
+        >>> force = chirp(time, f0=1, t1=10, f1=3)
+        >>> omega, zeta = 2 * np.pi * 2.0, 0.05
+        >>> speed = lsim(([1, 0], [1, 2 * zeta * omega, omega**2]), force, time)[1]
+        >>> fit = ad.identify_forced_response(time, force, speed, (1.0, 3.0))
+        >>> print(fit.natural_frequencies.round(3), fit.damping_ratios.round(3))
+        [2.] [0.05]
     """
-    step = time[1] - time[0]
-    all_lines = np.fft.rfftfreq(len(time), step)
+    step, (u, y) = signals_of(part, time, excitation, response)
+    all_lines = np.fft.rfftfreq(len(y), step)
     inside = (all_lines >= band[0]) & (all_lines <= band[1])
-    u, y = (np.fft.rfft(signal)[inside] / len(time) for signal in (excitation, answer))
+    u, y = (np.fft.rfft(signal)[inside] / len(y) for signal in (u, y))
     frequency = all_lines[inside]
-    least = record_length(band, modes)
     if len(frequency) < LEAST_EQUATIONS * _unknowns(modes) / 2:
-        raise SimulationError(
-            part, f"{len(time) * step:.3g} s are too short", f"record {least:.3g} s or more"
-        )
-    if not (
-        np.all(np.isfinite(u))
-        and np.all(np.isfinite(y))
-        and np.abs(u).max() > 0
-        and np.abs(y).max() > 0
-    ):
+        problem = f"{np.size(time) * step:.3g} s are too short"
+        raise SimulationError(part, problem, f"record {record_length(band, modes):.3g} s or more")
+    if not (np.abs(u).max() > 0 and np.abs(y).max() > 0):
         raise SimulationError(
             part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode"
         )
     return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part)
 
 
-def fit_response(
-    frequency: Array,
-    response: Array,
+def identify_frequency_response(
+    frequency: ArrayLike,
+    response: ArrayLike,
     modes: int = 1,
-    deviations: Array | None = None,
+    deviations: ArrayLike | None = None,
     part: str = "response",
-) -> Fit:
-    """Fit ``modes`` natural frequencies and damping ratios to a frequency response that was measured line by line.
+) -> ModalFit:
+    """Natural frequencies and damping ratios fitted to a response measured line by line.
 
     Args:
         frequency: lines (k,) [Hz], not zero.
-        response: answer over excitation (k,), complex.
+        response: output over input (k,), complex.
         modes: how many modes lie between the lines.
-        deviations: standard deviation of every line's response (k,), or what is in proportion;
-            default: all the same.
-        part: name of the record for messages.
+        deviations: standard deviation of the response at every line (k,), or what is in proportion
+            to it; default: the same at all lines.
+        part: name of the response for messages.
 
     Raises:
-        SimulationError: too few lines, or no oscillation in them.
+        SimulationError: lines and responses do not fit together or are too few, or show no
+            oscillation.
+
+    Example:
+        >>> import numpy as np, armdesign as ad
+        >>> lines = np.linspace(0.6, 1.6, 40)
+        >>> response = 1 / (1 - lines**2 + 2j * 0.05 * lines)
+        >>> fit = ad.identify_frequency_response(lines, response)
+        >>> print(fit.natural_frequencies.round(3), fit.damping_ratios.round(3))
+        [1.] [0.05]
     """
+    lines, measured = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
+    sigma = np.ones(len(lines)) if deviations is None else np.asarray(deviations, dtype=float)
+    if not (lines.ndim == 1 and lines.shape == measured.shape == sigma.shape):
+        problem = f"shapes {lines.shape}, {measured.shape} and {sigma.shape} differ"
+        raise SimulationError(part, problem, "give one response and deviation per line")
+    if not (np.all(np.isfinite(measured)) and np.all(lines > 0) and np.all(sigma > 0)):
+        raise SimulationError(part, "holds lines without a response", "leave them out")
     degrees = (*_degrees(modes)[:2], 0)
     least = LEAST_EQUATIONS * sum(degrees) // 2
-    if len(frequency) < least:
-        raise SimulationError(
-            part, f"{len(frequency)} lines are too few", f"measure {least} or more"
-        )
-    weight = np.ones(len(frequency)) if deviations is None else np.median(deviations) / deviations
-    order = np.argsort(frequency)
-    lines, measured = (
-        np.asarray(frequency, dtype=float)[order],
-        np.asarray(response, dtype=complex)[order],
-    )
-    return _fit(lines, np.ones(len(lines), dtype=complex), measured, weight[order], degrees, part)
+    if len(lines) < least:
+        raise SimulationError(part, f"{len(lines)} lines are too few", f"measure {least} or more")
+    order = np.argsort(lines)
+    weight, one = (np.median(sigma) / sigma)[order], np.ones(len(lines), dtype=complex)
+    return _fit(lines[order], one, measured[order], weight, degrees, part)
 
 
 def spectral_peak(
-    time: Array, answer: Array, band: tuple[float, float], part: str = "response"
+    time: Array, response: Array, band: tuple[float, float], part: str = "response"
 ) -> float:
-    """Frequency [Hz] of the highest line that the answer's plain spectrum has within a band.
+    """Frequency [Hz] of the highest line in the plain spectrum of a response within a band.
 
     What is often read off a sweep as "the" resonance: as coarse as 1/T, and wherever the amplitude
-    has pushed it. The spectrum itself is highest too low after a short sweep, see ``bias``;
-    ``fit_modes`` has no such bias.
+    has pushed it. The spectrum itself is highest too low after a short sweep, see ``sweep_bias``;
+    ``identify_forced_response`` has no such bias.
 
     Args:
-        time: even instants (n,) [s].
-        answer: output (n,).
+        time: evenly spaced instants (n,) [s].
+        response: output (n,).
         band: lowest and highest frequency that counts [Hz].
         part: name of the record for messages.
 
     Raises:
-        SimulationError: no line in the band, or nothing in the answer.
+        SimulationError: no line in the band, or nothing moves.
     """
     lines = np.fft.rfftfreq(len(time), time[1] - time[0])
     inside = np.flatnonzero((lines >= band[0]) & (lines <= band[1]))
     if len(inside) == 0:
         problem = f"{time[-1] - time[0]:.3g} s have no line from {band[0]:.3g} to {band[1]:.3g} Hz"
         raise SimulationError(part, problem, f"record {1 / (band[1] - band[0]):.3g} s or more")
-    heights = np.abs(np.fft.rfft(answer)[inside])
+    heights = np.abs(np.fft.rfft(response)[inside])
     if not heights.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
     return float(lines[inside[np.argmax(heights)]])
@@ -192,10 +214,16 @@ def _degrees(modes: int) -> tuple[int, int, int]:
 
 def _fit(
     frequency: Array, u: Array, y: Array, weight: Array, degrees: tuple[int, int, int], part: str
-) -> Fit:
+) -> ModalFit:
     """The fit of output to input spectra at lines [Hz] of some weight.
 
-    E has no degrees where no ends are in it.
+    Args:
+        frequency: lines (k,) [Hz], ascending.
+        u: input (k,).
+        y: output (k,).
+        weight: of every line (k,).
+        degrees: of A, B and E; 0 of E where the spectra hold no ends of a record.
+        part: name of the response for messages.
     """
     middle, modes = math.sqrt(frequency[0] * frequency[-1]), degrees[0] // 2
     inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
@@ -217,7 +245,7 @@ def _fit(
     scale = outputs / inputs
     magnitude = np.abs(likeliest.spectra(lines, 1j * dense / middle)[0]) * scale
     left = lines.y - weight * (fitted * lines.u + ends)
-    return Fit(
+    return ModalFit(
         natural_frequencies=mean[:, 0] * middle,
         damping_ratios=mean[:, 1].copy(),
         frequency_deviations=deviations[:, 0] * middle,
@@ -233,9 +261,9 @@ def _fit(
 
 
 def _deviations(found: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
-    """Standard deviations of ω and ζ (m, 2): all, and what is not noise.
+    """Standard deviations of ω and ζ (m, 2): in all, and without noise.
 
-    ``apart`` is each answer less the mean.
+    ``apart``: each answer less the mean.
     """
     within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in found])
     noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in found])
@@ -250,7 +278,7 @@ def _unknowns(modes: int) -> int:
 
 
 def _starts(lines: Lines, degrees: tuple[int, int, int]) -> Array:
-    """ω and ζ from which the search starts (·, modes, 2): those of the plain fit, and some spread over the band."""
+    """ω and ζ from which the search starts (·, modes, 2): spread over the band, and A's roots."""
     modes, (low, high) = degrees[0] // 2, lines.edges
     roots = np.roots([1.0, *_denominator(lines, degrees)[::-1]])
     roots = roots[roots.imag > 0][:modes]
@@ -267,7 +295,7 @@ def _starts(lines: Lines, degrees: tuple[int, int, int]) -> Array:
 
 
 def _denominator(lines: Lines, degrees: tuple[int, int, int]) -> Array:
-    """A without its leading 1, lowest first, of A y = B u + E in the sense of least squares of y − (B u + E)/A."""
+    """Coefficients of A below its leading 1, lowest first, by least squares of y − (B u + E)/A."""
     na, nb, ne = degrees
     s, weight = lines.s, np.ones(len(lines.s))
     powers = s[:, None] ** np.arange(max(na, nb, ne) + 1)

@@ -1,4 +1,4 @@
-"""Modes of an arm that rings by itself: the eigensystem realisation algorithm, refined by least squares.
+"""Modes of an arm that rings freely: eigensystem realization, refined by least squares.
 
 Samples y_k = C A^k x_0 of a free decay fill a Hankel matrix H_0 of y_{i+j} and its neighbour H_1
 of y_{i+j+1}. With the singular values H_0 = U S Vᵀ cut at two per mode, A = S^(−½) Uᵀ H_1 V S^(−½)
@@ -23,9 +23,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
+from armdesign.simulation.identification.records import signals_of
 
 MOST_ROWS = 400  # of the Hankel matrix
 BEGINNINGS = (1, 2, 4, 8)  # shares of the record from which the search starts: all, half, …
@@ -41,22 +43,21 @@ LARGEST_STEP = 0.2  # of λ in a round, relative
 
 
 @dataclass(frozen=True, eq=False)
-class Decay:
+class Ringdown:
     """Modes of a free decay; arrays are read-only.
 
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviation of the frequencies (m,) [Hz], by noise, white or
-            coloured, and by further modes. What a swing too large, or a mode too many, makes wrong
-            is not in it.
-        damping_deviations: standard deviation of the damping ratios (m,).
-        frequency_remainders: share of the frequencies' deviation by which likely answers differ,
-            with other noise or more modes (m,) [Hz]; squared, it adds to the share of noise.
-        damping_remainders: the same share for the damping ratios (m,).
-        amplitudes: of every mode in every answer at the record's start (m, outputs).
+        frequency_deviations: standard deviations of the frequencies (m,) [Hz], by noise, white or
+            coloured, and by further modes. Errors by nonlinearity are not in them.
+        damping_deviations: standard deviations of the damping ratios (m,).
+        frequency_remainders: part of the frequencies' deviations by which likely answers differ,
+            with other noise or more modes (m,) [Hz]; its square adds to the variance by noise.
+        damping_remainders: the same part of the damping ratios' deviations (m,).
+        amplitudes: of every mode in every output at the record's start (m, outputs).
         singular_values: of the Hankel matrix, largest first: a gap shows how many modes it holds.
-        residual: root mean square of what the modes leave of the answers, relative.
+        residual: root mean square of what the modes leave of the outputs, relative.
     """
 
     natural_frequencies: Array
@@ -75,31 +76,42 @@ class Decay:
                 value.setflags(write=False)
 
 
-def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "decay") -> Decay:
-    """Natural frequencies and damping ratios of the ``modes`` that a free decay holds.
+def identify_ringdown(
+    time: ArrayLike, response: ArrayLike, modes: int = 1, part: str = "ring-down"
+) -> Ringdown:
+    """Natural frequencies and damping ratios of the modes that a free decay holds.
+
+    By eigensystem realization (Juang & Pappa 1985), refined by least squares under coloured noise:
+    see the module.
 
     Args:
-        time: even instants (n,) [s], after the excitation has ended.
-        answers: what rings about zero, like speeds: (n,) or (n, outputs).
-        modes: how many modes are asked for, the strongest; a constant is none and has to be taken
-            off before.
+        time: evenly spaced instants (n,) [s], after the excitation has ended.
+        response: what rings about zero, as speeds: (n,) or (n, outputs). A constant is no mode and
+            has to be taken off before.
+        modes: how many modes are asked for, the strongest.
         part: name of the record for messages.
 
     Raises:
-        SimulationError: the record is too short, nothing moves, or fewer modes oscillate.
+        SimulationError: the record is too short or has no even instants, nothing moves, or fewer
+            modes oscillate.
+
+    Example:
+        >>> import numpy as np, armdesign as ad
+        >>> time = np.arange(0, 8, 0.02)
+        >>> speed = np.exp(-0.05 * 2 * np.pi * time) * np.cos(2 * np.pi * time)
+        >>> found = ad.identify_ringdown(time, speed)
+        >>> print(found.natural_frequencies.round(3), found.damping_ratios.round(3))
+        [1.001] [0.05]
     """
-    step, signals = (
-        float(time[1] - time[0]),
-        np.asarray(answers, dtype=float).reshape(len(time), -1),
-    )
+    step, (signals,) = signals_of(part, time, response)
+    signals = signals.reshape(len(signals), -1)
     scale = np.abs(signals).max(axis=0)
-    if not (np.all(np.isfinite(signals)) and scale.max() > 0):
+    if not scale.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
     signals = signals / np.where(scale > 0, scale, 1.0)
-    if len(time) < 8 * modes:
-        raise SimulationError(
-            part, f"{len(time)} records are too few", f"record {8 * modes} or more"
-        )
+    if len(signals) < 8 * modes:
+        problem = f"{len(signals)} records are too few"
+        raise SimulationError(part, problem, f"record {8 * modes} or more")
     found, singular = _answers(signals, modes, part)
     weights = np.exp(
         TEMPER * (np.array(list(map(_likelihood, found))) - max(map(_likelihood, found)))
@@ -111,7 +123,7 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
     within = np.einsum("i,ijk->jk", weights, np.array([one.variances(modes) for one in found]))
     deviations, remainders, unit = np.sqrt(within + apart), np.sqrt(apart), 2 * math.pi * step
     likeliest = found[int(np.argmax(weights))]
-    return Decay(
+    return Ringdown(
         natural_frequencies=mean[0] / unit,
         damping_ratios=mean[1].copy(),
         frequency_deviations=deviations[0] / unit,
@@ -125,7 +137,7 @@ def identify_decay(time: Array, answers: Array, modes: int = 1, part: str = "dec
 
 
 def _answers(signals: Array, modes: int, part: str) -> tuple[list[_Refined], Array]:
-    """Fits of the modes, and of further ones as long as the record makes them likely, under noise of all orders.
+    """Fits of the modes under noise of all orders, and of further modes while these are likely.
 
     Colour can pass for a mode and a mode for colour: counts are compared under the same noise,
     then at their best. The second is the singular values of the Hankel matrix.
@@ -161,9 +173,9 @@ def _likelihood(answer: _Refined) -> float:
 
 
 def _starts(signals: Array, modes: int) -> tuple[list[Array], Array, int]:
-    """λ Δt of the modes (m,) from beginnings of the record; singular values of all of it.
+    """λ Δt of the modes (m,) from each beginning of the record.
 
-    The most modes found.
+    Beside them the singular values of the whole record, and the largest number of modes found.
     """
     starts, most, of_all = [], 0, np.zeros(0)
     for share in BEGINNINGS:
@@ -201,8 +213,8 @@ class _Refined:
 
     Attributes:
         roots: λ Δt (m,), ascending by size.
-        shapes: c of every mode in every answer (m, outputs), complex.
-        left: what the modes leave of the answers (n, outputs).
+        shapes: c of every mode in every output (m, outputs), complex.
+        left: what the modes leave of the outputs (n, outputs).
         covariance: of the real, then the imaginary parts of the roots (2m, 2m).
         likelihood: its logarithm, less Schwarz's penalty.
     """
@@ -215,7 +227,7 @@ class _Refined:
 
     @cached_property
     def shares(self) -> Array:
-        """What each mode adds to the record beyond all that the others could make up for (m,), a sum of squares."""
+        """Sum of squares that each mode adds beyond what the others could make up for (m,)."""
         powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
         columns = np.stack([powers.real, powers.imag], axis=2)
         found = []
@@ -258,7 +270,7 @@ def _coloured(signals: Array, plain: _Refined, order: int) -> _Refined:
 
 
 def _filter(left: Array, order: int) -> Array:
-    """a_1 … a_p (p,) by least squares, for all answers together, each of its own size."""
+    """a_1 … a_p (p,) by least squares, for all outputs together, each of its own size."""
     each = left / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
     past = np.concatenate(
         [
@@ -270,10 +282,7 @@ def _filter(left: Array, order: int) -> Array:
 
 
 def _filtered(values: Array, colour: Array) -> Array:
-    """1 + a_1 q + … applied along axis 0.
-
-    The first samples, with nothing before them, as they are.
-    """
+    """1 + a_1 q + … applied along axis 0; the first p samples stay as they are."""
     found = values.copy()
     for k, a in enumerate(colour, 1):
         found[len(colour) :] += a * values[len(colour) - k : len(values) - k]
@@ -291,7 +300,7 @@ def _refined(signals: Array, roots: Array, colour: Array) -> _Refined:
         for _ in range(TRIALS):
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-300), gradient)
             if gradient @ step <= CONVERGED * before:
-                return _judged(signals, roots, colour, now, slopes)
+                return _with_covariance(signals, roots, colour, now, slopes)
             change = step[:count] + 1j * step[count:]
             change *= min(1.0, LARGEST_STEP / float(np.max(np.abs(change) / np.abs(roots))))
             new = _eliminated(target, roots + change, colour)
@@ -301,12 +310,19 @@ def _refined(signals: Array, roots: Array, colour: Array) -> _Refined:
             damping *= 5
         else:
             break
-    return _judged(signals, roots, colour, now, _slopes(roots, now, colour))
+    return _with_covariance(signals, roots, colour, now, _slopes(roots, now, colour))
 
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Shapes for given roots: filtered powers, orthonormal, shapes (m, outputs), what is left, and its square."""
+    """Shapes by least squares for given roots.
+
+    Attributes:
+        basis: filtered powers, orthonormal (n, 2m).
+        shapes: c (m, outputs), complex.
+        left: what they leave of the filtered outputs (n, outputs).
+        cost: its sum of squares.
+    """
 
     basis: Array
     shapes: Array
@@ -321,7 +337,7 @@ def _basis(roots: Array, length: int, colour: Array) -> Array:
 
 
 def _eliminated(target: Array, roots: Array, colour: Array) -> _Eliminated:
-    """Shapes by least squares of the filtered answers (n, outputs)."""
+    """Shapes by least squares of the filtered outputs (n, outputs)."""
     basis, triangle = np.linalg.qr(_basis(roots, len(target), colour))
     share = basis.T @ target
     found, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
@@ -331,7 +347,7 @@ def _eliminated(target: Array, roots: Array, colour: Array) -> _Eliminated:
 
 
 def _slopes(roots: Array, now: _Eliminated, colour: Array) -> Array:
-    """Change of all filtered answers by Re λ and Im λ, beyond what shapes make up for (outputs n, 2m)."""
+    """Change of all filtered outputs by Re λ and Im λ, beyond what shapes make up for (outputs n, 2m)."""
     instants = np.arange(len(now.left))[:, None]
     powers, found = instants * np.exp(roots * instants), []
     for shape in now.shapes.T:
@@ -341,10 +357,10 @@ def _slopes(roots: Array, now: _Eliminated, colour: Array) -> Array:
     return np.concatenate(found)
 
 
-def _judged(
+def _with_covariance(
     signals: Array, roots: Array, colour: Array, now: _Eliminated, slopes: Array
 ) -> _Refined:
-    """How certain the roots are: noise of the size that is left of each answer."""
+    """How certain the roots are: noise of the size that is left of each output."""
     length, order = len(signals), np.argsort(np.abs(roots))
     variance = np.sum(now.left**2, axis=0) / max(length - 2 * len(roots) - len(colour), 1)
     sizes = np.repeat(np.sqrt(variance), length)

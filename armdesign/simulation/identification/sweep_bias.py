@@ -1,8 +1,8 @@
-"""How far off the highest point of a sweep's spectrum is, by the length of the sweep: an exact linear oscillator.
+"""Bias of the spectral peak of a swept linear oscillator, by the length of the sweep.
 
     x'' + 2ζω x' + ω² x = ω² u(t)
 
-u is the linear rising sweep of ``excitation`` over half to 1.6 times the natural frequency. The
+u is the ``SweptSine`` over half to 1.6 times the natural frequency. The
 peak of the piston's speed and that of its position are read off spectra so finely interpolated
 that no line width is in them (in a plain spectrum up to half a line, 1/2T, comes on top), and the
 speed's response is fitted as ``validate`` does it.
@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.excitation import Sweep
-from armdesign.simulation.identification.modal_fit import fit_modes, spectral_peak
+from armdesign.simulation.excitation import SweptSine
+from armdesign.simulation.identification.modal_fit import identify_forced_response, spectral_peak
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,11 +54,11 @@ def sweep_bias(
 
 def _row(periods: float, zeta: float) -> dict[str, float]:
     time = np.arange(0, periods, 1 / RATE)
-    sweep = Sweep(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=periods)
+    sweep = SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=periods)
     asked = np.array([sweep(t) for t in time])
     position, speed = _answer(zeta, time, asked)
     peaks = [_peak(time, answer) for answer in (speed, position)]
-    fitted = float(fit_modes(time, asked, speed, BAND).natural_frequencies[0])
+    fitted = float(identify_forced_response(time, asked, speed, BAND).natural_frequencies[0])
     deviations = dict(
         zip(
             ("speed_peak", "position_peak", "speed_fit"),

@@ -1,8 +1,8 @@
-"""The door to numba: functions of numbers and small arrays, compiled when first called and kept for later processes.
+"""The door to numba: functions compiled when first called, and kept for later processes.
 
-A right-hand side asked for ten thousand times costs numpy fifty small arrays each time; as machine
+A right-hand side evaluated ten thousand times costs numpy fifty small arrays each time; as machine
 code it costs as much as its arithmetic. What is compiled reads as plain Python, loops over cases
-and cylinders included. The laws of ``fluid``, ``friction`` and ``valve`` serve both worlds as they are.
+and cylinders included. The laws of ``fluid``, ``friction`` and ``valve`` are compiled as they are.
 
 Compiled code is kept in files that each hold one function for one set of argument types, sealed
 with a digest: a file that is damaged, half written or cannot be read is left aside, and the
@@ -20,13 +20,15 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import FunctionType
-from typing import Any, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
+from numpy.typing import NDArray
 
 from armdesign import units
 from armdesign import user_folders as folders
@@ -34,6 +36,8 @@ from armdesign.errors import printable
 from armdesign.hydraulics import fluid, friction, valve
 
 F = TypeVar("F", bound=Callable[..., object])
+Record: TypeAlias = np.record  # of a structured array: fields are attributes
+Records: TypeAlias = NDArray[np.record]
 
 HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation
 
@@ -45,28 +49,32 @@ for module in (fluid, friction, valve):
 
 def compiled(function: F) -> F:
     """The function, compiled when first called or loaded from where an earlier process kept it."""
-    made: Any = numba.njit(error_model="numpy")(function)
-    if hasattr(made, "compile"):  # numba is not switched off
-        made._cache = _Kept(
-            f"{function.__module__.rpartition('.')[2]}.{cast(Any, function).__qualname__}"
-        )
-    return cast(F, made)
+    dispatcher: Any = numba.njit(error_model="numpy")(function)
+    if hasattr(dispatcher, "compile"):  # numba is not switched off
+        module, name = function.__module__.rpartition(".")[2], cast(Any, function).__qualname__
+        dispatcher._cache = _Kept(f"{module}.{name}")
+    return cast(F, dispatcher)
 
 
 def resolved(function: F, *arguments: object) -> F:
-    """The compiled function for arguments of just these types, dimensions and layouts, which it no longer looks at.
+    """The compiled function for arguments of just these types, dimensions and layouts.
 
-    numba looks at every argument of every call, which for arrays of records takes longer than what
-    is computed here.
+    It no longer checks them. numba checks every argument of every call, which for arrays of
+    records takes longer than the computation itself.
     """
-    made, typeof = cast(Any, function), cast(Any, numba.typeof)
-    if not hasattr(made, "compile"):  # numba is switched off
+    dispatcher, typeof = cast(Any, function), cast(Any, numba.typeof)
+    if not hasattr(dispatcher, "compile"):  # numba is switched off
         return function
-    return cast(F, made.compile(tuple(typeof(argument) for argument in arguments)))
+    return cast(F, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+
+
+def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Records:
+    """Records of zeros."""
+    return cast(Records, np.zeros(shape, dtype))
 
 
 class _Kept(NullCache):
-    """Compiled code of one function in files: what numba asks before it compiles, and tells afterwards.
+    """Compiled code of one function in files, which numba reads before it compiles and writes after.
 
     It stands in for numba's own cache, which ends the program where it finds no folder to write
     into or a damaged file, mixes up what two processes compile at once, and does not see that a
@@ -116,7 +124,7 @@ class _Kept(NullCache):
 
 
 def _key(signature: Any, codegen: Any) -> tuple[object, ...]:
-    """All that compiled code depends on beside the sources: argument types, processor, numba, Python."""
+    """All that compiled code depends on but the sources: types, processor, numba, Python."""
     return signature, codegen.magic_tuple(), numba.__version__, sys.implementation.cache_tag
 
 
@@ -127,28 +135,22 @@ def _folders() -> tuple[tuple[Path, ...], Path | None]:
     Their name says all that may be compiled, so that what is in them cannot be older than any of
     it.
     """
-    sources = [Path(module.__file__ or "") for module in (fluid, friction, units, valve)] + sorted(
-        HERE.rglob("*.py")
-    )
-    name = f"compiled-{hashlib.sha256(b''.join(source.read_bytes() for source in sources)).hexdigest()[:12]}"
-    chosen, found = str(cast(Any, numba.config).CACHE_DIR), []
-    first = [(Path(chosen), None)] if chosen else []
-    for place, programs in [
-        *first,
-        (HERE / "__pycache__", HERE),
-        *((place, None) for place in folders.of_user()),
-    ]:
+    sources = [Path(module.__file__ or "") for module in (fluid, friction, units, valve)]
+    texts = (source.read_bytes() for source in [*sources, *sorted(HERE.rglob("*.py"))])
+    name = f"compiled-{hashlib.sha256(b''.join(texts)).hexdigest()[:12]}"
+    chosen, readable = str(cast(Any, numba.config).CACHE_DIR), list[Path]()
+    places: list[tuple[Path, Path | None]] = [(Path(chosen), None)] if chosen else []
+    places += [(HERE / "__pycache__", HERE), *((place, None) for place in folders.of_user())]
+    for place, programs in places:
         try:
             safe = folders.made(place / name, programs)
         except OSError:
             continue
         if safe:
-            found.append(place / name)
+            readable.append(place / name)
             if folders.writable(place / name):
-                return tuple(found), place / name
+                return tuple(readable), place / name
         elif chosen and place == Path(chosen):
-            problem = (
-                "others may write there, so it is not used; name a folder that is yours alone"
-            )
-            print(printable(f"armdesign: NUMBA_CACHE_DIR {chosen}: {problem}"), file=sys.stderr)
-    return tuple(found), None
+            fault = "others may write there, so it is not used; name a folder that is yours alone"
+            print(printable(f"armdesign: NUMBA_CACHE_DIR {chosen}: {fault}"), file=sys.stderr)
+    return tuple(readable), None

@@ -1,4 +1,4 @@
-"""Cylinders, motors, valves and pump at work, compiled: flows, chambers and forces of one actuator at one instant.
+"""Hydraulics, compiled: flows, chambers, friction, end stops and pump at one instant.
 
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ       chambers; Q1, Q2 flow into them, leakage counted
 
@@ -14,30 +14,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.hydraulics.friction import Friction, friction_force
 from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
 from armdesign.units import bar
 
-VAPOUR_PRESSURE, VAPOUR_WIDTH = (
-    -0.7 * bar,
-    0.02 * bar,
-)  # gauge; a chamber of pure vapour then has −0.97 bar
+VAPOUR_PRESSURE = -0.7 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
+VAPOUR_WIDTH = 0.02 * bar
 STOP_SHARE = 1e-3  # of the stroke that supply pressure on the bore presses an end stop in
 STOP_DAMPING = 12.0  # [s/m] of the end stops, a
 # of a chamber's swept volume, when the piston is beyond its stop and there is no dead volume
 LEAST_VOLUME_SHARE = 1e-3
 
-_VALVE = (
+_ACTUATOR = "count", "closed_length", "stroke", "compliance"
+_VALVE = [
     "natural_frequency",
     "damping_ratio",
     "overlap",
@@ -45,29 +42,30 @@ _VALVE = (
     "tank_leakage",
     "fastest",
     "gain",
-)
-FUNCTION = np.dtype(  # names and units are those of Actuator, Valve, Friction and LoadHolding
+]
+_FRICTION = [field.name for field in fields(Friction)]
+_PAIRS = "areas", "sweep", "volumes", "least", "hoses", "into", "out"  # of cap and annulus
+_HOLDING = "setting", "pilot_ratio", "opening_range"
+ACTUATOR = np.dtype(  # names and units are those of Actuator, Valve, Friction and LoadHolding
     [
-        *(
-            (name, "f8")
-            for name in (
-                "count",
-                "closed_length",
-                "stroke",
-                "compliance",
-                "stop",
-                "relief",
-                *_VALVE,
-            )
-        ),
-        *((field.name, "f8") for field in fields(Friction)),
-        *(
-            (name, "f8", 2)
-            for name in ("areas", "sweep", "volumes", "least", "hoses", "into", "out")
-        ),
+        *((name, "f8") for name in (*_ACTUATOR, "stop", "relief", *_VALVE, *_FRICTION)),
+        *((name, "f8", 2) for name in _PAIRS),
         ("rubs", "?"),
         ("held", "i8"),  # side with a load-holding valve; −1: none
-        *((name, "f8") for name in ("setting", "pilot_ratio", "opening_range", "holding_gain")),
+        *((name, "f8") for name in (*_HOLDING, "holding_gain")),
+    ],
+    align=True,
+)
+OUTPUT = np.dtype(  # of an actuator at an instant; pairs are of cap and annulus
+    [
+        ("extension", "f8"),  # of the piston, s [m]
+        ("speed", "f8"),  # rate of the pin-to-pin length [m/s]
+        # from supply, to return, by leakage into it, for compression [m³/s]
+        *((name, "f8", 2) for name in ("supplied", "returned", "leaked", "compressed")),
+        ("capacity", "f8", 2),  # C [m³/Pa]
+        ("friction", "f8"),  # [N]
+        ("pressed", "f8"),  # depression of an end stop [m]
+        ("stop", "f8"),  # force of the end stops [N]
     ],
     align=True,
 )
@@ -84,21 +82,21 @@ SYSTEM = np.dtype(  # oil and pump of a machine
 )
 
 
-def actuators_of(machine: Machine) -> Array:
-    """Cylinders, and motors after them, (nc,) as records ``FUNCTION``.
+def actuators_of(machine: Machine) -> Records:
+    """Cylinders, and motors after them, (nc,) as records ``ACTUATOR``.
 
     Raises:
         SimulationError: one has no valve.
     """
-    made = np.zeros(len(machine.actuators), FUNCTION)
-    for row, actuator in zip(made, machine.actuators, strict=True):
+    records = new_records(len(machine.actuators), ACTUATOR)
+    for row, actuator in zip(records, machine.actuators, strict=True):
         valve = _valve_of(machine, actuator)
-        for name in ("count", "closed_length", "stroke", "compliance"):
+        for name in _ACTUATOR:
             row[name] = getattr(actuator, name)
         for name in _VALVE:
             row[name] = getattr(valve, name)
-        for field in fields(Friction):
-            row[field.name] = getattr(actuator.friction, field.name)
+        for name in _FRICTION:
+            row[name] = getattr(actuator.friction, name)
         row["rubs"] = any(
             (actuator.friction.coulomb, actuator.friction.static, actuator.friction.viscous)
         )
@@ -110,18 +108,15 @@ def actuators_of(machine: Machine) -> Array:
         row["held"] = -1
         if actuator.load_holding is not None:
             _set_holding(row, actuator)
-    return made
+    return records
 
 
-def _set_chambers(row: Any, actuator: Actuator, machine: Machine) -> None:
+def _set_chambers(row: Record, actuator: Actuator, machine: Machine) -> None:
     areas = np.array([actuator.bore_area, -actuator.annulus_area])
     ends = math.isfinite(actuator.stroke)  # a motor has none, and its chambers keep their volumes
     swept = actuator.stroke if ends else 0.0
-    row["areas"], row["sweep"], row["least"] = (
-        areas,
-        areas * ends,
-        LEAST_VOLUME_SHARE * swept * np.abs(areas),
-    )
+    row["areas"], row["sweep"] = areas, areas * ends
+    row["least"] = LEAST_VOLUME_SHARE * swept * np.abs(areas)
     row["volumes"] = np.array([actuator.cap_dead_volume, actuator.annulus_dead_volume])  # at s = 0
     row["volumes"][1] += actuator.annulus_area * swept
     row["hoses"] = (
@@ -131,11 +126,11 @@ def _set_chambers(row: Any, actuator: Actuator, machine: Machine) -> None:
     row["stop"] = thrust / (STOP_SHARE * actuator.stroke)
 
 
-def _set_holding(row: Any, actuator: Actuator) -> None:
+def _set_holding(row: Record, actuator: Actuator) -> None:
     valve = actuator.load_holding
     assert valve is not None
     row["held"] = ("cap", "annulus").index(valve.side)
-    for name in ("setting", "pilot_ratio", "opening_range"):
+    for name in _HOLDING:
         row[name] = getattr(valve, name)
     row["holding_gain"] = valve.rated_flow / math.sqrt(valve.rated_drop)
 
@@ -149,19 +144,67 @@ def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
     return actuator.valve
 
 
-def system_of(machine: Machine) -> Array:
+def system_of(machine: Machine) -> Records:
     """Oil and pump () as a record ``SYSTEM``."""
-    made = np.zeros((), SYSTEM)
-    made["bulk_modulus"], made["air"] = machine.fluid.bulk_modulus, machine.fluid.air
+    record = new_records((), SYSTEM)
+    record["bulk_modulus"], record["air"] = machine.fluid.bulk_modulus, machine.fluid.air
     for name in ("pressure", "return_pressure", "flow", "cut_off", "flow_limited"):
-        made[name] = getattr(machine.supply, name)
-    made["line_capacity"] = machine.supply.line_volume / machine.fluid.bulk_modulus
-    return made
+        record[name] = getattr(machine.supply, name)
+    record["line_capacity"] = machine.supply.line_volume / machine.fluid.bulk_modulus
+    return record
 
 
 @compiled
-def capacity(actuator: Any, system: Any, side: int, extension: float, pressure: float) -> float:
-    """C [m³/Pa] of a chamber at a piston position [m] and pressure [Pa]: oil, its air and vapour, hoses."""
+def actuate(
+    actuator: Record,
+    system: Record,
+    pins: tuple[float, float],
+    pressures: tuple[float, float],
+    spool: float,
+    supply: float,
+    output: Record,
+) -> tuple[float, float, float]:
+    """Force of an actuator on its pins [N] and the rates of its pressures [Pa/s].
+
+    Args:
+        actuator: record ``ACTUATOR``.
+        system: record ``SYSTEM``.
+        pins: distance [m] and its rate [m/s].
+        pressures: of cap and annulus [Pa].
+        spool: position −1…1.
+        supply: pressure at the valve [Pa].
+        output: record ``OUTPUT``, which is written.
+    """
+    (length, speed), (p1, p2) = pins, pressures
+    a1, a2 = actuator.areas[0], actuator.areas[1]
+    oil_force = a1 * p1 + a2 * p2
+    free = length - actuator.closed_length + actuator.compliance * oil_force
+    beyond = pressed(actuator, beyond_stop(actuator, free))
+    place = free - actuator.compliance * actuator.stop * beyond
+    s1, r1, l1 = port(actuator, system, 0, p1, p2, spool, supply)
+    s2, r2, l2 = port(actuator, system, 1, p2, p1, spool, supply)
+    c1 = capacity(actuator, system, 0, place, p1)
+    c2 = capacity(actuator, system, 1, place, p2)
+    q1, q2 = s1 - r1 + l1, s2 - r2 + l2
+    stiffness = a1 * a1 / c1 + a2 * a2 / c2
+    piston = piston_speed(actuator, beyond, speed, a1 * q1 / c1 + a2 * q2 / c2, stiffness)
+    fill1, fill2 = q1 - a1 * piston, q2 - a2 * piston
+    rub = friction(actuator, speed)
+    stop = stop_force(actuator, beyond, speed) if beyond != 0.0 else 0.0
+    output.extension, output.speed = place, speed
+    output.supplied[0], output.returned[0], output.leaked[0] = s1, r1, l1
+    output.supplied[1], output.returned[1], output.leaked[1] = s2, r2, l2
+    output.compressed[0], output.compressed[1] = fill1, fill2
+    output.capacity[0], output.capacity[1] = c1, c2
+    output.friction, output.pressed, output.stop = rub, beyond, stop
+    return oil_force - rub + stop, fill1 / c1, fill2 / c2
+
+
+@compiled
+def capacity(
+    actuator: Record, system: Record, side: int, extension: float, pressure: float
+) -> float:
+    """Capacity C of a chamber [m³/Pa] at a piston position [m] and pressure [Pa], with its hose."""
     volume = max(actuator.volumes[side] + actuator.sweep[side] * extension, actuator.least[side])
     modulus = bulk_modulus(pressure, system.bulk_modulus, system.air)
     if pressure < VAPOUR_PRESSURE + 40 * VAPOUR_WIDTH:
@@ -171,12 +214,18 @@ def capacity(actuator: Any, system: Any, side: int, extension: float, pressure: 
 
 @compiled
 def port(
-    actuator: Any, system: Any, side: int, own: float, other: float, spool: float, supply: float
-) -> Any:
-    """Flows [m³/s] of one chamber at its and the other's pressure [Pa]: from supply, to return, by leakage into it.
+    actuator: Record,
+    system: Record,
+    side: int,
+    own: float,
+    other: float,
+    spool: float,
+    supply: float,
+) -> tuple[float, float, float]:
+    """Flows of one chamber [m³/s]: from supply, to return, by leakage into it.
 
     What returns passes the valve or the port relief; leakage goes across the piston and to the
-    tank.
+    tank. Pressures [Pa] are the chamber's own, the other chamber's and the supply's at the valve.
     """
     back = system.return_pressure
     towards = spool if side == 0 else -spool
@@ -194,7 +243,7 @@ def port(
 
 
 @compiled
-def _held_open(actuator: Any, pressure: float, pilot: float, back: float) -> float:
+def _held_open(actuator: Record, pressure: float, pilot: float, back: float) -> float:
     """Share 0…1 by which a load-holding valve is open; its check lets oil in."""
     if pressure < back:
         return 1.0
@@ -204,26 +253,29 @@ def _held_open(actuator: Any, pressure: float, pilot: float, back: float) -> flo
 
 @compiled
 def piston_speed(
-    actuator: Any, beyond: float, pins: float, freed: float, stiffness: float
+    actuator: Record, beyond: float, pins: float, freed: float, stiffness: float
 ) -> float:
-    """ṡ [m/s] while the pins part at ℓ̇: the chambers and the compliance make three linear equations in ṗ1, ṗ2 and ṡ.
+    """Speed ṡ of the piston [m/s] while its pins part at ℓ̇.
 
-    ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2, and an end stop's where
-    one is pressed in.
+    Chambers and compliance make three linear equations in ṗ1, ṗ2 and ṡ:
+    ṡ = (ℓ̇ + c (A1 Q1/C1 − A2 Q2/C2)) / (1 + c k), k = A1²/C1 + A2²/C2 plus the stiffness of an end
+    stop that is pressed in.
     """
     against = stiffness + actuator.stop if beyond != 0.0 else stiffness
     return (pins + actuator.compliance * freed) / (1 + actuator.compliance * against)
 
 
 @compiled
-def friction(actuator: Any, speed: float) -> float:
+def friction(actuator: Record, speed: float) -> float:
     """Friction of all parallel cylinders [N] against the rate of their pin-to-pin length [m/s]."""
-    return actuator.count * friction_force(actuator, speed) if actuator.rubs else 0.0
+    if not actuator.rubs:
+        return 0.0
+    return actuator.count * friction_force(actuator, speed)  # type: ignore[arg-type]
 
 
 @compiled
-def beyond_stop(actuator: Any, extension: float) -> float:
-    """How far a piston is beyond a stop [m]: negative beyond the inner one, 0 between them and for a motor."""
+def beyond_stop(actuator: Record, extension: float) -> float:
+    """Distance of a piston beyond a stop [m], negative beyond the inner one; 0 for a motor."""
     return (
         extension - min(max(extension, 0.0), actuator.stroke)
         if math.isfinite(actuator.stroke)
@@ -232,23 +284,23 @@ def beyond_stop(actuator: Any, extension: float) -> float:
 
 
 @compiled
-def pressed(actuator: Any, beyond: float) -> float:
-    """How far a piston presses a stop in [m] that would be ``beyond`` without it: the series compliance gives way."""
+def pressed(actuator: Record, beyond: float) -> float:
+    """Depression of a stop [m] by a piston that would be ``beyond`` it, had it no stop.
+
+    The compliance in series gives way.
+    """
     return beyond / (1 + actuator.compliance * actuator.stop)
 
 
 @compiled
-def stop_force(actuator: Any, beyond: float, speed: float) -> float:
-    """Force of the end stops [N, + pushes out] at a rate of the pin-to-pin length [m/s].
-
-    They never pull.
-    """
+def stop_force(actuator: Record, beyond: float, speed: float) -> float:
+    """Force of the end stops [N, + pushes out] at a rate of the pin-to-pin length [m/s], no pull."""
     outwards = speed if beyond > 0 else -speed
     return -actuator.stop * beyond * max(1 + STOP_DAMPING * outwards, 0.0)
 
 
 @compiled
-def pump_flow(system: Any, pressure: float) -> float:
+def pump_flow(system: Record, pressure: float) -> float:
     """Flow of a flow-limited pump [m³/s] at its pressure [Pa]."""
     if pressure >= system.pressure:
         return 0.0

@@ -1,10 +1,10 @@
-"""Where pins are and how they move, compiled: lengths and moment arms of cylinders, inertia and bias of their bars.
+"""Kinematics of pins, compiled: lengths and moment arms of cylinders, inertia of their bars.
 
 The same geometry as ``linkage``, of one pose at a time and without what a simulation does not
 need. All is seen from the world. A joint j moves a point P on a link behind it by ∂P/∂q_j = a_j ×
-(P − o_j), its axis if it slides; with joint speeds q̇ and no joint acceleration P is accelerated
-by Σ_j q̇_j ω_j × (∂P/∂q_j q̇_j + 2 Σ_k ∂P/∂q_k q̇_k), k the joints between j and P: its bias. A
-moment arm is r_j = d · (∂E/∂q_j − ∂B/∂q_j) with the cylinder's direction d, B its base pin and E
+(P − o_j), its axis if it slides. With joint speeds q̇ and no joint acceleration, P has the Coriolis
+and centrifugal acceleration Σ_j q̇_j ω_j × (∂P/∂q_j q̇_j + 2 Σ_k ∂P/∂q_k q̇_k), k the joints
+between j and P. A moment arm is r_j = d · (∂E/∂q_j − ∂B/∂q_j) with the cylinder's direction d, B its base pin and E
 its rod end: what moves both alike does not count.
 
 The plane of a four-bar has the coordinates right and up. From pivot to lug (a, c), e = a² + c²,
@@ -14,7 +14,7 @@ the knee is at x (a, c) + y (−c, a),  x = ½ + (rocker² − coupler²)/2e,  y
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,55 +26,100 @@ from armdesign.mechanism.linkage.base import Pin
 from armdesign.mechanism.linkage.four_bar import FourBar
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
-from armdesign.simulation.plant.compiled import compiled
-from armdesign.simulation.plant.vectors import ZERO, cross, dot, plus, scaled, turned
+from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
+from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
 from armdesign.units import GRAVITY
 
-JOINT = (
-    np.dtype(  # a joint's frame in the one before it: turned by still + sin q sine + cos q cosine
-        [
-            ("next", "i8"),  # the joint to place in this turn, so that each comes after its parent
-            ("parent", "i8"),  # −1: the world
-            ("revolute", "?"),
-            *((name, "f8", (3, 3)) for name in ("still", "sine", "cosine")),
-            *((name, "f8", 3) for name in ("translation", "slide", "axis")),
-        ],
-        align=True,
-    )
+JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine + cos q cosine
+    [
+        ("next", "i8"),  # the joint to place in this turn, so that each comes after its parent
+        ("parent", "i8"),  # −1: the world
+        ("revolute", "?"),
+        *((name, "f8", (3, 3)) for name in ("constant", "sine", "cosine")),
+        *((name, "f8", 3) for name in ("translation", "slide", "axis")),
+    ],
+    align=True,
 )
-PIN = np.dtype(
-    [("frame", "i8"), ("at", "f8", 3)], align=True
-)  # in the frame of a joint; −1: the world
+PIN = np.dtype([("frame", "i8"), ("at", "f8", 3)], align=True)  # of a joint; −1: the world
 GEAR, FOUR_BAR = Gear.number, FourBar.number
 DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that it turns
     [
         ("kind", "i8"),  # the ``number`` of its class
         ("joint", "i8"),
-        *((name, PIN) for name in ("base", "far", "pivot")),  # far: rod end or lug
+        *((name, PIN) for name in ("base_pin", "far_pin", "pivot_pin")),  # far: rod end or lug
         *((name, "f8", 3) for name in ("right", "up")),
         *((name, "f8") for name in ("rocker", "coupler", "side", "closed_length")),
         *((name, "f8") for name in ("barrel_mass", "rod_mass", "rocker_mass", "coupler_mass")),
     ],
     align=True,
 )
+Moving: TypeAlias = tuple[Vector, Vector, Vector]  # a vector, its first and second derivative
+
+BASE, END, FAR, PIVOT, RIGHT, UP = range(6)  # points of a drive; END: rod end or knee
+BARREL, ROD = 6, 7  # inner ends
+POINTS = 8
+
+
+class Frames(NamedTuple):
+    """Joint frames in the world: rotations (nq, 3, 3), origins (nq, 3) and axes (nq, 3)."""
+
+    rotation: Array
+    origin: Array
+    axis: Array
+
+
+class PinMotion(NamedTuple):
+    """How the points of a drive move.
+
+    Attributes:
+        slope: by each joint (POINTS, nq, 3).
+        coriolis: Coriolis and centrifugal accelerations (POINTS, 3).
+        arm: moment arms (nq,).
+    """
+
+    slope: Array
+    coriolis: Array
+    arm: Array
+
+
+class BarLoads(NamedTuple):
+    """What bars add to the mass matrices M (n, nq, nq) and to the forces h (n, nq)."""
+
+    mass: Array
+    force: Array
+
+
+@compiled
+def new_frames(nq: int) -> Frames:
+    """Frames to be written."""
+    return Frames(np.empty((nq, 3, 3)), np.empty((nq, 3)), np.empty((nq, 3)))
+
+
+@compiled
+def new_pin_motion(nq: int) -> PinMotion:
+    """Motion of a drive's points, to be written."""
+    return PinMotion(np.empty((POINTS, nq, 3)), np.empty((POINTS, 3)), np.empty(nq))
 
 
 # ---------------------------------------------------------------------------------------- machines
 
 
-def joints_of(arm: Arm) -> Array:
+def joints_of(arm: Arm) -> Records:
     """Joints (nq,) as records ``JOINT``."""
-    made = np.zeros(len(arm.joints), JOINT)
-    for row, joint, following in zip(made, arm.joints, arm.outwards, strict=True):
+    records = new_records(len(arm.joints), JOINT)
+    for row, joint, following in zip(records, arm.joints, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute
         row["translation"], row["axis"] = joint.translation, joint.axis
-        row["still"], row["sine"], row["cosine"] = _turn(joint)
+        row["constant"], row["sine"], row["cosine"] = _turn(joint)
         row["slide"] = 0.0 if joint.revolute else joint.rotation @ joint.axis
-    return made
+    return records
 
 
 def _turn(joint: Joint) -> tuple[Array, Array, Array]:
-    """Rodrigues: turned about the unit axis with cross-product matrix K by q is I + K² + sin q K − cos q K²."""
+    """Rotation about a joint's axis by q as constant, sine and cosine parts, by Rodrigues.
+
+    With the cross-product matrix K of the axis it is I + K² + sin q K − cos q K².
+    """
     if not joint.revolute:
         return joint.rotation, np.zeros((3, 3)), np.zeros((3, 3))
     x, y, z = joint.axis
@@ -82,17 +127,20 @@ def _turn(joint: Joint) -> tuple[Array, Array, Array]:
     return joint.rotation @ (np.eye(3) + k @ k), joint.rotation @ k, -joint.rotation @ k @ k
 
 
-def drives_of(machine: Machine) -> Array:
+def drives_of(machine: Machine) -> Records:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
-    made = np.zeros(len(machine.actuators), DRIVE)
-    for row, actuator, drive in zip(made, machine.actuators, machine.drives, strict=True):
+    records = new_records(len(machine.actuators), DRIVE)
+    for row, actuator, drive in zip(records, machine.actuators, machine.drives, strict=True):
         for field, value in drive.record().items():
-            row[field] = _pin(machine.arm, value) if isinstance(value, Pin) else value
+            if isinstance(value, Pin):
+                row[f"{field}_pin"] = _pin(machine.arm, value)
+            else:
+                row[field] = value
         if isinstance(actuator, Cylinder):
             row["closed_length"] = actuator.closed_length
             for name, mass in actuator.moving_masses.items():
                 row[f"{name}_mass"] = mass
-    return made
+    return records
 
 
 def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
@@ -104,8 +152,9 @@ def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
 
 
 @compiled
-def place_joints(joints: Any, q: Any, rotation: Any, origin: Any, axis: Any) -> None:
-    """Joint frames in the world at q (nq,): rotations (nq, 3, 3), origins (nq, 3) and axes (nq, 3) are written."""
+def place_joints(joints: Records, q: Array, frames: Frames) -> None:
+    """Write the joint frames in the world at q (nq,)."""
+    rotation, origin, axis = frames
     for k in range(len(joints)):
         j = joints[k].next
         joint = joints[j]
@@ -114,17 +163,14 @@ def place_joints(joints: Any, q: Any, rotation: Any, origin: Any, axis: Any) -> 
             origin[j, row] = joint.translation[row] + q[j] * joint.slide[row]
             for column in range(3):
                 rotation[j, row, column] = (
-                    joint.still[row, column]
+                    joint.constant[row, column]
                     + sine * joint.sine[row, column]
                     + cosine * joint.cosine[row, column]
                 )
         if parent >= 0:
             before = rotation[parent]
-            x, y, z = turned(before, (origin[j, 0], origin[j, 1], origin[j, 2]))
-            origin[j, 0], origin[j, 1], origin[j, 2] = (
-                x + origin[parent, 0],
-                y + origin[parent, 1],
-                z + origin[parent, 2],
+            _write(
+                origin, j, plus(turned(before, _vector(origin, j)), _vector(origin, parent), 1.0)
             )
             for column in range(3):
                 x, y, z = turned(
@@ -132,73 +178,72 @@ def place_joints(joints: Any, q: Any, rotation: Any, origin: Any, axis: Any) -> 
                     (rotation[j, 0, column], rotation[j, 1, column], rotation[j, 2, column]),
                 )
                 rotation[j, 0, column], rotation[j, 1, column], rotation[j, 2, column] = x, y, z
-        axis[j, 0], axis[j, 1], axis[j, 2] = turned(
-            rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])
-        )
+        _write(axis, j, turned(rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])))
 
 
 @compiled
-def _vector(rows: Any, index: int) -> Any:
+def _vector(rows: Array, index: int) -> Vector:
     return (rows[index, 0], rows[index, 1], rows[index, 2])
 
 
 @compiled
-def _place(pin: Any, rotation: Any, origin: Any) -> Any:
-    """A pin in the world."""
-    at = (pin.at[0], pin.at[1], pin.at[2])
-    return (
-        at
-        if pin.frame < 0
-        else plus(_vector(origin, pin.frame), turned(rotation[pin.frame], at), 1.0)
-    )
+def _write(rows: Array, index: int, vector: Vector) -> None:
+    rows[index, 0], rows[index, 1], rows[index, 2] = vector
 
 
 @compiled
-def _direction(frame: int, along: Any, rotation: Any) -> Any:
+def _position(pin: Record, frames: Frames) -> Vector:
+    """A pin in the world."""
+    at = (pin.at[0], pin.at[1], pin.at[2])
+    if pin.frame < 0:
+        return at
+    return plus(_vector(frames.origin, pin.frame), turned(frames.rotation[pin.frame], at), 1.0)
+
+
+@compiled
+def _direction(frame: int, along: Array, frames: Frames) -> Vector:
     """A direction of a joint's frame in the world."""
     given = (along[0], along[1], along[2])
-    return given if frame < 0 else turned(rotation[frame], given)
+    return given if frame < 0 else turned(frames.rotation[frame], given)
 
 
 @compiled
 def _moved(
-    joints: Any,
-    origin: Any,
-    axis: Any,
-    speed: Any,
+    joints: Records,
+    frames: Frames,
+    speed: Array,
     frame: int,
-    vector: Any,
+    vector: Vector,
     bound: bool,
-    slope: Any,
-) -> Any:
-    """Rate and bias of a point on a joint's frame, or of a direction if not ``bound``.
+    slope: Array,
+) -> Moving:
+    """A point on a joint's frame, or a direction if not ``bound``, with rate and acceleration.
 
-    Its slopes (nq, 3) are written.
-
+    The acceleration is Coriolis and centrifugal alone. Slopes by the joints (nq, 3) are written.
     From the frame down to the world: what is added up is the motion by the joints between.
     """
     slope[:] = 0.0
-    rate, bias, j = ZERO, ZERO, frame
+    rate, coriolis, j = ZERO, ZERO, frame
     while j >= 0:
-        joint, turn = joints[j], _vector(axis, j)
+        joint, turn = joints[j], _vector(frames.axis, j)
         if joint.revolute:
-            lever = plus(vector, _vector(origin, j), -1.0) if bound else vector
+            lever = plus(vector, _vector(frames.origin, j), -1.0) if bound else vector
             own = cross(turn, lever)
         else:
             own = turn if bound else ZERO
-        slope[j, 0], slope[j, 1], slope[j, 2] = own
+        _write(slope, j, own)
         own = scaled(own, speed[j])
         if joint.revolute:
-            bias = plus(bias, cross(turn, plus(own, rate, 2.0)), speed[j])
+            coriolis = plus(coriolis, cross(turn, plus(own, rate, 2.0)), speed[j])
         rate, j = plus(rate, own, 1.0), joint.parent
-    return rate, bias
+    return vector, rate, coriolis
 
 
 @compiled
-def _knee(drive: Any, a: Any, c: Any) -> Any:
-    """The knee's two coordinates from those of the lug.
+def _knee(drive: Record, a: Vector, c: Vector) -> tuple[Vector, Vector]:
+    """Both coordinates of the knee, right and up, from the lug's a and c.
 
-    Each number with its first and second derivative in time.
+    Each with its first and second derivative in time.
     """
     e = a[0] * a[0] + c[0] * c[0]
     e1 = 2 * (a[0] * a[1] + c[0] * c[1])
@@ -224,8 +269,8 @@ def _knee(drive: Any, a: Any, c: Any) -> Any:
 
 
 @compiled
-def _within(along: Any, vector: Any) -> Any:
-    """Scalar product of two vectors with their first and second derivatives, with the product's."""
+def _product(along: Moving, vector: Moving) -> Vector:
+    """Scalar product of two vectors, with its first and second derivative."""
     return (
         dot(along[0], vector[0]),
         dot(along[1], vector[0]) + dot(along[0], vector[1]),
@@ -234,8 +279,8 @@ def _within(along: Any, vector: Any) -> Any:
 
 
 @compiled
-def _times(number: Any, vector: Any) -> Any:
-    """A number times a vector, both with their first and second derivatives."""
+def _times(number: Vector, vector: Moving) -> Moving:
+    """A number times a vector, each with its first and second derivative."""
     first = plus(scaled(vector[0], number[1]), vector[1], number[0])
     second = plus(
         plus(scaled(vector[0], number[2]), vector[1], 2 * number[1]), vector[2], number[0]
@@ -244,7 +289,7 @@ def _times(number: Any, vector: Any) -> Any:
 
 
 @compiled
-def _sum(one: Any, other: Any, factor: float) -> Any:
+def _sum(one: Moving, other: Moving, factor: float) -> Moving:
     return (
         plus(one[0], other[0], factor),
         plus(one[1], other[1], factor),
@@ -253,117 +298,101 @@ def _sum(one: Any, other: Any, factor: float) -> Any:
 
 
 @compiled
-def _folded(drive: Any, pivot: Any, lug: Any, right: Any, up: Any) -> Any:
-    """The knee of a four-bar from its pins and plane, all with their first and second derivatives."""
+def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving) -> Moving:
+    """The knee of a four-bar from its pins and the directions of its plane."""
     vector = _sum(lug, pivot, -1.0)
-    across, height = _knee(drive, _within(right, vector), _within(up, vector))
+    across, height = _knee(drive, _product(right, vector), _product(up, vector))
     return _sum(pivot, _sum(_times(across, right), _times(height, up), 1.0), 1.0)
-
-
-BASE, END, FAR, PIVOT, RIGHT, UP, BARREL, ROD = range(
-    8
-)  # of a drive; END: rod end or knee; BARREL, ROD: inner ends
-POINTS = 8
 
 
 @compiled
 def place_drive(
-    drive: Any,
-    joints: Any,
-    rotation: Any,
-    origin: Any,
-    axis: Any,
-    speed: Any,
-    slope: Any,
-    bias: Any,
-    arm: Any,
-) -> Any:
-    """Length of a cylinder and its vector from base pin to rod end.
-
-    Its moment arms (nq,) are written, slopes (POINTS, nq, 3) and biases (POINTS, 3) of its pins.
-    """
-    base, far = _place(drive.base, rotation, origin), _place(drive.far, rotation, origin)
-    _, bias_base = _moved(joints, origin, axis, speed, drive.base.frame, base, True, slope[BASE])
-    rate_far, bias_far = _moved(
-        joints, origin, axis, speed, drive.far.frame, far, True, slope[FAR]
-    )
-    end, bias_end = far, bias_far
+    drive: Record, joints: Records, frames: Frames, speed: Array, pins: PinMotion
+) -> tuple[float, Vector]:
+    """Length of a cylinder and its vector from base pin to rod end; its ``PinMotion`` is written."""
+    slope, coriolis = pins.slope, pins.coriolis
+    at, frame = _position(drive.base_pin, frames), drive.base_pin.frame
+    base = _moved(joints, frames, speed, frame, at, True, slope[BASE])
+    at, frame = _position(drive.far_pin, frames), drive.far_pin.frame
+    far = _moved(joints, frames, speed, frame, at, True, slope[FAR])
+    end = far
     if drive.kind == FOUR_BAR:
-        frame = drive.pivot.frame
-        pivot = _place(drive.pivot, rotation, origin)
-        right, up = _direction(frame, drive.right, rotation), _direction(frame, drive.up, rotation)
-        rate_pivot, bias_pivot = _moved(
-            joints, origin, axis, speed, frame, pivot, True, slope[PIVOT]
-        )
-        rate_right, bias_right = _moved(
-            joints, origin, axis, speed, frame, right, False, slope[RIGHT]
-        )
-        rate_up, bias_up = _moved(joints, origin, axis, speed, frame, up, False, slope[UP])
-        knee = _folded(
-            drive,
-            (pivot, rate_pivot, bias_pivot),
-            (far, rate_far, bias_far),
-            (right, rate_right, bias_right),
-            (up, rate_up, bias_up),
-        )
-        end, bias_end = knee[0], knee[2]
-        for j in range(len(joints)):
-            along_j = _folded(
-                drive,
-                (pivot, _vector(slope[PIVOT], j), ZERO),
-                (far, _vector(slope[FAR], j), ZERO),
-                (right, _vector(slope[RIGHT], j), ZERO),
-                (up, _vector(slope[UP], j), ZERO),
-            )
-            _write(slope[END], j, along_j[1])
-        _write(bias, PIVOT, bias_pivot)
+        end = _place_four_bar(drive, joints, frames, speed, far, pins)
     else:
         slope[END] = slope[FAR]
-    _write(bias, BASE, bias_base)
-    _write(bias, FAR, bias_far)
-    _write(bias, END, bias_end)
-    span = plus(end, base, -1.0)
+    _write(coriolis, BASE, base[2])
+    _write(coriolis, FAR, far[2])
+    _write(coriolis, END, end[2])
+    span = plus(end[0], base[0], -1.0)
     length = math.sqrt(dot(span, span))
     for j in range(len(joints)):
-        arm[j] = dot(span, plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)) / length
+        relative = plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)
+        pins.arm[j] = dot(span, relative) / length
     return length, span
 
 
 @compiled
-def _write(rows: Any, index: int, vector: Any) -> None:
-    rows[index, 0], rows[index, 1], rows[index, 2] = vector
+def _place_four_bar(
+    drive: Record, joints: Records, frames: Frames, speed: Array, lug: Moving, pins: PinMotion
+) -> Moving:
+    """The knee of a four-bar; slopes of pivot, plane and knee are written."""
+    frame, slope = drive.pivot_pin.frame, pins.slope
+    at = _position(drive.pivot_pin, frames)
+    pivot = _moved(joints, frames, speed, frame, at, True, slope[PIVOT])
+    along = _direction(frame, drive.right, frames)
+    right = _moved(joints, frames, speed, frame, along, False, slope[RIGHT])
+    along = _direction(frame, drive.up, frames)
+    up = _moved(joints, frames, speed, frame, along, False, slope[UP])
+    for j in range(len(joints)):
+        knee = _folded(
+            drive,
+            (pivot[0], _vector(slope[PIVOT], j), ZERO),
+            (lug[0], _vector(slope[FAR], j), ZERO),
+            (right[0], _vector(slope[RIGHT], j), ZERO),
+            (up[0], _vector(slope[UP], j), ZERO),
+        )
+        _write(slope[END], j, knee[1])
+    _write(pins.coriolis, PIVOT, pivot[2])
+    return _folded(drive, pivot, lug, right, up)
 
 
 @compiled
 def add_bars(
-    drive: Any, length: float, span: Any, speed: Any, slope: Any, bias: Any, mass: Any, force: Any
+    drive: Record,
+    length: float,
+    span: Vector,
+    speed: Array,
+    pins: PinMotion,
+    mass: Array,
+    force: Array,
 ) -> None:
-    """Add what barrel, rod, rocker and coupler of a placed cylinder give to M (nq, nq) and to h (nq,).
+    """Add what barrel, rod, rocker and coupler of a placed cylinder give to M (nq, nq) and h (nq,).
 
     Barrel and rod are as long as the closed cylinder: their inner ends stand at ± ℓ_closed S/ℓ
     from base pin and rod end, S from the one to the other.
     """
+    slope, coriolis = pins.slope, pins.coriolis
     rate = ZERO
     for j in range(len(speed)):
-        moved = plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)
-        rate = plus(rate, moved, speed[j])
-        along = _times(_share(drive, length, span, moved, ZERO), (span, moved, ZERO))
+        relative = plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)
+        rate = plus(rate, relative, speed[j])
+        along = _times(_share(drive, length, span, relative, ZERO), (span, relative, ZERO))
         _write(slope[BARREL], j, plus(_vector(slope[BASE], j), along[1], 1.0))
         _write(slope[ROD], j, plus(_vector(slope[END], j), along[1], -1.0))
-    second = plus(_vector(bias, END), _vector(bias, BASE), -1.0)
+    second = plus(_vector(coriolis, END), _vector(coriolis, BASE), -1.0)
     along = _times(_share(drive, length, span, rate, second), (span, rate, second))
-    _write(bias, BARREL, plus(_vector(bias, BASE), along[2], 1.0))
-    _write(bias, ROD, plus(_vector(bias, END), along[2], -1.0))
-    _add_bar(drive.barrel_mass, BASE, BARREL, slope, bias, mass, force)
-    _add_bar(drive.rod_mass, ROD, END, slope, bias, mass, force)
+    _write(coriolis, BARREL, plus(_vector(coriolis, BASE), along[2], 1.0))
+    _write(coriolis, ROD, plus(_vector(coriolis, END), along[2], -1.0))
+    _add_bar(drive.barrel_mass, BASE, BARREL, pins, mass, force)
+    _add_bar(drive.rod_mass, ROD, END, pins, mass, force)
     if drive.kind == FOUR_BAR:
-        _add_bar(drive.rocker_mass, PIVOT, END, slope, bias, mass, force)
-        _add_bar(drive.coupler_mass, END, FAR, slope, bias, mass, force)
+        _add_bar(drive.rocker_mass, PIVOT, END, pins, mass, force)
+        _add_bar(drive.coupler_mass, END, FAR, pins, mass, force)
 
 
 @compiled
-def _share(drive: Any, length: float, span: Any, rate: Any, second: Any) -> Any:
-    """ℓ_closed/ℓ with its first and second derivatives, of the pin-to-pin vector's."""
+def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vector) -> Vector:
+    """ℓ_closed/ℓ with its first and second derivative."""
     first = dot(span, rate) / length
     curve = (dot(rate, rate) + dot(span, second) - first * first) / length
     share = drive.closed_length / length
@@ -372,24 +401,20 @@ def _share(drive: Any, length: float, span: Any, rate: Any, second: Any) -> Any:
 
 @compiled
 def _add_bar(
-    weight: float, one: int, other: int, slope: Any, bias: Any, mass: Any, force: Any
+    weight: float, one: int, other: int, pins: PinMotion, mass: Array, force: Array
 ) -> None:
-    """A uniform slender bar between two points X, Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so the forces."""
+    """Add a uniform slender bar between X and Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so to h."""
     if weight == 0.0:
         return
-    upwards = (0.0, 0.0, GRAVITY)
-    pull_one, pull_other = (
-        plus(_vector(bias, one), upwards, 1.0),
-        plus(_vector(bias, other), upwards, 1.0),
-    )
+    slope, upwards = pins.slope, (0.0, 0.0, GRAVITY)
+    pull_one = plus(_vector(pins.coriolis, one), upwards, 1.0)
+    pull_other = plus(_vector(pins.coriolis, other), upwards, 1.0)
     first = plus(scaled(pull_one, weight / 3), pull_other, weight / 6)
     second = plus(scaled(pull_other, weight / 3), pull_one, weight / 6)
     for j in range(len(force)):
         x, y = _vector(slope[one], j), _vector(slope[other], j)
         force[j] += dot(x, first) + dot(y, second)
-        near, far = (
-            plus(scaled(x, weight / 3), y, weight / 6),
-            plus(scaled(y, weight / 3), x, weight / 6),
-        )
+        near = plus(scaled(x, weight / 3), y, weight / 6)
+        far = plus(scaled(y, weight / 3), x, weight / 6)
         for k in range(len(force)):
             mass[j, k] += dot(near, _vector(slope[one], k)) + dot(far, _vector(slope[other], k))

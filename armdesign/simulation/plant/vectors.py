@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
+from armdesign.arrays import Array
 from armdesign.simulation.plant.compiled import compiled
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -12,7 +13,7 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 @compiled
 def plus(a: Vector, b: Vector, factor: float) -> Vector:
-    """A + factor b."""
+    """Sum a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
@@ -35,7 +36,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @compiled
-def turned(rotation: Any, a: Vector) -> Vector:
+def turned(rotation: Array, a: Vector) -> Vector:
     """A vector times a matrix (3, 3)."""
     r = rotation
     return (

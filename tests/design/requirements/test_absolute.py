@@ -17,9 +17,11 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
-from armdesign.design.requirements.candidate import frame_of
-from armdesign.design.requirements.check import Check, check, digging_forces
-from armdesign.design.requirements.settings import Clearance, Lift, Outline, Speed
+from armdesign.design.requirements.check import check, digging_forces
+from armdesign.design.requirements.lifts import Lift, lift_pose
+from armdesign.design.requirements.places import Clearance, Outline
+from armdesign.design.requirements.record import Check
+from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.prices import prices
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.barrel import barrel_ratio
@@ -147,7 +149,7 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
     """
     machine = MACHINES["excavator"]()
     found = own(lifts=(lift,))[f"lift.{lift.name}"]
-    at = frame_of(machine, replace(Requirements.of(machine), lifts=(lift,)), 181).lifts[0]
+    at = lift_pose(machine, lift, Requirements.of(machine).holding_share)
     link = lift.link or "bucket"
     place = [1000.0 * x for x in lift.at or machine.tool.at]
     loaded = machine.replace(
@@ -171,7 +173,7 @@ def test_lift_at_a_place_stands_there() -> None:
     that lifts more.
     """
     machine, old = MACHINES["excavator"](), reference()
-    at = frame_of(machine, replace(Requirements.of(machine), lifts=(FRONT,)), 181).lifts[0]
+    at = lift_pose(machine, FRONT, Requirements.of(machine).holding_share)
     (q,) = at.rigid.q
     frames = old.frames(q[None])
     x, z, angle = frames["bucket"]

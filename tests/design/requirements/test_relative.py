@@ -16,7 +16,8 @@ from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.convex_relaxation import buckling_factor
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.check import Check, check
+from armdesign.design.requirements.check import check
+from armdesign.design.requirements.record import Check
 from armdesign.hydraulics.chamber_pressures import holding_force
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.machines import named

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from armdesign.simulation.excitation import Sweep
-from armdesign.simulation.identification.modal_fit import fit_modes, fit_response
-from armdesign.simulation.identification.ringdown import identify_decay
+from armdesign import identify_forced_response, identify_frequency_response, identify_ringdown
+from armdesign.simulation.excitation import SweptSine
 
 BAND = (0.5, 1.6)
 RUNS = 30
@@ -31,7 +30,7 @@ def swept(
     input.
     """
     time = np.arange(0, duration, 1 / 40)
-    sweep = Sweep(amplitude=1.0, start=band[0], stop=band[1], duration=duration)
+    sweep = SweptSine(amplitude=1.0, start=band[0], stop=band[1], duration=duration)
     u = np.array([sweep(t) for t in time])
     y = drift * lsim(StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), u, time)[1]
     for frequency, zeta, gain in modes:
@@ -84,7 +83,7 @@ def test_sweeps_with_a_mode_outside_the_band(
     errors, deviations = [], []
     for _ in range(RUNS):
         y = clean + noise * np.sqrt(np.mean(clean**2)) * random.normal(size=len(clean))
-        fit = fit_modes(time, u, y, BAND)
+        fit = identify_forced_response(time, u, y, BAND)
         errors.append(np.array([fit.natural_frequencies[0] - 1, fit.damping_ratios[0] - zeta]))
         deviations.append(np.array([fit.frequency_deviations[0], fit.damping_deviations[0]]))
         assert 0 <= fit.frequency_remainders[0] < fit.frequency_deviations[0]
@@ -100,7 +99,7 @@ def test_a_narrow_band_beside_a_mode_as_damped() -> None:
     time, u, clean = swept([(1.0, 0.3, 1.0), (1.3, 0.3, 0.8)], band=band, duration=40.0)
     errors, deviations = [], []
     for _ in range(RUNS):
-        fit = fit_modes(
+        fit = identify_forced_response(
             time,
             u,
             clean + 0.1 * np.sqrt(np.mean(clean**2)) * random.normal(size=len(clean)),
@@ -117,7 +116,7 @@ def test_without_noise_a_neighbour_costs_little(zeta: float, tolerance: float) -
     frequency.
     """
     time, u, y = swept([(1.0, zeta, 1.0), (2.0, 0.3, 0.8)])
-    fit = fit_modes(time, u, y, BAND)
+    fit = identify_forced_response(time, u, y, BAND)
     assert fit.natural_frequencies == pytest.approx([1.0], abs=tolerance)
     assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
 
@@ -135,7 +134,7 @@ def test_responses_with_a_mode_outside_the_lines() -> None:
     errors, deviations = [], []
     for _ in range(RUNS):
         size = 0.05 * np.sqrt(np.mean(np.abs(clean) ** 2) / 2)
-        fit = fit_response(
+        fit = identify_frequency_response(
             lines, clean + size * (random.normal(size=40) + 1j * random.normal(size=40))
         )
         errors.append(np.array([fit.natural_frequencies[0] - 1, fit.damping_ratios[0] - 0.3]))
@@ -155,7 +154,7 @@ def test_decays_under_white_and_coloured_noise(zeta: float, noise: float, colour
     for _ in range(RUNS):
         white = random.normal(size=len(time) + 100)
         e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], white)[100:]
-        found = identify_decay(time, clean + noise * np.sqrt(np.mean(clean**2)) * e, modes=2)
+        found = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e, modes=2)
         errors.append(
             np.array([*(found.natural_frequencies - [1.0, 2.3]), *(found.damping_ratios - zeta)])
         )
@@ -185,7 +184,7 @@ def test_a_decay_that_holds_modes_more_than_asked_for(
         e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], random.normal(size=len(time) + 100))[
             100:
         ]
-        found = identify_decay(time, clean + noise * np.sqrt(np.mean(clean**2)) * e)
+        found = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e)
         errors.append(np.array([found.natural_frequencies[0] - 1, found.damping_ratios[0] - 0.1]))
         deviations.append(np.array([found.frequency_deviations[0], found.damping_deviations[0]]))
     check(errors, deviations)

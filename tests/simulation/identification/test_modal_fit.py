@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lsim
 
+from armdesign import identify_forced_response, identify_frequency_response
 from armdesign.errors import SimulationError
-from armdesign.simulation.excitation import Sweep
-from armdesign.simulation.identification.modal_fit import fit_modes, record_length
+from armdesign.simulation.excitation import SweptSine
+from armdesign.simulation.identification.modal_fit import record_length
+from tests.simulation.oscillator import answer_of, exact
 
 BAND = (0.5, 1.6)
 
@@ -24,7 +26,7 @@ def record(
     band.
     """
     time = np.arange(0, cycles, 1 / 200)
-    sweep = Sweep(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=cycles)
+    sweep = SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=cycles)
     excitation = np.array([sweep(t) for t in time])
     answer = np.zeros_like(time)
     for frequency, zeta, gain in modes:
@@ -47,14 +49,14 @@ def test_one_mode_among_others(frequency: float, zeta: float, tolerance: float) 
     With 20 % of damping in all of them their peaks run into each other, and the fit is worth less.
     """
     time, u, y = record([(frequency, zeta, 0.8), (2.4, zeta, 0.15), (8.0, zeta, 0.05)], 16)
-    fit = fit_modes(time, u, y, BAND)
+    fit = identify_forced_response(time, u, y, BAND)
     assert fit.natural_frequencies == pytest.approx([frequency], rel=tolerance)
     assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
 
 
 def test_two_modes_in_the_band() -> None:
     time, u, y = record([(0.9, 0.01, 0.6), (1.2, 0.02, 0.4), (3.0, 0.0, 0.1)], 24)
-    fit = fit_modes(time, u, y, BAND, modes=2)
+    fit = identify_forced_response(time, u, y, BAND, modes=2)
     assert fit.natural_frequencies == pytest.approx([0.9, 1.2], rel=1e-3)
     assert fit.damping_ratios == pytest.approx([0.01, 0.02], abs=1e-3)
 
@@ -64,7 +66,7 @@ def test_the_raw_peak_would_be_wrong_where_the_fit_is_right() -> None:
     response fits its model.
     """
     time, u, y = record([(1.03, 0.001, 1.0)], 16)
-    fit = fit_modes(time, u, y, BAND)
+    fit = identify_forced_response(time, u, y, BAND)
     spectrum = np.abs(np.fft.rfft(y))
     peak = np.fft.rfftfreq(len(time), time[1])[np.argmax(spectrum)]
     assert abs(peak / 1.03 - 1) > 0.01
@@ -76,7 +78,7 @@ def test_the_raw_peak_would_be_wrong_where_the_fit_is_right() -> None:
 def test_uncertainty_covers_noise() -> None:
     """With 1 % of noise the error is within four standard deviations, and these are small."""
     time, u, y = record([(1.0, 0.01, 1.0), (2.4, 0.0, 0.1)], 16, noise=0.01)
-    fit = fit_modes(time, u, y, BAND)
+    fit = identify_forced_response(time, u, y, BAND)
     assert abs(fit.natural_frequencies[0] - 1.0) < 4 * fit.frequency_deviations[0] < 0.02
     assert abs(fit.damping_ratios[0] - 0.01) < 4 * fit.damping_deviations[0] < 0.02
 
@@ -84,9 +86,35 @@ def test_uncertainty_covers_noise() -> None:
 def test_faults() -> None:
     time, u, y = record([(1.0, 0.01, 1.0)], 16)
     with pytest.raises(SimulationError, match="nothing moves"):
-        fit_modes(time, u, 0 * y, BAND)
+        identify_forced_response(time, u, 0 * y, BAND)
     with pytest.raises(SimulationError, match=r"too short; record"):
-        fit_modes(time[:800], u[:800], y[:800], BAND)
+        identify_forced_response(time[:800], u[:800], y[:800], BAND)
     assert record_length(BAND, 1) < 16
     with pytest.raises(SimulationError, match="no oscillation"):
-        fit_modes(*record([(1.0, 8.0, 1.0)], 16), BAND, modes=2)
+        identify_forced_response(*record([(1.0, 8.0, 1.0)], 16), BAND, modes=2)
+
+
+@pytest.mark.parametrize("way", ["record", "response"])
+def test_one_sigma_holds_68_percent(way: str) -> None:
+    """Monte Carlo, 100 noisy records: within ± one deviation lies the normal law's share, ± 3
+    binomial deviations.
+    """
+    random, count = np.random.default_rng(3), 100
+    time = np.arange(0, 24, 1 / 40)
+    sweep = SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=24)
+    u = np.array([sweep(t) for t in time])
+    clean = answer_of(1.0, 0.02, time, u)
+    lines = np.linspace(0.6, 1.5, 31)
+    inside = np.zeros(2)
+    for _ in range(count):
+        if way == "record":
+            fit = identify_forced_response(
+                time, u, clean + 0.01 * random.normal(size=len(time)), BAND
+            )
+        else:
+            noise = 0.05 * (random.normal(size=31) + 1j * random.normal(size=31))
+            fit = identify_frequency_response(lines, exact(1.0, 0.02, lines) + noise)
+        inside[0] += abs(fit.natural_frequencies[0] - 1.0) < fit.frequency_deviations[0]
+        inside[1] += abs(fit.damping_ratios[0] - 0.02) < fit.damping_deviations[0]
+    bound = 3 * math.sqrt(0.683 * 0.317 / count)
+    assert inside / count == pytest.approx([0.683, 0.683], abs=bound)

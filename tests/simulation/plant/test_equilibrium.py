@@ -20,6 +20,7 @@ from armdesign.inspection.inspection import inspect
 from armdesign.report.maps import map_sheets
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.hydraulics import actuators_of, port, system_of
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import simulate
@@ -59,7 +60,7 @@ def started(machine: Machine, pose: object, preloaded: bool | None = None) -> np
 def rates(machine: Machine, pose: object) -> np.ndarray:
     """Pressure rates (nc,) [bar/s] at rest, the larger of both chambers."""
     plant = Plant(machine)
-    rest = plant.rest(pose)  # type: ignore[arg-type]
+    rest = find_equilibrium(plant, pose).state  # type: ignore[arg-type]
     _, _, cap, annulus, _, _ = plant.split(
         plant.derivative(rest[None], plant.split(rest)[4][None])[0]
     )
@@ -286,7 +287,7 @@ def test_tank_leakage_alone(excavator: Machine, overlap: float) -> None:
     """
     leakage = 0.005 * l_per_min / bar
     machine = valves(excavator, tank_leakage_l_per_min_per_bar=0.005, overlap_percent=overlap)
-    held = Plant(machine).holdings(WORST)
+    held = find_equilibrium(Plant(machine), WORST).holdings
     for one, cylinder, force in zip(
         held, machine.cylinders, machine.at(WORST).cylinder_forces[0], strict=True
     ):
@@ -305,7 +306,7 @@ def test_tank_leakage_alone(excavator: Machine, overlap: float) -> None:
             side * (overlap / 100 + opening * (1 - overlap / 100)), rel=1e-9
         )
     assert rates(machine, WORST).max() < 1e-6
-    spool = Plant(machine).split(Plant(machine).rest(WORST))[4].tolist()
+    spool = Plant(machine).split(find_equilibrium(Plant(machine), WORST).state)[4].tolist()
     run = simulate(machine, WORST, lambda _: spool, duration=20.0, rate=5)
     assert np.ptp(run.q, axis=0).max() < 1e-6
 
@@ -315,7 +316,7 @@ def test_leakage_across_alone(excavator: Machine) -> None:
     = supply + return.
     """
     machine = valves(excavator, leakage_l_per_min_per_bar=0.01)
-    for one in Plant(machine).holdings(WORST):
+    for one in find_equilibrium(Plant(machine), WORST).holdings:
         assert one.cap + one.annulus == pytest.approx(355 * bar, rel=1e-6)
         assert one.spool * (one.cap - one.annulus) > 0
     assert rates(machine, WORST).max() < 1e-6
@@ -330,7 +331,7 @@ def test_leakage_across_behind_a_load_holding_valve(excavator: Machine) -> None:
     bucket, force = machine.cylinders[2], machine.at(WORST).cylinder_forces[0, 2]
     even = force / (bucket.bore_area - bucket.annulus_area)
     assert even > 5 * bar
-    one = Plant(machine).holdings(WORST)[2]
+    one = find_equilibrium(Plant(machine), WORST).holdings[2]
     assert (one.cap, one.annulus, one.spool, one.creeps) == (
         pytest.approx(even),
         pytest.approx(even),
@@ -353,7 +354,7 @@ def test_underlap_with_a_load_holding_valve(excavator: Machine, side: str, paylo
         machine = holding(machine, name, side=side)
     assert rates(machine, WORST).max() < 1e-6
     plant = Plant(machine)
-    held = plant.holdings(WORST)
+    held = find_equilibrium(plant, WORST).holdings
     for one in held:
         own, pilot = (one.cap, one.annulus) if side == "cap" else (one.annulus, one.cap)
         assert own + 4 * pilot > 250 * bar  # open at all
@@ -441,7 +442,7 @@ def test_every_combination_of_leaks_rests_or_says_that_it_cannot(name: str) -> N
         poses = low + random.random((50, len(low))) * (high - low)
         pose = next(q for q in poses if machine.margins(q).min() > 0)
         held, rate, forces = (
-            Plant(machine).holdings(pose),
+            find_equilibrium(Plant(machine), pose).holdings,
             rates(machine, pose),
             machine.at(pose).cylinder_forces[0],
         )
@@ -483,11 +484,11 @@ def test_a_flow_limited_pump_makes_up_for_leaks_below_its_pressure(excavator: Ma
     """
     machine = valves(excavator.replace({"supply.pump": "flow_limited"}), overlap_percent=-4.0)
     plant = Plant(machine)
-    rest = plant.rest(WORST)
+    rest = find_equilibrium(plant, WORST).state
     found = plant.evaluate(rest[None], plant.split(rest)[4][None])
     pump, line = machine.supply, float(plant.supply_pressure(rest[None])[0])
     given = pump.flow * (pump.pressure - line) / (pump.cut_off * pump.pressure)
-    assert found.told["supplied"].sum() == pytest.approx(given, rel=1e-9)
+    assert found.outputs["supplied"].sum() == pytest.approx(given, rel=1e-9)
     assert given > 50 * l_per_min
     assert np.abs(found.rates).max() < 1e-6
     wide = simulate(valves(machine, overlap_percent=-40.0), WORST, {}, duration=0.01)

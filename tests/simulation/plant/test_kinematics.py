@@ -8,12 +8,15 @@ import numpy as np
 
 from armdesign import Machine
 from armdesign.arrays import Array
-from armdesign.simulation.plant.bodies import Bodies
+from armdesign.simulation.plant.equilibrium import find_equilibrium
+from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
 from armdesign.simulation.plant.kinematics import (
-    POINTS,
+    BarLoads,
     add_bars,
     drives_of,
     joints_of,
+    new_frames,
+    new_pin_motion,
     place_drive,
     place_joints,
 )
@@ -27,16 +30,16 @@ def placed(
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Rotations, origins, lengths, moment arms, and M and h of the bars at one pose."""
     nq, joints = len(q), joints_of(machine.arm)
-    rotation, origin, axis = np.empty((nq, 3, 3)), np.empty((nq, 3)), np.empty((nq, 3))
-    place_joints(joints, q, rotation, origin, axis)
+    frames = new_frames(nq)
+    place_joints(joints, q, frames)
     mass, force, lengths, arms = np.zeros((nq, nq)), np.zeros(nq), [], []
     for drive in drives_of(machine)[: len(machine.cylinders)]:
-        slope, bias, arm = np.empty((POINTS, nq, 3)), np.empty((POINTS, 3)), np.empty(nq)
-        length, span = place_drive(drive, joints, rotation, origin, axis, speed, slope, bias, arm)
-        add_bars(drive, length, span, speed, slope, bias, mass, force)
+        pins = new_pin_motion(nq)
+        length, span = place_drive(drive, joints, frames, speed, pins)
+        add_bars(drive, length, span, speed, pins, mass, force)
         lengths.append(length)
-        arms.append(arm)
-    return rotation, origin, np.array(lengths), np.array(arms), mass, force
+        arms.append(pins.arm)
+    return frames.rotation, frames.origin, np.array(lengths), np.array(arms), mass, force
 
 
 def test_length_moment_arm_and_frames(machine: Machine) -> None:
@@ -83,14 +86,14 @@ def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine
     numpy.
     """
     q = machines.inner_poses(machine, 3)
-    poses, bodies = machine.at(q), Bodies([machine.loaded_arm])
+    poses, bodies = machine.at(q), ForwardDynamics([machine.loaded_arm])
     torque = np.tile(np.linspace(-1e3, 1e3, len(machine.joints)), (3, 1))
     expected = np.linalg.solve(poses.mass_matrix, (torque - poses.gravity_torque)[:, :, None])[
         :, :, 0
     ]
     bars = [placed(machine, at, 0 * at)[4:] for at in q]
     found = bodies.acceleration(
-        q, 0 * q, torque, tuple(np.array(part) for part in zip(*bars, strict=True))
+        q, 0 * q, torque, BarLoads(*(np.array(part) for part in zip(*bars, strict=True)))
     )
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
     if not machine.has_bars:
@@ -105,7 +108,9 @@ def test_cases_of_different_machines_side_by_side() -> None:
     other = one.with_payload("empty").replace({"cylinder.bucket.four_bar.rocker_mm": 590.0})
     q = machines.inner_poses(one, 2)
     alone = [Plant(machine) for machine in (one, other)]
-    states = np.array([plant.rest(at) for plant, at in zip(alone, q, strict=True)])
+    states = np.array(
+        [find_equilibrium(plant, at).state for plant, at in zip(alone, q, strict=True)]
+    )
     states[:, 6:9] += 2.0
     shut = np.zeros((2, 3))
     stack = Plant(one, other).derivative(states, shut)

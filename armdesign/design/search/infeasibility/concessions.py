@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from armdesign.design.requirements.candidate import Condition
-from armdesign.design.requirements.check import Check
+from armdesign.design.requirements.record import Concession, Requirement
 from armdesign.design.requirements.settings import Requirements
-from armdesign.errors import Concession, InfeasibleError
-from armdesign.units import WORKSHOP, deg, outward
+from armdesign.errors import InfeasibleError
+from armdesign.units import WORKSHOP, outward
 
 DIGITS = 6  # of a setting that gives
 HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
@@ -17,7 +16,7 @@ HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
 def concessions(
     requirements: Requirements,
     subsets: Sequence[Sequence[str]],
-    of: Mapping[str, Check | Condition],
+    of: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
 ) -> tuple[Concession, ...]:
@@ -38,15 +37,10 @@ def concessions(
             values[c.setting] = (min if _falls(c) else max)(values.get(c.setting, value), value)
     return tuple(
         Concession(
-            name=name,
-            words=of[name].words,
-            unit=of[name].unit,
-            limit=of[name].limit,
-            at_least=of[name].at_least,
+            **of[name].identity,
             together=amounts.get(name, 0.0),
             alone=amounts.get(name, 0.0) if len(names) == 1 else alone.get(name),
             part=part,
-            setting=of[name].setting,
             value=values.get(of[name].setting) if amounts.get(name, 0.0) > 0 else None,
         )
         for part, names in enumerate(subsets)
@@ -54,17 +48,16 @@ def concessions(
     )
 
 
-def _falls(c: Check | Condition) -> bool:
-    """Whether its setting falls when it gives: a lower limit, or the speed that an upper limit of flow allows."""
-    return c.at_least or c.setting.startswith("speed.")
+def _falls(c: Requirement) -> bool:
+    """Whether its setting falls when it is relaxed: a lower limit, or a factor on the value."""
+    return c.at_least or c.inverse
 
 
-def _granting(requirements: Requirements, c: Check | Condition, amount: float) -> float:
+def _granting(requirements: Requirements, c: Requirement, amount: float) -> float:
     """The setting that grants an amount, rounded to the granting side."""
-    # an angle of today's that is lower than the setting counts instead of it
-    stated = c.limit / deg if c.setting == "transmission_deg" else requirements.setting(c.setting)
+    stated = requirements.setting(c.setting) if c.stated is None else c.stated
     ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
-    value = stated * (1 / ratio if c.setting.startswith("speed.") else max(ratio, 0.0))
+    value = stated * (1 / ratio if c.inverse else max(ratio, 0.0))
     return outward(value, DIGITS, not _falls(c))
 
 

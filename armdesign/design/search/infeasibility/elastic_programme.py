@@ -15,10 +15,10 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import conditions_at, drawn_in, holding_rows
+from armdesign.design.program.constraints import drawn_in, evaluations_at, holding_rows
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.candidate import Condition
+from armdesign.design.requirements.record import Evaluation
 from armdesign.design.search.drawing_grid import grid_sizes
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend
 from armdesign.errors import InfeasibleError
@@ -127,14 +127,14 @@ class ElasticProgramme:
         return not names or self.solve(Roles((), names), ROUGH).met
 
     @np.errstate(invalid="ignore", divide="ignore")
-    def amounts(self, x: Array) -> dict[str, tuple[Condition, float]]:
+    def amounts(self, x: Array) -> dict[str, tuple[Evaluation, float]]:
         """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
         amounts = {}
-        for c in conditions_at(self.problem, x, holding_rows(self.problem, x)):
+        for c in evaluations_at(self.problem, x, holding_rows(self.problem, x)):
             missed = (c.limit - c.value[0].real) * (1 if c.at_least else -1)
-            kept = np.broadcast_to(drawn_in(self.problem, c), c.room.shape)[0].real
+            kept = np.broadcast_to(drawn_in(self.problem, c), c.constraint.shape)[0].real
             size = abs(c.limit) if c.slack_scale is None else c.slack_scale
-            amount = float(np.max(missed + kept / _room_per_limit(c) * size))
+            amount = float(np.max(missed + kept / _constraint_per_slack(c) * size))
             amounts[c.name] = c, max(0.0, amount)
         return amounts
 
@@ -230,10 +230,11 @@ class ElasticProgramme:
         watched = wanted is None or any(name.startswith("holding.") for name in wanted)
         rows = self.holding if watched else self.holding[:0]
         kept = [
-            c for c in conditions_at(self.problem, x, rows) if wanted is None or c.name in wanted
+            c for c in evaluations_at(self.problem, x, rows) if wanted is None or c.name in wanted
         ]
         shares = [
-            (c.room - drawn_in(self.problem, c)) / _room_per_limit(c) - self.depth for c in kept
+            (c.constraint - drawn_in(self.problem, c)) / _constraint_per_slack(c) - self.depth
+            for c in kept
         ]
         room = np.concatenate(shares, axis=1)
         names = [
@@ -243,12 +244,12 @@ class ElasticProgramme:
         return _Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
 
 
-def _room_per_limit(condition: Condition) -> Array:
+def _constraint_per_slack(evaluation: Evaluation) -> Array:
     """Room of a condition per relative slack (k,); of what nothing changes, one."""
-    if condition.slack_scale is not None:
-        return np.ones(condition.room.shape[1])  # its room is a share of that scale already
-    easing = np.broadcast_to(condition.easing, condition.room.shape)[0].real
-    return np.where(easing > 0, easing, 1.0)
+    if evaluation.slack_scale is not None:
+        return np.ones(evaluation.constraint.shape[1])  # its room is a share of that scale already
+    sensitivity = evaluation.limit_sensitivity[0].real
+    return np.where(sensitivity > 0, sensitivity, 1.0)
 
 
 def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:

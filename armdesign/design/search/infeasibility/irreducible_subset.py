@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Condition
+from armdesign.design.requirements.record import Evaluation
 from armdesign.design.search.infeasibility.elastic_programme import (
     MET,
     STARTS,
@@ -29,7 +29,7 @@ SUBSETS = 8  # that are looked for
 class Relaxation:
     """By how much requirements give, in their units, and a design that then meets all, as the limits are drawn in."""
 
-    conditions: dict[str, Condition]
+    conditions: dict[str, Evaluation]
     amounts: dict[str, float]
     x: Array
 
@@ -118,6 +118,6 @@ class ConflictSearch(ElasticProgramme):
         return Relaxation(conditions, gives, best.x)
 
 
-def _gives_all(condition: Condition, amount: float) -> bool:
+def _gives_all(condition: Evaluation, amount: float) -> bool:
     """Whether nothing is left of a lower limit that gives an amount."""
     return condition.at_least and amount >= abs(condition.limit) > 0

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Condition
-from armdesign.design.requirements.check import Check
+from armdesign.design.requirements.record import Concession, Evaluation, Requirement
 from armdesign.design.search.infeasibility.concessions import (
     concessions,
     conflict_error,
@@ -27,7 +26,7 @@ from armdesign.design.search.infeasibility.restoration import (
 )
 from armdesign.design.search.rounding import inmost_machine, nearest_misses
 from armdesign.design.search.sequential_sdp import MISSED, Search
-from armdesign.errors import Concession, InfeasibleError
+from armdesign.errors import InfeasibleError
 
 # shares by which limits are drawn in, until there is a conflict
 DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
@@ -121,7 +120,7 @@ class _Conflict:
         )
 
     def _alone(
-        self, of: Mapping[str, Condition], together: Mapping[str, float], near: Array
+        self, of: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
     ) -> dict[str, float | None]:
         """What each requirement of a subset gives where no other of its subset does.
 
@@ -147,7 +146,7 @@ class _Conflict:
 def _enough(
     search: Search,
     subsets: Sequence[Sequence[str]],
-    of: Mapping[str, Check | Condition],
+    of: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,

@@ -1,4 +1,4 @@
-"""Modes within a band, beside whatever the modes outside it add: a fit that states what it cannot know.
+"""Modes within a band, with neighbours and residual terms for the modes outside it.
 
 For a linear system the spectra of a record obey, line by line and exactly (Pintelon & Schoukens
 2012),
@@ -82,7 +82,7 @@ class Lines:
 
     @cached_property
     def inputs(self) -> Array:
-        """What the numerator of a mode multiplies (k, 4 or 2): U, s U and, with the ends, 1 and s."""
+        """Factors of a mode's numerator (k, 4 or 2): U, s U and, with the ends, 1 and s."""
         one = np.ones_like(self.s)
         columns = [self.u, self.s * self.u] + ([one, self.s] if self.ends else [])
         return np.stack(columns, axis=1) * self.weight[:, None]
@@ -99,7 +99,7 @@ class Lines:
 
     @property
     def end_size(self) -> float:
-        """Usual size of E's coefficients relative to R's: what rings on at the end spreads over all lines."""
+        """Usual size of E's coefficients relative to R's: a ringing end spreads over all lines."""
         return 0.5 / math.sqrt(len(self.s))
 
     @cached_property
@@ -170,9 +170,9 @@ class Answer:
 
 
 def answers(lines: Lines, starts: Array) -> tuple[list[Answer], Array]:
-    """All that is likely, and the weight of each (·,), in sum one.
+    """All likely answers, and the weight of each (·,), in sum one.
 
-    A neighbour is tried as far as there are lines enough.
+    Neighbours are tried where there are lines enough.
 
     Args:
         lines: spectra.
@@ -234,7 +234,7 @@ def _ladder(lines: Lines, first: Answer, best: float) -> list[Answer]:
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Numerators for given poles by least squares: columns of size one, their sizes, QR, and what is left."""
+    """Numerators for given poles by least squares: scaled columns, their QR, what is left."""
 
     columns: Array
     sizes: Array
@@ -271,7 +271,7 @@ class _Regression:
         return np.asarray(values - self.shrunk @ (self.u.T @ values))
 
     def bounds(self, poles: Array) -> tuple[Array, Array]:
-        """Least and largest ω and ζ (m, 2): modes are about the band, neighbours stay on their side of it."""
+        """Bounds of ω and ζ (m, 2): modes are about the band, neighbours on their side of it."""
         low, high = self.lines.edges
         inner, above = np.arange(len(poles)) < self.modes, poles[:, 0] > 1
         least = np.where(inner, low / MARGIN, np.where(above, high, low / FARTHEST))
@@ -295,7 +295,10 @@ class _Regression:
         )
 
     def slopes(self, poles: Array, now: _Eliminated) -> Array:
-        """Change of the modelled output by ω and ζ of every pole, beyond what numerators make up for (2k, 2m)."""
+        """Change of the output by ω and ζ of every pole, beyond what numerators make up for.
+
+        Columns (2k, 2m): ω and ζ of the first pole, of the second, …
+        """
         s, q = self.lines.s[:, None], _fractions(poles, self.lines.s)
         part = (now.columns * now.numerators).reshape(*q.shape, -1).sum(axis=2) * q
         omega, zeta = poles.T
@@ -304,7 +307,10 @@ class _Regression:
         return np.asarray(slopes - now.basis @ (now.basis.T @ slopes))
 
     def answer(self, poles: Array, rounds: int = ROUNDS) -> Answer:
-        """Levenberg's and Marquardt's method on ω and ζ, the numerators eliminated (Golub & Pereyra 1973)."""
+        """Fit by Levenberg and Marquardt's method on ω and ζ, from some ``poles``.
+
+        The numerators are eliminated (Golub & Pereyra 1973).
+        """
         damping, (least, most) = 1e-3, self.bounds(poles)
         poles = np.minimum(np.maximum(poles, least), most)
         now = self.eliminated(poles)
@@ -317,7 +323,7 @@ class _Regression:
             for _ in range(TRIALS):
                 step = np.linalg.solve(normal + damping * np.eye(len(normal)), gradient)
                 if gradient @ step < CONVERGED * before:
-                    return self._judged(poles, now)
+                    return self._with_covariance(poles, now)
                 step = (step / scale).reshape(-1, 2)
                 step *= min(1.0, 1 / float(np.max(np.abs(step) / LARGEST_STEP)))
                 there = np.minimum(np.maximum(poles + step, least), most)
@@ -328,9 +334,9 @@ class _Regression:
                 damping *= 5
             if before - now.cost < CONVERGED * before:
                 break
-        return self._judged(poles, now)
+        return self._with_covariance(poles, now)
 
-    def _judged(self, poles: Array, now: _Eliminated) -> Answer:
+    def _with_covariance(self, poles: Array, now: _Eliminated) -> Answer:
         slopes = self.slopes(poles, now)
         scale = np.linalg.norm(slopes, axis=0) + 1e-300
         normal = (slopes / scale).T @ (slopes / scale)

@@ -1,24 +1,109 @@
-"""Lifting: at which pose a lift is asked, and how cylinder forces grow with its mass."""
+"""Lifts: masses to hold at given poses or places, and how cylinder forces grow with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.settings import Lift
+from armdesign.design.requirements.candidate import Candidate, Reference, unloaded
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.chamber_pressures import holding_force
-from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
+from armdesign.machine.requirements_schema import LiftSection
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
-from armdesign.units import GRAVITY
+from armdesign.units import GRAVITY, mm
 
 LATTICE = 41  # values of each free joint from which a place is sought
 TOLERANCE = 1e-9  # [m] by which the place may be missed, [rad, m] by which a range may be left
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lift(Frozen):
+    """A mass that every cylinder must hold within ``holding_share`` of what the supply gives, at one pose.
+
+    Attributes:
+        name: of the lift.
+        mass: [kg], in place of any load case; hook and sling included.
+        link: that carries it; None: the tool's.
+        at: its place in the link [m]; None: the tool.
+        joints: where the joints stand [rad, m]. All of them; or all but two, which then bring the
+            mass to ``reach`` and ``height``, of several ways in that in which today's machine
+            lifts most.
+        reach: of the mass from the root's vertical axis [m].
+        height: of the mass over the root [m].
+    """
+
+    name: str
+    mass: float
+    link: str | None = None
+    at: tuple[float, float, float] | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
+    reach: float | None = None
+    height: float | None = None
+
+
+def _read(machine: Machine, name: str, section: LiftSection) -> Lift:
+    x, y, z = (value * mm for value in section.at_mm or (0.0, 0.0, 0.0))
+    return Lift(
+        name=name,
+        mass=section.mass_kg,
+        link=section.link,
+        at=None if section.at_mm is None else (x, y, z),
+        joints=by_joint(machine, f"lift.{name}", section.joint_deg, section.joint_mm),
+        reach=None if section.reach_mm is None else section.reach_mm * mm,
+        height=None if section.height_mm is None else section.height_mm * mm,
+    )
+
+
+def _names(lift: Lift, machine: Machine) -> Names:
+    yield f"lift.{lift.name}", "joint", lift.joints, machine.joints
+    yield f"lift.{lift.name}", "link", [lift.link] if lift.link else [], machine.arm.links
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lifts:
+    """Settings: lifts.
+
+    Attributes:
+        lifts: masses to hold at given poses or places.
+    """
+
+    lifts: tuple[Lift, ...] = entries("lift", _read, ("mass_kg", "mass", 1.0), _names)
+
+
+def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
+    """Mass that each cylinder could hold, for the optimiser by the forces at the mass of the lift."""
+    share, supply = reference.requirements.holding_share, new.machine.supply
+    for lift in reference.requirements.lifts:
+        pose = lift_pose(reference.today, lift, share)
+        arms = new.moment_arms(pose.rigid)
+        bare, per_mass = (
+            static_forces(arms, load, new.areas[:, None, :, 0])[:, 0]
+            for load in (new.bare_gravity(pose.rigid), pose.torque[None])
+        )
+        mass = liftable(new.machine, bare, per_mass, new.areas, share)
+        loaded = np.isfinite(mass[0].real)
+        thrust = supply.pressure * reference.old.areas[0, :, 0]
+        per_kg = np.where(loaded, per_mass * np.sign(per_mass[0].real) / thrust, 0.0)
+        spare = np.where(loaded, mass, 0.0) - lift.mass
+        yield Evaluation(
+            name=f"lift.{lift.name}",
+            words=f"mass that the lift {lift.name} could be",
+            unit="kg",
+            value=mass,
+            limit=lift.mass,
+            at_least=True,
+            reformulated=(np.where(loaded, spare * per_kg, 1.0), lift.mass * per_kg),
+            setting=f"lift.{lift.name}.mass_kg",
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +115,10 @@ class LiftPose:
     torque: Array
 
 
-def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
-    """Gravity torque (n, nq) of links, cylinders and four-bars without a load [N m]."""
-    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
-
-
 def liftable(
     machine: Machine, forces: Array, per_mass: Array, areas: Array, share: float
 ) -> Array:
     """Mass [kg] at which each cylinder (…, nc) uses up a share of what the supply gives.
-
-    Complex-safe.
 
     Infinite for a cylinder that the mass does not load.
 
@@ -60,6 +138,7 @@ def liftable(
     )
 
 
+@lru_cache(maxsize=64)
 def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
     """The pose of a lift on today's machine: as given, or where it brings the mass to its place.
 

@@ -1,21 +1,21 @@
-"""Rigid bodies under joint torques, stacked: Pinocchio's forward dynamics, with bars that are no links."""
+"""Forward dynamics of rigid bodies, stacked: Pinocchio's, with bars that are no links."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.mechanism.arm import LoadedArm
 from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.kinematics import BarLoads
 from armdesign.units import GRAVITY
 
 
-class Bodies:
+class ForwardDynamics:
     """Loaded arms of one shape: axis 0 is the case; one arm alone serves any number of cases.
 
     Args:
@@ -32,11 +32,9 @@ class Bodies:
         self._same = bool(np.all(self._order == np.arange(len(self._order))))
 
     def acceleration(
-        self, q: Array, velocity: Array, torque: Array, bars: tuple[Array, Array] | None = None
+        self, q: Array, velocity: Array, torque: Array, bars: BarLoads | None = None
     ) -> Array:
-        """q̈ = M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms.
-
-        NaN where the bars' shares are.
+        """Joint accelerations M⁻¹(τ − h) (n, nq), h: Coriolis, centrifugal and gravity terms.
 
         By the articulated-body algorithm. With what bars add to M (n, nq, nq) and to h (n, nq), M
         is computed by composite bodies and h by Newton and Euler's recursion, and the sums are
@@ -44,23 +42,23 @@ class Bodies:
         """
         if not self._same:
             q, velocity = self._ordered(q), self._ordered(velocity)
-        pairs, found = cycle(self._pairs), np.empty(q.shape)
+        pairs, acceleration = cycle(self._pairs), np.empty(q.shape)
         if bars is None:
             aba, pushes = self._library.aba, torque if self._same else self._ordered(torque)
             for row, ((model, data), at, speed, push) in enumerate(
                 zip(pairs, q, velocity, pushes, strict=False)
             ):
-                found[row] = aba(model, data, at, speed, push)
-            return found if self._same else found[:, self._order]
-        mass, force = np.empty(bars[0].shape), np.empty(q.shape)
+                acceleration[row] = aba(model, data, at, speed, push)
+            return acceleration if self._same else acceleration[:, self._order]
+        mass, force = np.empty(bars.mass.shape), np.empty(q.shape)
         for row, ((model, data), at, speed) in enumerate(zip(pairs, q, velocity, strict=False)):
             mass[row] = self._library.crba(model, data, at)
             force[row] = self._library.nonLinearEffects(model, data, at, speed)
-        _solve(mass, force, self._order, *bars, torque, found)
-        return found
+        _solve(mass, force, self._order, bars, torque, acceleration)
+        return acceleration
 
     def energy(self, q: Array, velocity: Array) -> Array:
-        """Kinetic and potential energy [J] of links, payload and bars of one loaded arm at states (m, nq)."""
+        """Kinetic and potential energy [J] of links, payload and bars at states (m, nq) of one arm."""
         (model, data), library = self._pairs[0], self._library
         total = np.zeros(len(q))
         for row, (at, speed) in enumerate(
@@ -82,17 +80,17 @@ class Bodies:
 
 @compiled
 def _solve(
-    mass: Any, force: Any, order: Any, bar_mass: Any, bar_force: Any, torque: Any, found: Any
+    mass: Array, force: Array, order: Array, bars: BarLoads, torque: Array, acceleration: Array
 ) -> None:
-    """(M + M_bars)⁻¹(τ − h − h_bars) of every case.
+    """Write (M + M_bars)⁻¹(τ − h − h_bars) of every case.
 
     Pinocchio fills the upper triangle of M, in its own order.
     """
-    for case in range(len(found)):
-        whole, rest = bar_mass[case].copy(), torque[case] - bar_force[case]
+    for case in range(len(acceleration)):
+        whole, net = bars.mass[case].copy(), torque[case] - bars.force[case]
         for j in range(len(order)):
-            rest[j] -= force[case, order[j]]
+            net[j] -= force[case, order[j]]
             for k in range(len(order)):
                 whole[j, k] += mass[case, min(order[j], order[k]), max(order[j], order[k])]
-        finite = math.isfinite(whole.sum() + rest.sum())
-        found[case] = np.linalg.solve(whole, rest) if finite else np.full(len(order), np.nan)
+        finite = math.isfinite(whole.sum() + net.sum())
+        acceleration[case] = np.linalg.solve(whole, net) if finite else np.full(len(order), np.nan)

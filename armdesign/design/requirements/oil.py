@@ -1,0 +1,56 @@
+"""Oil, which is pump and cycle time: swept volumes of both sides, of each cylinder and of all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from armdesign.design.requirements.candidate import Candidate, Reference
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.stated import number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oil:
+    """Settings: swept volumes.
+
+    Attributes:
+        oil_total_share: swept volume summed over the cylinders, bore sides and annulus sides, at most.
+        oil_each_share: swept volume of each cylinder and side, at most.
+    """
+
+    oil_total_share: float = number("oil_total_share")
+    oil_each_share: float = number("oil_each_share")
+
+
+def oil(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
+    """Swept volumes of both sides, summed and of each cylinder.
+
+    The bound states them again: the sum in ``bound/lagrangian.py`` (``budget``), each in
+    ``bound/cylinder_constraints.py``; ``test_no_random_design_exceeds_the_bound`` ties them.
+    """
+    requirements, old = reference.requirements, reference.old
+    count = len(reference.today.cylinders)
+    for side, label in enumerate(("cap", "annulus")):
+        volume, today = (c.areas[:, :count, side] * c.stroke[:, :count] for c in (new, old))
+        total = float(today.sum())
+        yield Evaluation(
+            name=f"oil.{label}.total",
+            words=f"oil of all {label} sides",
+            unit="m³",
+            value=volume.sum(axis=1),
+            limit=requirements.oil_total_share * total,
+            scale=total,
+            setting="oil_total_share",
+        )
+        for i, cylinder in enumerate(reference.today.cylinders):
+            own = float(today[0, i])
+            yield Evaluation(
+                name=f"oil.{label}.{cylinder.name}",
+                words=f"oil of the {cylinder.name} cylinder's {label} side",
+                unit="m³",
+                value=volume[:, i],
+                limit=requirements.oil_each_share * own,
+                scale=own,
+                setting="oil_each_share",
+            )

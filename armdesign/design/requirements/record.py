@@ -1,0 +1,163 @@
+"""What a requirement is: one record, evaluated on designs, judged on a machine, or conceded.
+
+To add one, say a largest rod speed: (1) its key with its default in
+``machine.requirements_schema.RequirementsSection``; (2) in the file of its family here, which the key belongs
+to, a field ``number(key, unit)`` and (3) a function that yields its ``Evaluation`` on a
+``Candidate``. Check, constraints, slacks, rounding, conflicts and reports take it from there.
+A new family is one more base class in ``settings.py`` and one more line of ``evaluations``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.units import Units
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirement:
+    """A requirement: what is limited, and by what.
+
+    Attributes:
+        name: of the requirement.
+        words: what it is about.
+        unit: SI, of value and limit.
+        limit: what a design may have.
+        at_least: whether the limit is a lower one.
+        setting: key under ``[requirements]`` that states the limit; empty where none does.
+            ``speed.NAME`` stands for all speeds of a motion.
+        stated: number in the key's unit that would state this limit; None: the setting does.
+        inverse: whether the setting is a factor on the value, such as a speed, not on the limit.
+    """
+
+    name: str
+    words: str
+    unit: str
+    limit: float
+    at_least: bool = False
+    setting: str = ""
+    stated: float | None = None
+    inverse: bool = False
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The fields that every record of this requirement has."""
+        return {name: getattr(self, name) for name in Requirement.__dataclass_fields__}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evaluation(Requirement):
+    """A requirement on b variants of a design at k places.
+
+    Attributes:
+        value: what the design has (b,) or (b, k), kept as (b, k).
+        scale: what the constraint is measured by; None: ``slack_scale``, or the limit's size.
+        slack_scale: what a slack is a share of; None: the limit.
+        reformulated: for the optimiser a smoother form of the constraint (b, k), and what it gains
+            per 100 % of the limit; None: the distance to the limit over ``scale``.
+        tightening_factor: how many times a share of tightening this constraint is drawn in.
+        rounding_loss: of the constraint, by pins on the grid, besides.
+        curved: whether the constraint bends in the areas so that no tangent bounds it.
+    """
+
+    value: Array
+    scale: float | None = None
+    slack_scale: float | None = None
+    reformulated: tuple[Array, Array] | None = None
+    tightening_factor: float = 1.0
+    rounding_loss: float = 0.0
+    curved: bool = False
+
+    def __post_init__(self) -> None:
+        if self.value.ndim == 1:
+            object.__setattr__(self, "value", self.value[:, None])
+
+    @cached_property
+    def constraint(self) -> Array:
+        """As the optimiser sees it (b, k), dimensionless, ≥ 0 where met."""
+        if self.reformulated is not None:
+            return self.reformulated[0]
+        distance = self.value - self.limit if self.at_least else self.limit - self.value
+        return np.asarray(distance / self._scale)
+
+    @cached_property
+    def limit_sensitivity(self) -> Array:
+        """What the constraint gains per 100 % of the limit (b, k)."""
+        own = abs(self.limit) / self._scale if self.reformulated is None else self.reformulated[1]
+        return np.broadcast_to(own, self.constraint.shape)
+
+    @property
+    def _scale(self) -> float:
+        return self.scale or self.slack_scale or abs(self.limit) or 1.0
+
+    @property
+    def slack(self) -> Array:
+        """Distance to the limit (b, k) over it, or over ``slack_scale``; ≥ 0 where met."""
+        distance = self.value.real - self.limit if self.at_least else self.limit - self.value.real
+        slack = distance / (self.slack_scale or abs(self.limit) or 1.0)
+        slack[np.abs(slack) < 1e-12] = 0.0  # nothing but the rounding of the arithmetic is left
+        return np.asarray(slack)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check(Requirement):
+    """A requirement, judged on a machine: ``value`` against ``limit``.
+
+    ``slack`` ≥ 0 where it is met: the distance to the limit over the limit (over the pin box, the
+    stroke, the outline's size or today's value where the limit is a length that may be zero).
+    """
+
+    value: float
+    slack: float
+
+    @classmethod
+    def of(cls, evaluation: Evaluation) -> Check:
+        """The requirement of one machine where it has least slack."""
+        slack = evaluation.slack[0]
+        worst = int(slack.argmin())
+        value = float(evaluation.value[0, worst].real)
+        return cls(**evaluation.identity, value=value, slack=float(slack[worst]))
+
+    def sentence(self, worth: float, at_margin: float, units: Units) -> str:
+        """That it binds, and the relative gain in frequency that relaxing it by 1 % would buy, ``worth``.
+
+        And what the first of that would buy per 1 %, ``at_margin``, where that is clearly more.
+        """
+        bound, eased = ("at least", "1 % less") if self.at_least else ("at most", "1 % more")
+        limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
+        soon = (
+            f" ({100 * at_margin:.2g} % at the margin: then another limit binds)"
+            if at_margin > 1.2 * worth
+            else ""
+        )
+        return (
+            f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
+            f"{eased} would buy {100 * worth:.2g} % of frequency{soon}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Concession(Requirement):
+    """What one requirement of a conflict must give, in its unit.
+
+    Attributes:
+        together: what it gives where all of the conflict give so that the largest share is least,
+            with what rounding to a drawing's grid or a catalogue's sizes takes; 0 where it stands
+            in the way and need not, or cannot, give.
+        alone: what it gives where no other of its part does; None where that does not help.
+        part: which of several conflicts that have nothing in common it belongs to; all of them
+            must give.
+        value: of the setting that gives what is needed together, in the key's unit, as a factor
+            for speeds; None where it gives nothing. ``Requirements.granting`` makes requirements
+            of the values of a conflict.
+    """
+
+    together: float
+    alone: float | None
+    part: int = 0
+    value: float | None = None

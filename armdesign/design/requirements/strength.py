@@ -1,0 +1,152 @@
+"""What a cylinder can be built and loaded for: thrust, dead length, buckling of its rod."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.requirements.candidate import Candidate, Reference, diameters
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.stated import Stated, check_word, number, stated
+from armdesign.hydraulics.barrel import barrel_outer
+from armdesign.hydraulics.buckling import STEEL_MODULUS, euler_load, second_moment, stepped_load
+
+ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thrust:
+    """Settings: thrust.
+
+    Attributes:
+        thrust_share: supply pressure × bore area of each cylinder, at most.
+    """
+
+    thrust_share: float = number("thrust_share")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Buckling:
+    """Settings: buckling.
+
+    Attributes:
+        buckling_share: Euler safety of each rod, at least.
+        buckling_factor: buckling load over the thrust of one cylinder, at least; None: no such limit.
+        buckling_column: what buckles then: "rod", all of the open cylinder as thick as the rod
+            (Euler); "stepped", barrel and rod.
+    """
+
+    buckling_share: float = number("buckling_share")
+    buckling_factor: float | None = number("buckling_factor")
+    buckling_column: Literal["rod", "stepped"] = stated(
+        Stated(
+            key="buckling_column",
+            read=lambda machine: machine.section.requirements.buckling_column,
+            check=lambda word: check_word("buckling_column", word, ("rod", "stepped")),
+        )
+    )
+
+
+def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
+    """Thrust, dead length and buckling of each cylinder.
+
+    The bound states them again for one cylinder alone: ``bound/cylinder_constraints.py``;
+    ``test_branching_against_dense_sampling`` ties them. Buckling has a convex relaxation in
+    ``program/convex_relaxation.py``, tied by
+    ``test_relaxed_constraints_hold_wherever_the_true_ones_do``.
+    """
+    requirements, pressure = reference.requirements, new.machine.supply.pressure
+    for i, cylinder in enumerate(reference.today.cylinders):
+        name, bore_area = cylinder.name, float(reference.old.areas[0, i, 0])
+        yield Evaluation(
+            name=f"thrust.{name}",
+            words=f"thrust of the {name} cylinder",
+            unit="N",
+            value=pressure * new.areas[:, i, 0],
+            limit=requirements.thrust_share * pressure * bore_area,
+            scale=pressure * bore_area,
+            setting="thrust_share",
+        )
+        yield Evaluation(
+            name=f"dead_length.{name}",
+            words=f"dead length of the {name} cylinder",
+            unit="m",
+            value=new.closed[:, i] - new.stroke[:, i],
+            limit=cylinder.dead_length,
+            at_least=True,
+            slack_scale=cylinder.stroke,
+            tightening_factor=0.0,
+            rounding_loss=ROUNDING_LENGTH / cylinder.stroke,
+        )
+        if requirements.buckling_share > 0:
+            today = float(_buckling_safety(reference.old, i, pressure, "rod")[0])
+            words, least = (
+                f"Euler buckling safety of the {name} rod",
+                requirements.buckling_share * today,
+            )
+            yield _buckling("buckling_share", words, new, reference, i, "rod", least)
+        if requirements.buckling_factor is not None:
+            column, least = requirements.buckling_column, requirements.buckling_factor
+            part = "rod" if column == "rod" else "barrel and rod"
+            words = f"safety of the {name} {part} against buckling"
+            yield _buckling("buckling_factor", words, new, reference, i, column, least)
+
+
+def _buckling(
+    setting: str,
+    words: str,
+    new: Candidate,
+    reference: Reference,
+    i: int,
+    column: str,
+    least: float,
+) -> Evaluation:
+    """Buckling: as a lower limit of the rod's area, in which it is nearly linear.
+
+    The load of a rod grows with the square of its area: it needs L √(c A1), see
+    ``rod_area_factor``; less in a stepped column, by the root of what the barrel adds to the load.
+    """
+    pressure, today = new.machine.supply.pressure, float(reference.old.areas[0, i, 0])
+    safety = _buckling_safety(new, i, pressure, column)
+    rod_area = new.areas[:, i, 0] - new.areas[:, i, 1]
+    factor = rod_area_factor(new.machine.cylinders[i].count, pressure, least)
+    needed = (new.closed[:, i] + new.stroke[:, i]) * np.sqrt(factor * new.areas[:, i, 0])
+    if column == "stepped":
+        needed = needed * np.sqrt(_buckling_safety(new, i, pressure, "rod") / safety)
+    return Evaluation(
+        name=f"{setting.removesuffix('_share')}.{reference.today.cylinders[i].name}",
+        words=words,
+        unit="",
+        value=safety,
+        limit=least,
+        at_least=True,
+        reformulated=(((rod_area - needed) / today)[:, None], (0.5 * needed / today)[:, None]),
+        tightening_factor=4.0,
+        curved=True,
+        setting=setting,
+    )
+
+
+def _buckling_safety(new: Candidate, i: int, pressure: float, column: str) -> Array:
+    """Buckling load of an open cylinder over its thrust (b,).
+
+    As a column of barrel and rod each is half of it: the dead length is shared by both ends.
+    """
+    bore, rod = diameters(new, i)
+    length = new.closed[:, i] + new.stroke[:, i]
+    thrust = pressure * math.pi / 4 * bore**2
+    if column == "rod":
+        return np.asarray(euler_load(second_moment(rod), length) / thrust)
+    outer = barrel_outer(bore, new.machine.cylinders[i].barrel_wall, pressure)
+    barrel = second_moment(outer, bore)
+    return np.asarray(stepped_load(barrel, second_moment(rod), length / 2, length / 2) / thrust)
+
+
+def rod_area_factor(cylinder_count: int, pressure: float, safety: float) -> float:
+    """The c in rod area ≥ L √(c A1), which gives a safety π E (A1 − A2)²/(4 n L² p A1) of n cylinders."""
+    return safety * 4 * cylinder_count * pressure / (math.pi * STEEL_MODULUS)

@@ -1,0 +1,101 @@
+"""What the optimiser keeps by how it makes designs, and a machine may miss: strokes and pin boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.design.requirements.candidate import MachineCandidate, Reference
+from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.stated import Names, Stated, at_work, cylinders, number, stated
+from armdesign.machine.machine import Machine
+from armdesign.units import mm
+
+
+def _read(machine: Machine) -> dict[str, dict[str, float]]:
+    return {
+        name: {pin: box * mm for pin, box in boxes.model_dump().items() if box is not None}
+        for name, boxes in machine.section.requirements.pin_boxes_mm.items()
+        if at_work(machine, name)
+    }
+
+
+def _names(boxes: Mapping[str, Mapping[str, float]], machine: Machine) -> Names:
+    yield "pin_boxes", "cylinder", boxes, cylinders(machine)
+    for name, box in boxes.items():
+        yield f"pin_boxes.{name}", "pin", box, ("base", "rod_end")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinBoxes:
+    """Settings: how far pins may move.
+
+    Attributes:
+        pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest
+            distance from the first joint to the tool.
+        pin_boxes: other boxes [m] for pins, by cylinder and pin (``base``, ``rod_end``).
+    """
+
+    pin_box: float | None = number("pin_box_mm", mm)
+    pin_boxes: Mapping[str, Mapping[str, float]] = stated(
+        Stated(key="pin_boxes_mm", read=_read, names=_names)
+    )
+
+    def box(self, machine: Machine, workspace: Any) -> float:
+        """How far pin coordinates may move where no box of their own is given [m]."""
+        if self.pin_box is not None:
+            return self.pin_box
+        tool = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
+        return float(
+            0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max()
+        )
+
+    def box_of(self, cylinder: str, pin: str, common: float) -> float:
+        """How far the coordinates of one pin may move [m]; ``common`` where it has no own box."""
+        return self.pin_boxes.get(cylinder, {}).get(pin, common)
+
+
+def strokes_and_boxes(
+    new: MachineCandidate, reference: Reference, box: float
+) -> Iterator[Evaluation]:
+    """Strokes that cover their joint's range, and places within their boxes; ``box`` is common [m].
+
+    The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``;
+    ``test_constraints_of_the_optimiser_are_the_requirements`` ties them.
+    """
+    for i, cylinder in enumerate(reference.today.cylinders):
+        name, swept, linkage = cylinder.name, new.sweeps[i], new.machine.linkages[i]
+        if swept is not None:
+            open_length, length = new.closed[:, i] + new.stroke[:, i], swept[0]
+            for end, value, limit, at_least in (
+                ("open", open_length, float(length.max()), True),
+                ("closed", new.closed[:, i], float(length.min()), False),
+            ):
+                yield Evaluation(
+                    name=f"range.{end}.{name}",
+                    words=f"stroke covers {reference.today.joints[linkage.joints[0]]}",
+                    unit="m",
+                    value=value,
+                    limit=limit,
+                    at_least=at_least,
+                    slack_scale=cylinder.stroke,
+                )
+        for place in linkage.places:
+            now, before = new.place(i, place), reference.old.place(i, place)
+            if now is None or before is None:
+                continue
+            words = f"change of the {name} {place}'s length"
+            if place in linkage.pin_names:
+                words = f"move of the {name} cylinder's {place.replace('_', '-')} pin"
+            own = reference.requirements.box_of(name, place, box)
+            yield Evaluation(
+                name=f"pin_box.{name}.{place}",
+                words=words,
+                unit="m",
+                value=np.abs(now - before).max(axis=1),
+                limit=own,
+                slack_scale=own or 1.0,
+            )

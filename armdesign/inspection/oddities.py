@@ -1,0 +1,241 @@
+"""Numbers of a machine worth a second look: what a designer who looked at them would ask about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.arrays import weighted_share
+from armdesign.errors import PoseError
+from armdesign.frequency.modes import natural_modes
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.buckling import euler_safety
+from armdesign.inspection.finding import Finding
+from armdesign.machine.load_case import PITCH_TOLERANCE
+from armdesign.mechanism.urdf import Joint
+from armdesign.units import Units
+
+if TYPE_CHECKING:
+    from armdesign.inspection.inspection import Inspection, StaticLoad
+
+# head, piston, gland and two eyes of a real cylinder take at least about this, over its bore
+DEAD_LENGTH_PER_BORE = 2.2
+SMALL_MOMENT_ARM = 0.15  # of the largest
+STROKE_USED = 0.6
+RANGE_TOLERANCE = {"rad": 0.01, "m": 0.005}  # by which URDF limit and stroke may differ
+PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the workspace
+BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
+RODS_SAFETY = 1.0  # Euler load over the supply's thrust
+
+Oddity = tuple[str, str]  # part, words
+
+
+def oddities(inspection: Inspection, units: Units) -> list[Finding]:
+    """Everything odd, cylinders first, then joints, load cases and the rest."""
+    machine = inspection.machine
+    found: list[Oddity] = []
+    for i in range(len(machine.cylinders)):
+        found += _of_cylinder(inspection, i, units)
+    for j in range(len(machine.joints)):
+        found += _of_joint(inspection, j, units)
+    for case in machine.payloads:
+        found += _of_load_case(inspection, case.name, units)
+    found += [*_of_idle(inspection), *_of_oil_and_loads(inspection)]
+    return [Finding(part=part, words=words) for part, words in found]
+
+
+def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddity]:
+    machine, cylinder = inspection.machine, inspection.machine.cylinders[i]
+    part, needed = f"cylinder.{cylinder.name}", DEAD_LENGTH_PER_BORE * cylinder.bore
+    if cylinder.dead_length < needed:
+        yield (
+            f"{part}.closed_length_mm",
+            f"closed length less stroke is {units.text(cylinder.dead_length, 'm')}; head, piston,"
+            f" gland and two eyes of a real cylinder take about {DEAD_LENGTH_PER_BORE} × bore ="
+            f" {units.text(needed, 'm')}",
+        )
+    used = inspection.stroke_used(i)
+    if used < STROKE_USED:
+        yield (
+            f"{part}.stroke_mm",
+            f"only {100 * used:.0f} % of the stroke is used; limits of the URDF or other cylinders"
+            " end the motion before it does",
+        )
+    for lever in inspection.levers:
+        if lever.cylinder == i and lever.least < SMALL_MOMENT_ARM * lever.most:
+            joint = machine.arm.joints[lever.joint]
+            yield (
+                part,
+                f"its moment arm falls to {100 * lever.least / lever.most:.0f} % of its largest at"
+                f" {joint.name} {units.text(lever.least_at, joint.unit)} (below"
+                f" {100 * SMALL_MOMENT_ARM:.0f} %): close to a dead centre",
+            )
+    bore, rod, length = cylinder.bore, cylinder.rod, cylinder.open_length
+    safety = euler_safety(bore, rod, length, machine.supply.pressure)
+    if safety < RODS_SAFETY:
+        yield (
+            f"{part}.rod_mm",
+            f"fully out the rod buckles at {100 * safety:.0f} % of the thrust at supply pressure"
+            " (Euler, pin to pin)",
+        )
+    yield from _of_dead_volumes(part, cylinder)
+
+
+def _of_dead_volumes(part: str, cylinder: Cylinder) -> Iterator[Oddity]:
+    sides = {"cap": cylinder.cap_dead_volume, "annulus": cylinder.annulus_dead_volume}
+    none = [side for side, volume in sides.items() if volume == 0]
+    if none:
+        yield (
+            f"{part}.dead_volume_l.{none[0]}",
+            "0: ports and lines hold oil, and without it the spring is infinitely stiff at the end"
+            " of the stroke",
+        )
+
+
+def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
+    machine, joint = inspection.machine, inspection.machine.arm.joints[j]
+    low, high = machine.ranges[j]
+    missing = max(low - joint.lower, joint.upper - high)
+    if not is_whole_turn(joint) and missing > RANGE_TOLERANCE[joint.unit]:
+        yield (
+            f"joint {joint.name}",
+            f"the URDF allows {units.span(joint.lower, joint.upper, joint.unit)}, the strokes"
+            f" cover only {units.span(low, high, joint.unit)}",
+        )
+    links = {name for name, link in machine.arm.links.items() if link.joint == j}
+    if not links & set(inspection.masses):
+        yield (
+            f"link {', '.join(sorted(links))}",
+            f"has no mass: what joint {joint.name} moves is payload, tools and links further out"
+            " alone",
+        )
+
+
+def is_whole_turn(joint: Joint) -> bool:
+    """Whether a joint may turn all around."""
+    return joint.revolute and joint.upper - joint.lower > 2 * np.pi - 1e-6
+
+
+def _of_load_case(inspection: Inspection, name: str, units: Units) -> Iterator[Oddity]:
+    case = inspection.cases[name].machine.payload
+    if inspection.share_held(name) == 0:
+        yield (
+            f"payload.{name}.pitch_deg",
+            f"link {case.link} has that pitch at no pose of the workspace: the case never exists",
+        )
+        return
+    if case.pitch and case.link:
+        yield from _of_pitch(inspection, name, units)
+    for load in inspection.loads:
+        if load.payload == name:
+            yield from _of_valve(inspection, load, units)
+            yield from _of_pressure(inspection, load, units)
+    yield from _of_modes(inspection, name)
+
+
+def _of_pitch(inspection: Inspection, name: str, units: Units) -> Iterator[Oddity]:
+    """A pitch range of which the workspace reaches only a part."""
+    case = inspection.cases[name].machine.payload
+    assert case.pitch is not None
+    assert case.link is not None
+    low, high = case.pitch
+    middle, half = (low + high) / 2, (high - low) / 2
+    offset = inspection.machine.arm.pitch(inspection.workspace.rigid, case.link) - middle
+    offset = np.arctan2(np.sin(offset), np.cos(offset))
+    inside = offset[np.abs(offset) <= half + PITCH_TOLERANCE]
+    if inside.min() > -half + PITCH_REACHED or inside.max() < half - PITCH_REACHED:
+        yield (
+            f"payload.{name}.pitch_deg",
+            f"of {units.span(low, high, 'rad')} the workspace reaches only"
+            f" {units.span(middle + inside.min(), middle + inside.max(), 'rad')}",
+        )
+
+
+def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
+    """A relief, or a load-holding valve, that the load alone presses open."""
+    actuator, supply = inspection.machine.actuators[load.cylinder], inspection.machine.supply
+    part, holding = f"{actuator.kind}.{actuator.name}", actuator.load_holding
+    relief = actuator.relief(supply)
+    for side, largest in zip(("cap", "annulus"), load.largest, strict=True):
+        needs = (
+            f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"
+            f" {units.text(largest, 'Pa')}"
+        )
+        if largest > relief:
+            yield (
+                f"{part}.valve.relief_bar",
+                f"{needs} to stand still; its relief opens at {units.text(relief, 'Pa')} and"
+                " cannot hold that: the load gives way",
+            )
+        if holding is not None and holding.side == side and largest > holding.setting:
+            yield (
+                f"{part}.load_holding.setting_bar",
+                f"{needs}, more than the setting of {units.text(holding.setting, 'Pa')}: the load"
+                " alone opens it, and is held by the spool, if at all",
+            )
+
+
+def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
+    """A load near or beyond what the supply holds."""
+    machine, actuator = inspection.machine, inspection.machine.actuators[load.cylinder]
+    limit = machine.section.requirements.holding_share
+    needs = (
+        f"under {load.payload} the {'cap' if load.cap else 'rod'} side needs"
+        f" {units.text(load.pressure, 'Pa')} to stand still"
+    )
+    if load.share > 1:
+        supply = units.text(machine.supply.pressure, "Pa")
+        words = f"{needs}, more than the supply's {supply} can hold"
+        yield f"{actuator.kind}.{actuator.name}", words
+    elif load.share > limit:
+        yield (
+            f"{actuator.kind}.{actuator.name}",
+            f"{needs}, {100 * load.share:.0f} % of what supply pressure holds (requirement:"
+            f" {100 * limit:.0f} %)",
+        )
+
+
+def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
+    """Poses without natural frequencies, or without stiffness."""
+    case = inspection.cases[name]
+    try:
+        lowest = natural_modes(case.machine.at(case.rigid)).frequencies[:, 0]
+    except PoseError as error:
+        yield f"payload.{name}", f"no natural frequencies: {error}"
+        return
+    if np.any(lowest == 0):
+        unstable = weighted_share(lowest == 0, inspection.workspace.weights[case.exists])
+        yield (
+            f"payload.{name}",
+            f"{100 * unstable:.1f} % of the poses are unstable (0 Hz): gravity overcomes the"
+            " trapped oil; is the bulk modulus or the payload right?",
+        )
+
+
+def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
+    """Values that count for nothing: of joints that are coordinates, of cylinders at rest."""
+    section = inspection.machine.section
+    for name in set(section.frozen) & set(section.joints):
+        yield f"frozen.{name}", "is not used: the joint is a coordinate"
+    for name in section.cylinder:
+        if joints := inspection.machine.idle.get(name):
+            one = len(joints) == 1
+            frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
+            yield (
+                f"cylinder.{name}",
+                f"idle: {frozen} frozen, so that it moves nothing and no requirement counts for it",
+            )
+
+
+def _of_oil_and_loads(inspection: Inspection) -> Iterator[Oddity]:
+    modulus, (low, high) = inspection.machine.fluid.bulk_modulus, BULK_MODULUS
+    if not low <= modulus <= high:
+        yield (
+            "fluid.bulk_modulus_MPa",
+            f"{modulus / 1e6:g} MPa is outside [{low / 1e6:g}, {high / 1e6:g}] MPa, the range of"
+            " mineral oil in steel lines and hoses",
+        )
+    if all(case.mass == 0 for case in inspection.machine.payloads):
+        yield "payload", "every load case is empty: the worst pose of work is not looked at"

@@ -1,0 +1,236 @@
+"""Steps of many cases at once by Dormand and Prince's pair of order 5(4) (1980), compiled.
+
+The tableau and the interpolant are scipy's RK45. Each case has its own instant, step and error
+norm, so it comes out as if it were alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.simulation.breakpoints import INSTANT
+from armdesign.simulation.plant.compiled import compiled
+
+SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
+MOST_JUMPS = 50  # unannounced, one right after the other
+
+
+class Rows(NamedTuple):
+    """Cases under way: one row of every array each.
+
+    Attributes:
+        case: number of the case.
+        end: of its run [s].
+        longest: step wherever its command may jump unannounced [s].
+        most: step at all, by stability [s].
+        needed: step that its oscillations need [s].
+        time: reached [s].
+        state: there (n, m).
+        slope: rates there (n, m).
+        low: when rates of its stretch are evaluated first [s].
+        high: and last [s].
+        stop: end of its stretch [s].
+        step: next step [s]; 0: halted.
+        size: next step but for the stop [s].
+        jumps: steps as short as an instant, one right after the other.
+        landed: stops reached since the last look at stiffness.
+        before: time then [s].
+    """
+
+    case: Array
+    end: Array
+    longest: Array
+    most: Array
+    needed: Array
+    time: Array
+    state: Array
+    slope: Array
+    low: Array
+    high: Array
+    stop: Array
+    step: Array
+    size: Array
+    jumps: Array
+    landed: Array
+    before: Array
+
+    @property
+    def under_way(self) -> Flags:
+        """Which are not at their end (n,)."""
+        return np.asarray(self.time < self.end)
+
+
+class Tableau(NamedTuple):
+    """Coefficients of the pair.
+
+    Attributes:
+        nodes: c of the stages after the first (6,).
+        weights: a of these stages (6, 6), below the diagonal; the last row is b.
+        error: b less those of order 4 (7,).
+        interpolant: P (7, 4).
+    """
+
+    nodes: Array
+    weights: Array
+    error: Array
+    interpolant: Array
+
+    @classmethod
+    def of_scipy(cls) -> Tableau:
+        """The tableau of scipy's RK45."""
+        from scipy.integrate import RK45
+
+        weights = np.zeros((6, 6))
+        weights[:5, :5], weights[5] = np.asarray(RK45.A)[1:], RK45.B
+        nodes = np.array([*RK45.C[1:], 1.0])
+        return cls(nodes, weights, np.array(RK45.E), np.array(RK45.P))
+
+
+class Stages(NamedTuple):
+    """Scratch of a step: slopes (7, n, m), state ahead (n, m) and its time (n,) [s]."""
+
+    slopes: Array
+    ahead: Array
+    at: Array
+
+    @classmethod
+    def like(cls, state: Array) -> Stages:
+        """Scratch for states (n, m)."""
+        return cls(np.empty((7, *state.shape)), np.empty_like(state), np.empty(len(state)))
+
+
+class Records(NamedTuple):
+    """States at evenly spaced instants of every case, one case below the other.
+
+    Attributes:
+        states: (rows, m).
+        first: row of each case's start.
+        last: row of its end.
+        spacing: between its records [s].
+        done: row filled last.
+    """
+
+    states: Array
+    first: Array
+    last: Array
+    spacing: Array
+    done: Array
+
+    @classmethod
+    def of(cls, start: Array, durations: Array, counts: Array) -> Records:
+        """Empty but for the start."""
+        ends = np.cumsum(counts + 1)
+        first = ends - counts - 1
+        states = np.empty((ends[-1], start.shape[1]))
+        states[first] = start
+        return cls(states, first, ends - 1, durations / counts, first.copy())
+
+    def split(self) -> list[Array]:
+        """States of each case."""
+        rows = zip(self.first.tolist(), self.last.tolist(), strict=True)
+        return [self.states[first : last + 1] for first, last in rows]
+
+    def fill(self, case: int, time: float, between: Callable[[Array], Array]) -> None:
+        """Record a case up to a time [s].
+
+        Args:
+            case: its number.
+            time: reached [s].
+            between: its states (m, k) at times (k,) since the row filled last.
+        """
+        first, spacing = int(self.first[case]), float(self.spacing[case])
+        done = int(self.done[case])
+        passed = min(first + int(time / spacing * (1 + 1e-12)), int(self.last[case]))
+        if passed > done:
+            instants = np.minimum(spacing * np.arange(done + 1 - first, passed + 1 - first), time)
+            self.states[done + 1 : passed + 1], self.done[case] = between(instants).T, passed
+
+
+@compiled
+def place_stage(stage: int, tableau: Tableau, rows: Rows, stages: Stages) -> None:
+    """Write y + h Σ_k a_k K_k of every case, and its time t + c h within its stretch."""
+    n, m = rows.state.shape
+    for case in range(n):
+        time = rows.time[case] + tableau.nodes[stage - 1] * rows.step[case]
+        stages.at[case] = min(max(time, rows.low[case]), rows.high[case])
+        for i in range(m):
+            change = 0.0
+            for k in range(stage):
+                change += tableau.weights[stage - 1, k] * stages.slopes[k, case, i]
+            stages.ahead[case, i] = rows.state[case, i] + rows.step[case] * change
+
+
+@compiled
+def finish_steps(
+    tableau: Tableau, rows: Rows, stages: Stages, records: Records, tolerance: float
+) -> int:
+    """Take or refuse the step of every case by its error, and choose the size of the next one.
+
+    A step as short as an instant is taken whatever its error, as the rates jump within; ``jumps``
+    counts how many such were taken on end. Returns how many cases have halted: they have come to
+    their stop, or are stuck.
+    """
+    halted = 0
+    for row in range(len(rows.step)):
+        h = rows.step[row]
+        if h == 0.0:
+            continue
+        norm = _error_norm(row, tableau, rows, stages) / tolerance
+        finite, instant = math.isfinite(norm), INSTANT * max(rows.time[row], 1.0)
+        jumping = norm >= 1 and finite and h <= 2 * instant
+        rows.jumps[row] = rows.jumps[row] + 1 if jumping else 0
+        taken = norm < 1 or 0 < rows.jumps[row] <= MOST_JUMPS
+        if taken:
+            _take_step(row, tableau, rows, stages, records)
+        factor = SHRINK
+        if finite:
+            factor = min(max(SAFETY * max(norm, 1e-10) ** -0.2, SHRINK), GROW)
+        wanted = min(h * factor, rows.most[row])
+        if finite:
+            wanted = max(wanted, instant)
+        stuck = not taken and (rows.jumps[row] > 0 or not (finite or h * factor >= instant))
+        rows.size[row] = max(wanted, rows.size[row]) if taken and h < rows.size[row] else wanted
+        rows.step[row] = 0.0 if stuck else min(rows.size[row], rows.stop[row] - rows.time[row])
+        if rows.step[row] == 0.0:
+            halted += 1
+    return halted
+
+
+@compiled
+def _error_norm(row: int, tableau: Tableau, rows: Rows, stages: Stages) -> float:
+    """Root mean square of a step's error, relative and absolute."""
+    total, m = 0.0, rows.state.shape[1]
+    for i in range(m):
+        error = 0.0
+        for k in range(7):
+            error += tableau.error[k] * stages.slopes[k, row, i]
+        largest = max(abs(rows.state[row, i]), abs(stages.ahead[row, i]))
+        total += (rows.step[row] * error / (1 + largest)) ** 2
+    return math.sqrt(total / m)
+
+
+@compiled
+def _take_step(row: int, tableau: Tableau, rows: Rows, stages: Stages, records: Records) -> None:
+    """Move a case ahead, and record what lies within: y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j."""
+    begin, h, case = rows.time[row], rows.step[row], rows.case[row]
+    reached = rows.stop[row] - (begin + h) < 1e-14 * rows.stop[row]
+    rows.time[row] = rows.stop[row] if reached else begin + h
+    first, spacing = records.first[case], records.spacing[case]
+    passed = first + int(rows.time[row] / spacing * (1 + 1e-12))
+    for record in range(records.done[case] + 1, min(passed, records.last[case]) + 1):
+        share = ((record - first) * spacing - begin) / h
+        for i in range(rows.state.shape[1]):
+            change = 0.0
+            for k in range(7):
+                weight = tableau.interpolant[k, 3]
+                for power in range(2, -1, -1):
+                    weight = weight * share + tableau.interpolant[k, power]
+                change += weight * share * stages.slopes[k, row, i]
+            records.states[record, i] = rows.state[row, i] + h * change
+        records.done[case] = record
+    rows.state[row], rows.slope[row] = stages.ahead[row], stages.slopes[6, row]

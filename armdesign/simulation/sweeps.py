@@ -1,0 +1,151 @@
+"""Sweeps of a validation: what each one is of, its result, and what to think of its deviation."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+from armdesign.simulation.identification.modal_fit import ModalFit
+
+AGREES = 0.005  # relative deviation
+BALANCED = 1e-3  # relative error of a run's energy balance that its integration may leave
+SHRINKS = 0.75  # of a deviation at full amplitude: so much at most is left of it at half
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep:
+    """Machine, pose and mode of one sweep; arrays are read-only.
+
+    Attributes:
+        pose: "worst", "median", "best", or the number of a given pose, from 1.
+        payload: name of the load case.
+        q: pose (nq,) [rad, m].
+        cylinder: name of the one that moves.
+        mode: number of the coupled mode, 1 is the lowest.
+        linear_frequency: of that mode [Hz].
+        frequency_at_rest: of that mode, of the plant linearised at its own equilibrium [Hz], see
+            ``linearize``. It differs where oil with air is under other pressures there than its
+            static load alone makes: behind a valve that leaks.
+        linear_damping: damping ratio there.
+        amplitude: mean opening of the valve in the sweep.
+    """
+
+    pose: str
+    payload: str
+    q: Array
+    cylinder: str
+    mode: int
+    linear_frequency: float
+    frequency_at_rest: float
+    linear_damping: float
+    amplitude: float
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run(Sweep):
+    """One sweep and its result; arrays are read-only.
+
+    Attributes:
+        fit: the response, measured and fitted.
+        found: which of the fit's modes it is.
+        peak: where the plain spectrum of the speed is highest near the mode [Hz]. It has the bias
+            of short sweeps, see ``sweep_bias``, and of the modes beside it: to be known, not to
+            be used.
+        mean: mean pose during the sweep (nq,).
+        span: largest less smallest joint position during it (nq,).
+        energy_error: of the run's energy balance, see ``Simulation.energy_error``.
+        remark: what to think of the deviation: "energy" if the run's balance does not close;
+            "agrees"; "creep" if oil leaks away that no spool position makes up for; "leaks" if
+            that from ``frequency_at_rest`` is small, or shrinks with the amplitude while this does
+            not; "amplitude" if this shrinks; else "fault"; "not repeated" if the other amplitude's
+            run failed.
+        with_friction: the same sweep of the machine with its dry friction, which no linear answer
+            knows; None where it has none.
+    """
+
+    fit: ModalFit
+    found: int
+    peak: float
+    mean: Array
+    span: Array
+    energy_error: float
+    remark: str = ""
+    with_friction: Run | Failure | None = None
+
+    @property
+    def identified_frequency(self) -> float:
+        """Natural frequency of the fit [Hz]."""
+        return float(self.fit.natural_frequencies[self.found])
+
+    @property
+    def identified_damping(self) -> float:
+        """Damping ratio of the fit."""
+        return float(self.fit.damping_ratios[self.found])
+
+    @property
+    def deviation(self) -> float:
+        """Identified over linear natural frequency, less 1."""
+        return self.identified_frequency / self.linear_frequency - 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Failure(Sweep):
+    """A sweep without a result, and why.
+
+    A load cannot be held, the run gave up, or nothing oscillates. Frequency at rest, damping and
+    amplitude are NaN where it did not come so far.
+    """
+
+    error: SimulationError
+
+
+def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[Run | Failure]:
+    """Full and half amplitude with remarks on their deviations.
+
+    Args:
+        group: full and half amplitude without dry friction; with it, if any, which are put beside.
+        creeps: oil leaks that no spool position makes up for.
+    """
+    smooth, rough = group[:2], group[2:] or (None, None)
+    balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
+    remark = _remark([one for one in smooth if isinstance(one, Run)], creeps)
+    pairs = zip(smooth, rough, strict=True)
+    return [
+        dataclasses.replace(one, remark=remark if balanced else "energy", with_friction=other)
+        if isinstance(one, Run)
+        else one
+        for one, other in pairs
+    ]
+
+
+def _remark(runs: Sequence[Run], creeps: bool) -> str:
+    """Remark on runs at full and at half amplitude."""
+    linear = _trend([run.deviation for run in runs])
+    at_rest = _trend([run.identified_frequency / run.frequency_at_rest - 1 for run in runs])
+    if linear == "agrees":
+        return linear
+    if creeps:
+        return "creep"
+    if at_rest == "agrees":
+        return "leaks"
+    return "leaks" if linear == "fault" and at_rest == "amplitude" else linear
+
+
+def _trend(deviations: Sequence[float]) -> str:
+    """Kind of the deviations at full and at half amplitude."""
+    if all(abs(deviation) <= AGREES for deviation in deviations):
+        return "agrees"
+    if len(deviations) < 2:
+        return "not repeated"
+    full, half = np.abs(deviations)
+    return "amplitude" if half < SHRINKS * full else "fault"

@@ -1,0 +1,154 @@
+"""Modes of free decays: closed forms, Monte Carlo, and struck machines against the linear modes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import identify_ringdown
+from armdesign.errors import SimulationError
+from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.linearization import linearize
+from armdesign.simulation.simulate import Simulation, simulate
+from tests import machines
+
+WORST = (1.154, -1.199, -2.191)
+
+
+def decay(time: np.ndarray, modes: list[tuple[float, float, float]]) -> np.ndarray:
+    """Σ g exp(−ζωt) cos(ω√(1 − ζ²) t): the closed form."""
+    total = np.zeros_like(time)
+    for frequency, zeta, gain in modes:
+        omega = 2 * math.pi * frequency
+        total += (
+            gain * np.exp(-zeta * omega * time) * np.cos(omega * math.sqrt(1 - zeta**2) * time)
+        )
+    return total
+
+
+def test_decay_of_known_modes() -> None:
+    time = np.arange(0, 12, 1 / 60)
+    modes = [(0.9, 0.01, 1.0), (1.3, 0.05, 0.4), (6.0, 0.0, 0.1)]
+    found = identify_ringdown(
+        time, np.stack([decay(time, modes), decay(time, modes[:2])], axis=1), modes=3
+    )
+    assert found.natural_frequencies == pytest.approx([0.9, 1.3, 6.0], rel=1e-9)
+    assert found.damping_ratios == pytest.approx([0.01, 0.05, 0.0], abs=1e-9)
+    np.testing.assert_allclose(found.amplitudes, [[1, 1], [0.4, 0.4], [0.1, 0]], atol=1e-9)
+    assert found.singular_values[6] < 1e-9 * found.singular_values[5]
+    noisy = decay(time, modes[:2]) + 0.01 * np.random.default_rng(2).normal(size=len(time))
+    found = identify_ringdown(time, noisy, modes=2)
+    assert found.natural_frequencies == pytest.approx([0.9, 1.3], rel=2e-3)
+    assert found.residual < 0.05
+
+
+def test_faults_of_decays() -> None:
+    time = np.arange(0, 12, 1 / 60)
+    with pytest.raises(SimulationError, match="nothing moves"):
+        identify_ringdown(time, 0 * time)
+    with pytest.raises(SimulationError, match="7 records are too few"):
+        identify_ringdown(time[:7], time[:7])
+    with pytest.raises(SimulationError, match="holds 0 modes, not 1"):
+        identify_ringdown(time, np.exp(-time) + 0.2 * np.exp(-3 * time))
+
+
+def test_one_sigma_of_a_decay_holds_68_percent() -> None:
+    """Monte Carlo, 300 records of two modes in two answers: the normal law's shares, ± 3 binomial
+    deviations.
+    """
+    random, count = np.random.default_rng(5), 300
+    time, mix = np.arange(0, 12, 1 / 40), np.array([[1.0, 0.5], [0.6, -0.7]])
+    clean = (
+        np.stack([decay(time, [mode]) for mode in ((0.9, 0.01, 1.0), (1.3, 0.02, 1.0))], axis=1)
+        @ mix
+    )
+    inside = np.zeros((2, 4))
+    for _ in range(count):
+        found = identify_ringdown(time, clean + 0.03 * random.normal(size=clean.shape), modes=2)
+        errors = np.abs(
+            [*(found.natural_frequencies - [0.9, 1.3]), *(found.damping_ratios - [0.01, 0.02])]
+        )
+        deviations = np.array([*found.frequency_deviations, *found.damping_deviations])
+        inside += errors < deviations * np.array([[1.0], [2.0]])
+    for share, row in zip((0.683, 0.954), inside / count, strict=True):
+        assert row == pytest.approx(
+            np.full(4, share), abs=3 * math.sqrt(share * (1 - share) / count)
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "modes"), [("paper_1dof", 1), ("excavator_20t", 3), ("slewing", 4)]
+)
+def test_struck_the_arm_rings_in_its_linear_modes(name: str, modes: int) -> None:
+    """Shut in, from a speed of every mode: frequencies of the linear plant, energy kept, the mean
+    pose, too.
+
+    The strike of mode i has the largest joint swing of 1e-4 rad, so that geometry hardly changes.
+    """
+    machine = machines.named(name)
+    pose = np.array(
+        {"paper_1dof": [0.0], "excavator_20t": WORST}.get(name, [0.3, 0.2, -1.2, -0.5])
+    )
+    found = ad.natural_modes(machine.at(pose))
+    shapes = found.shapes[0] / np.abs(found.shapes[0]).max(axis=0)
+    velocity = shapes @ (1e-4 * 2 * math.pi * found.frequencies[0])
+    rate, duration = 16 * found.frequencies[0, -1], 8 / found.frequencies[0, 0]
+    run = simulate(
+        machine, pose, {}, velocity=velocity, duration=duration, rate=rate, tolerance=1e-9
+    )
+    np.testing.assert_array_equal(run.velocity[0], velocity)
+    assert run.energy_error < 1e-4
+    assert np.ptp(run.supplied) == np.ptp(run.dissipated) == 0
+    decayed = identify_ringdown(run.time, run.velocity, modes=modes)
+    assert decayed.natural_frequencies == pytest.approx(found.frequencies[0], rel=1e-3)
+    assert decayed.damping_ratios == pytest.approx(np.zeros(modes), abs=1e-3)
+
+
+class RaisedCosine:
+    """A pulse of a height within a duration [s], then 0: oil shut in, the arm rings freely."""
+
+    def __init__(self, height: float, duration: float) -> None:
+        self.height, self.breakpoints = height, (0.0, duration)
+
+    def __call__(self, time: float) -> float:
+        share = time / self.breakpoints[1]
+        return self.height * (0.5 - 0.5 * math.cos(2 * math.pi * share)) if 0 < share < 1 else 0.0
+
+
+@pytest.fixture(scope="module")
+def rung() -> dict[str, tuple[Experiment, Simulation]]:
+    """Both machines after a short pulse of one valve."""
+    found = {}
+    for name, pose in (("paper_1dof", [0.0]), ("excavator_20t", WORST)):
+        machine = ad.load(name)
+        machine = machine.with_payload("full") if name == "excavator_20t" else machine
+        one = Experiment.of(machine, np.array(pose), 0, 0)
+        pulse = RaisedCosine(one.default_amplitude() / 4, 0.2 / one.frequencies.max())
+        run = simulate(
+            machine,
+            pose,
+            one.commands(pulse),
+            duration=8 / one.target,
+            rate=one.rate,
+            tolerance=1e-9,
+        )
+        found[name] = one, run
+    return found
+
+
+@pytest.mark.parametrize(("name", "modes"), [("paper_1dof", 1), ("excavator_20t", 3)])
+def test_plant_rings_in_its_linear_modes(
+    rung: dict[str, tuple[Experiment, Simulation]], name: str, modes: int
+) -> None:
+    """All modes from one pulse of one valve, without damping: oil shut in."""
+    one, run = rung[name]
+    late = (
+        run.time > 2 / 10 + 0.2 / one.frequencies.max()
+    )  # the spools are shut again: 10 Hz, ζ = 0.8
+    found = identify_ringdown(run.time[late], run.speeds[late], modes=modes)
+    linear = linearize(one.machine, one.pose)
+    assert found.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)
+    assert found.damping_ratios == pytest.approx(linear.damping_ratios, abs=2e-3)
