@@ -1,4 +1,4 @@
-"""What a number was most likely meant to be: in another unit than its key's, with a decimal comma, as a text.
+"""The unit in which a number was most likely meant, where its key's own unit is implausible.
 
 A wrong unit is a factor: a thousand where metres stand under a key in millimetres. It is named
 only where the number as it stands is implausible and the number in the key's own unit is not.
@@ -58,10 +58,10 @@ SHARES = (
 
 @dataclass(frozen=True)
 class Meant:
-    """The units that a number may be in by mistake, likeliest first, and the number in the unit of its key."""
+    """Units that a number may be in by mistake, the likeliest first."""
 
     units: tuple[str, ...]
-    values: tuple[float, ...]
+    values: tuple[float, ...]  # of the number in the unit of its key
 
     @property
     def unit(self) -> str:
@@ -99,16 +99,18 @@ def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool])
         return None
     if not unit_of(path) and abs(value) <= 1:
         return None  # a share, not per cent
-    found = [
+    candidates = [
         (value * factor, unit)
         for unit, factor in units_of(path).items()
         if plausible(value * factor)
     ]
     low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
     if low > 0:  # the one that is nearer to the middle is likelier
-        found.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
+        candidates.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
     return (
-        Meant(tuple(unit for _, unit in found), tuple(new for new, _ in found)) if found else None
+        Meant(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
+        if candidates
+        else None
     )
 
 
