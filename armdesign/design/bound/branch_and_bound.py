@@ -1,299 +1,64 @@
-"""One cylinder's share of the upper bound: its own pins and areas, chosen as well as its own requirements let it.
+"""Branch and bound of one cylinder's term: cells are halved, many at a time, until none can exceed the best design.
 
-With swept volumes v = A S of both sides the share is
-
-    Σ_j w_j k_j r_j² − G_j τ_j − μ·v,    k r² = β (v1² ρ²/(v1 σ + D1) + v2² ρ²/(v2 (1 − σ) + D2)),
-
-w ≥ 0 and D dead volumes. Air softens each chamber to β(p) at its static pressure: over a box and
-all volumes allowed in it β is taken at the greatest pressure that there can be. For a given shape
-it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
-Over a box of shapes it is enclosed twice, naturally and in the mean value form, and the boxes are
-branched, many at a time, until none can exceed the best design found by more than a tolerance.
+No local optimum can fool it: what is cut off is enclosed from above.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
-from armdesign.design.bound.cylinder_constraints import CylinderConstraints
-from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
-from armdesign.design.bound.intervals import Interval
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.arrays import Array
+from armdesign.design.bound.cylinder_shape import Shape
+from armdesign.design.bound.cylinder_term import Cells, CylinderTerm
 
-BATCH = 1500  # boxes branched at a time
-TRIALS = 200  # middles of boxes tried as designs
-TINY = 1e-12  # [m³] of oil
-Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
-FIRST = (8, 8, 2)  # boxes to begin with, along b and scale
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Boxes:
-    """Boxes (m, 3) of b and scale, with air (m, 5) of swept volumes too.
-
-    Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
-    """
-
-    low: Array
-    high: Array
-    bound: Array
-    volume: Array
-    added: Array
-    source: Array  # (m,) index among the boxes that were asked for
-
-    def __getitem__(self, rows: Array) -> Boxes:
-        return Boxes(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Air:
-    """Oil with air, and the static torques (n,) [N m, ≥ 0] by which loads push and pull a cylinder at most."""
-
-    fluid: Fluid
-    back: float  # pressure of the chamber without load, at most [Pa]
-    push: Array
-    pull: Array
-
-    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
-        """Bulk moduli of cap and annulus over that of oil alone (m, 1, n), at most.
-
-        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
-        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
-        """
-        found = []
-        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
-            volume = least[:, own, None]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                load = np.where(torque > 0, torque / (volume * rate), 0.0)
-                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
-            beta = (
-                bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
-                / self.fluid.bulk_modulus
-            )
-            found.append(beta[:, None])
-        return found[0], found[1]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Share:
-    """The function to be maximised: weights at the shape's angles, prices of the swept volumes."""
-
-    shape: Shape
-    limits: CylinderConstraints
-    weight: Array  # (n,) w β ≥ 0
-    bend: Interval  # (n,) G
-    price: Array  # (2,) μ
-    dead: Array  # (2,) dead volumes of oil [m³]
-    hoses: Array  # (2,) what hoses add, as oil without air [m³]
-    air: Air | None = None
-    own: Sequence[float] = (
-        0.0,
-        0.0,
-    )  # what barrel and rod add per bore and rod area, at most [1/m²]
-
-    def upper(self, low: Array, high: Array) -> Boxes:
-        """Upper bounds over boxes, infinite where not known.
-
-        Boxes in which nothing is allowed are left out.
-        """
-        kept, scale, vertices = self.limits.allowed(low, high)
-        low, high = low[kept], high[kept]
-        e = self.shape.enclose(low[:, :2], high[:, :2])
-        bound, spread, known = self.enclosed(e, vertices, self._costs(e.stroke * scale))
-        bound = np.where(np.isnan(bound), np.inf, bound)
-        rows, best = np.arange(len(low)), bound.argmax(axis=1)
-        added = self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best])
-        ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
-        if low.shape[1] > 3:
-            least, most = vertices.min(axis=1), vertices.max(axis=1)
-            ends[0], ends[1] = [*ends[0], least], [*ends[1], most]
-            added = np.column_stack([added, self._by_volume(e, vertices)])
-        return Boxes(
-            low=np.column_stack(ends[0]),
-            high=np.column_stack(ends[1]),
-            bound=bound[rows, best],
-            volume=vertices[rows, best],
-            added=added,
-            source=kept,
-        )
-
-    def _costs(self, stroke: Interval) -> Array:
-        """Least price of the swept volumes (m, 2): that of oil, less what barrel and rod of these strokes (m,) add."""
-        with np.errstate(divide="ignore"):  # a stroke of nothing
-            barrel, rod = (
-                worth / (stroke.low if worth > 0 else stroke.high) for worth in self.own
-            )
-        return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
-
-    def enclosed(self, e: Enclosure, volume: Array, costs: Array) -> tuple[Array, Array, Flags]:
-        """Upper bounds (m, 5) at swept volumes (m, 5, 2) of some price (m, 2).
-
-        Also what b adds to the mean value form, and whether it holds.
-        """
-        stiffening = self._stiffening(e, volume)
-        slopes, known = self._slopes(e, volume, stiffening)
-        spread = slopes * e.reach[:, None]
-        mean_value = np.where(
-            known, self._value(e.centre, volume, costs, stiffening) + spread.sum(axis=2), np.inf
-        )
-        return np.minimum(self._natural(e, volume, costs, stiffening), mean_value), spread, known
-
-    def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
-        """Bulk moduli of both chambers over that of oil alone, at most, over boxes and volumes (m, 5, 2)."""
-        if self.air is None:
-            return 1.0, 1.0
-        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
-        return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
-
-    def _by_volume(self, e: Enclosure, volume: Array) -> Array:
-        """What the ends of each volume (m, 2) add through the pressure of air, roughly."""
-        assert self.air is not None
-        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
-        least, most = volume.min(axis=1), volume.max(axis=1)
-        square, found = (e.rate.high**2) @ self.weight, []
-        for side in (0, 1):
-            soft, stiff = (
-                self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
-            )
-            found.append(square * most[:, side] * (stiff - soft).max(axis=1))
-        return np.stack(found, axis=1)
-
-    def _added(
-        self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags
-    ) -> Array:
-        """What each axis of a box adds to its bound (m, 3), roughly.
-
-        B and scale also by what the limits leave to v.
-        """
-        worth = np.abs(
-            self._value(e.centre, volume[:, None], np.zeros_like(volume), (1.0, 1.0))[:, 0]
-        )
-        by_stroke = worth[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
-        by_scale = 0.25 * worth * (scale.high / scale.low - 1)
-        added = np.column_stack([spread + by_stroke, by_scale])
-        return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(worth))]))
-
-    def _natural(self, e: Enclosure, volume: Array, costs: Array, stiffening: Stiffening) -> Array:
-        """Upper bound (m, 5) at swept volumes (m, 5, 2), everything at its end."""
-        empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
-        return self._sum(empty, full, e.rate.square().high, e.bend, volume, costs, stiffening)
-
-    def _value(
-        self, centre: Natural, volume: Array, costs: Array, stiffening: Stiffening
-    ) -> Array:
-        """The share (m, 5) at the centres of boxes."""
-        place = centre.place.low
-        return self._sum(place, place, centre.rate.low**2, centre.bend, volume, costs, stiffening)
-
-    def _sum(
-        self,
-        first: Array,
-        last: Array,
-        square: Array,
-        bend: Interval,
-        volume: Array,
-        costs: Array,
-        stiffening: Stiffening,
-    ) -> Array:
-        """Σ w k r² − G τ − μ·v with the piston at ``first`` for the cap and at ``last`` for the annulus side."""
-        (cap, annulus), dead = stiffening, self._dead(stiffening)
-        filled = (
-            first[:, None] * volume[..., :1] + dead[0],
-            (1 - last)[:, None] * volume[..., 1:] + dead[1],
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            oil = (
-                cap * volume[..., :1] ** 2 / filled[0] + annulus * volume[..., 1:] ** 2 / filled[1]
-            )
-            oil = np.einsum("mvn,mn->mv", oil, self.weight * square)
-        return np.asarray(
-            oil
-            - (bend * self.bend).low.sum(axis=1)[:, None]
-            - np.einsum("mvs,ms->mv", volume, costs)
-        )
-
-    def _dead(self, stiffening: Stiffening) -> tuple[Array, Array]:
-        """Dead volumes (…, n) with hoses as oil that has air [m³]."""
-        whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
-        return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
-
-    def _slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
-        """Largest absolute derivatives by b (m, 5, 2) over the boxes, at swept volumes (m, 5, 2).
-
-        Where they hold.
-        """
-        place, rate = e.place[:, None], e.rate[:, None]
-        springs, changes, known = [], [], e.wide.whole[:, None]
-        volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self._dead(stiffening)
-        for v, share, dead, stiff in zip(
-            volumes, (place, 1 - place), dead_volumes, stiffening, strict=True
-        ):
-            filled = share * v + dead
-            known = known & np.all(
-                filled.low[..., 2:] > dead[..., 2:] / 2, axis=2
-            )  # also for a piston beyond its ends
-            emptiness = filled.above(dead / 2 + TINY).reciprocal()
-            springs.append(emptiness * (stiff * v**2))
-            changes.append((emptiness * v).square() * (stiff * v))
-        by_rate = rate * (springs[0] + springs[1]) * (2 * self.weight)
-        by_place = rate.square() * (changes[1] - changes[0]) * self.weight
-        bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)  # whatever G is
-        found = []
-        for k in (0, 1):
-            oil = (
-                by_rate * e.wide.rate_slope[:, None, :, k]
-                + by_place * e.wide.place_slope[:, None, :, k]
-            )
-            found.append((oil.sum(axis=2) - bend[:, None, k]).size)
-        return np.stack(found, axis=2), known
+BATCH = 1500  # cells branched at a time
+TRIALS = 200  # middles of cells tried as designs
+FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Maximum:
-    """The most that a share can be: ``upper`` holds for sure, ``value`` is reached by ``design`` with ``volume``."""
+    """The most that a term can be: ``upper`` holds for sure, ``value`` is reached by ``design`` with ``volume``."""
 
     upper: float
     value: float
     design: Array  # (3,) b and scale
     volume: Array  # (2,) [m³]
-    boxes: int  # looked at
+    cells: int  # looked at
 
 
-def maximum(share: Share, tolerance: float, most_boxes: int) -> Maximum:
-    """Branch and bound until upper − value ≤ tolerance or so many boxes have been looked at."""
-    low, high = first_boxes(share.shape)
-    if share.air is not None:
-        zero, most = np.zeros((len(low), 2)), np.tile(share.limits.volume, (len(low), 1))
+def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
+    """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
+    low, high = first_cells(term.shape)
+    if term.air is not None:
+        zero, most = np.zeros((len(low), 2)), np.tile(term.limits.volume, (len(low), 1))
         low, high = np.column_stack([low, zero]), np.column_stack([high, most])
-    boxes, looked, settled = share.upper(low, high), len(low), -math.inf
+    cells, looked, pruned = term.upper(low, high), len(low), -math.inf
     best = Maximum(
-        upper=math.inf, value=-math.inf, design=np.zeros(3), volume=np.zeros(2), boxes=0
+        upper=math.inf, value=-math.inf, design=np.zeros(3), volume=np.zeros(2), cells=0
     )
     while True:
-        best = _better(share, best, boxes)
-        hopeful = boxes.bound > best.value + tolerance
-        settled = max(settled, float(boxes.bound[~hopeful].max(initial=-math.inf)))
-        boxes = boxes[hopeful]
-        if len(boxes.bound) == 0 or looked >= most_boxes:
+        best = _better(term, best, cells)
+        open_cells = cells.bound > best.value + tolerance
+        pruned = max(pruned, float(cells.bound[~open_cells].max(initial=-math.inf)))
+        cells = cells[open_cells]
+        if len(cells.bound) == 0 or looked >= most_cells:
             break
-        order = np.argsort(-boxes.bound)
-        parents, waiting = boxes[order[:BATCH]], boxes[order[BATCH:]]
-        children = share.upper(*_halves(parents))
+        order = np.argsort(-cells.bound)
+        parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
+        children = term.upper(*_halves(parents))
         looked += 2 * len(parents.bound)
         inherited = np.tile(parents.bound, 2)[children.source]
-        boxes = _together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
-    upper = max(settled, float(boxes.bound.max(initial=-math.inf)), best.value)
-    return replace(best, upper=upper, boxes=looked)
+        cells = _together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
+    upper = max(pruned, float(cells.bound.max(initial=-math.inf)), best.value)
+    return replace(best, upper=upper, cells=looked)
 
 
-def first_boxes(shape: Shape) -> tuple[Array, Array]:
-    """The region of a shape cut evenly: corners (m, 3) of boxes of b and scale."""
+def first_cells(shape: Shape) -> tuple[Array, Array]:
+    """The region of a shape cut evenly: corners (m, 3) of cells of b and scale."""
     cuts = zip(*shape.region, FIRST, strict=True)
     edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
     grids = [
@@ -304,32 +69,32 @@ def first_boxes(shape: Shape) -> tuple[Array, Array]:
     return low, high
 
 
-def _halves(boxes: Boxes) -> tuple[Array, Array]:
-    """Both halves of every box, cut across the axis that adds most to its bound."""
-    rows = np.arange(len(boxes.bound))
-    axis = np.where(boxes.high > boxes.low, boxes.added, -1.0).argmax(axis=1)
-    first_high, second_low = boxes.high.copy(), boxes.low.copy()
+def _halves(cells: Cells) -> tuple[Array, Array]:
+    """Both halves of every cell, cut across the axis that adds most to its bound."""
+    rows = np.arange(len(cells.bound))
+    axis = np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1)
+    first_high, second_low = cells.high.copy(), cells.low.copy()
     first_high[rows, axis] = second_low[rows, axis] = (
-        boxes.low[rows, axis] + boxes.high[rows, axis]
+        cells.low[rows, axis] + cells.high[rows, axis]
     ) / 2
-    return np.concatenate([boxes.low, second_low]), np.concatenate([first_high, boxes.high])
+    return np.concatenate([cells.low, second_low]), np.concatenate([first_high, cells.high])
 
 
-def _together(some: Boxes, more: Boxes) -> Boxes:
-    return Boxes(
+def _together(some: Cells, more: Cells) -> Cells:
+    return Cells(
         **{
             f.name: np.concatenate([getattr(some, f.name), getattr(more, f.name)])
-            for f in fields(Boxes)
+            for f in fields(Cells)
         }
     )
 
 
-def _better(share: Share, best: Maximum, boxes: Boxes) -> Maximum:
-    """The best of the boxes' middles that is known, if better: a box of no width is one design."""
-    promising = np.argsort(-boxes.bound)[:TRIALS]
-    promising = promising[boxes.bound[promising] > best.value]
-    middle = (boxes.low[promising] + boxes.high[promising]) / 2
-    designs = share.upper(middle, middle)
+def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
+    """The best of the cells' middles that is known, if better: a cell of no width is one design."""
+    promising = np.argsort(-cells.bound)[:TRIALS]
+    promising = promising[cells.bound[promising] > best.value]
+    middle = (cells.low[promising] + cells.high[promising]) / 2
+    designs = term.upper(middle, middle)
     designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
         return best

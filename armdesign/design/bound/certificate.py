@@ -1,9 +1,9 @@
 """An upper bound on the worst frequency that no pins and areas can exceed.
 
-The lowest ω² of a design is at most a sum of shares, one per cylinder, for any prices of rows and
-oil (``duality``). The most that a share can be under the cylinder's own requirements is enclosed
-from above by branch and bound on intervals (``branching``), which no local optimum can fool. Every
-round of better prices gives a bound; the lowest counts. What remains of the gap is duality's:
+The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows and
+oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is enclosed
+from above by branch and bound on intervals (``branch_and_bound``), which no local optimum can fool. Every
+round of better multipliers gives a bound; the lowest counts. What remains of the gap is duality's:
 between designs and their mixtures.
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.columns import sole_drives
 from armdesign.design.bound.given_pins import bound_of_areas
-from armdesign.design.bound.lagrangian import Dual, drives
+from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, constraints_at
 from armdesign.design.program.problem import Problem
@@ -80,34 +81,34 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
 
     Args:
         problem: the design problem.
-        x: a good design: prices are sought around it. The bound holds whatever it is.
+        x: a good design: multipliers are sought around it. The bound holds whatever it is.
         rows: rows that may enter, such as those that a search has watched.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
-    has a joint to itself and pins that ``shapes`` knows. A bound that x exceeds, though it is
+    has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it is
     allowed, is refused.
     """
-    found = _found(problem, x, rows)
+    found = _unchecked(problem, x, rows)
     if found is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
         return found
     return found.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
 
-def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
+def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
     """The bound, whatever x reaches."""
     moving = any(v.pin is not None for v in problem.vector.variables)
     known = None if moving else bound_of_areas(Search(problem=problem, x=x, rows=rows))
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     bars = bar_enclosures(problem)
-    some = () if problem.dynamics.proportional or bars is None else drives(problem, bars)
-    if not some or bars is None:
+    driving = () if problem.dynamics.proportional or bars is None else sole_drives(problem, bars)
+    if not driving or bars is None:
         return None
-    dual = Dual.begun(problem, some, x, rows, bars)
+    dual = LagrangianDual.start(problem, driving, x, rows, bars)
     best = _lowest(dual)
     if not math.isfinite(best):
         return None
-    driven = {d.cylinder for d in some}
+    driven = {d.cylinder for d in driving}
     held = tuple(c.name for i, c in enumerate(problem.machine.cylinders) if i not in driven)
     return Bound(
         frequency=hertz(best * dual.reference) * (1 + ROUNDING),
@@ -116,20 +117,20 @@ def _found(problem: Problem, x: Array, rows: Array) -> Bound | None:
     )
 
 
-def _lowest(dual: Dual) -> float:
+def _lowest(dual: LagrangianDual) -> float:
     """The lowest bound on ω² of a few rounds, over the reference."""
     best = math.inf
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else ROUNDS):
         try:
-            prices = dual.settled()
+            multipliers = dual.converged()
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
-        tolerance = float(np.clip(0.2 * (best - prices.mixed), FINE, COARSE))
-        maxima = dual.branched(prices, tolerance)
-        best = min(best, dual.bounded(prices, maxima))
-        if best - prices.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
+        tolerance = float(np.clip(0.2 * (best - multipliers.mixed), FINE, COARSE))
+        maxima = dual.maxima(multipliers, tolerance)
+        best = min(best, dual.bound(multipliers, maxima))
+        if best - multipliers.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
             break
-        dual.learn(prices, maxima)
+        dual.learn(multipliers, maxima)
     return best
 
 

@@ -1,4 +1,4 @@
-"""What the requirements ask of one cylinder alone, over boxes of shapes (``shapes``) and for swept volumes v = A S.
+"""What the requirements ask of one cylinder alone, over boxes of shapes (``cylinder_shape``) and for swept volumes v = A S.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
@@ -68,8 +68,8 @@ class CylinderConstraints:
         """
         kept = np.arange(len(low))
         scale = Interval(low[:, 2], high[:, 2])
-        if self.shape.boxes is not None:
-            scale = self.shape.boxes.scales(low[:, :2], high[:, :2], scale)
+        if self.shape.pin_boxes is not None:
+            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
             kept = np.flatnonzero(~(scale.low > scale.high))
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
         scale = self._long_enough(e, scale[kept])

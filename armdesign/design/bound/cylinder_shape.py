@@ -42,7 +42,7 @@ class Shape:
 
     The first two angles are those of the closed and of the open cylinder. ``sign`` is that of the
     moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
-    exceed what the joint's range needs. ``boxes`` say which b and scale belong together; None if
+    exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None if
     all of the region do.
     """
 
@@ -53,7 +53,7 @@ class Shape:
     high: Array
     scale: tuple[float, float]
     fixed: tuple[float, float] | None = None
-    boxes: PinBoxes | None = None
+    pin_boxes: PinBoxes | None = None
 
     @property
     def region(self) -> tuple[Array, Array]:
@@ -375,7 +375,7 @@ def _turned(
     constant = np.tile([0.5, 0.0, 0.0], (len(poses), 1))
     slope = -np.stack(parts, axis=1)
     return Shape(
-        constant=constant, slope=slope, sign=sign, low=low, high=high, scale=scale, boxes=boxes
+        constant=constant, slope=slope, sign=sign, low=low, high=high, scale=scale, pin_boxes=boxes
     )
 
 
@@ -396,7 +396,7 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
     """The base's place b and the scale (3,) of cylinder ``i`` of the design x."""
     linkage, today = problem.vector.linkages(x)[i], problem.machine.linkages[i]
     poses = sweep(linkage.arm, linkage.joints[0], problem.machine.ranges[linkage.joints[0]])
-    if shape.boxes is not None:
+    if shape.pin_boxes is not None:
         places = _from_joint(linkage, poses)
         base, end = (complex(places[pin][0], places[pin][2]) for pin in ("base", "rod_end"))
         return np.array([(base / end).real, (base / end).imag, abs(end)])

@@ -1,6 +1,6 @@
-"""Prices that split the design problem into one small problem per cylinder, and what those say.
+"""Multipliers that split the design problem into one small problem per cylinder, and what those say.
 
-For any Z_j ⪰ 0 with Σ tr Z_j = 1 and prices μ ≥ 0 of the shared oil the lowest ω² over all rows
+For any Z_j ⪰ 0 with Σ tr Z_j = 1 and multipliers μ ≥ 0 of the shared oil the lowest ω² over all rows
 (poses and load cases) is at most, for every design x that the requirements allow,
 
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
@@ -15,11 +15,11 @@ Where λ(x) ≥ λ0,
     0 ≤ Σ_j ⟨Y_j, K_j(x) − λ M_j(x)⟩ ≤ Σ_j ⟨Y_j, K_j(x) − λ0 (M_j(x) − M_j0)⟩ − λ Σ_j ⟨Y_j, M_j0⟩,
 
 so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars are worth so
-much per area, like oil (``own_bounds``), but for their gravity in g H/r of the others, which is an
-interval. Prices are sought with the masses of the design at hand.
+much per area, like oil (``mass_enclosure``), but for their gravity in g H/r of the others, which is an
+interval. Multipliers are sought with the masses of the design at hand.
 
 Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each
-cylinder; designs that are worth more at its prices join, until none is left (Dantzig and Wolfe,
+cylinder; designs that are worth more at its multipliers join, until none is left (Dantzig and Wolfe,
 Oper. Res. 8, 1960).
 """
 
@@ -33,57 +33,35 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.branch_and_bound import Air, Maximum, Share, Stiffening, maximum
-from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
-from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
+from armdesign.design.bound.branch_and_bound import Maximum, maximum
+from armdesign.design.bound.columns import (
+    Columns,
+    SoleDrive,
+    allowed_columns,
+    columns_around,
+    joined,
+)
+from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Stiffening
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import Step, programme
+from armdesign.design.search.semidefinite import Step, positive_part, programme
+from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 SAMPLES = 4000  # designs of each cylinder drawn at first, of which
-KEPT = 400  # allowed ones at most are kept
-NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the region
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
-BOXES, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in the oil
+CELLS, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in the oil
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Drive:
-    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, that of each row."""
-
-    cylinder: int
-    joint: int
-    shape: Shape
-    angle: Array  # (rows,) index into the shape's angles
-    limits: CylinderConstraints
-    dead: Array  # (2,) dead volumes of oil [m³]
-    hoses: Array  # (2,) what hoses add, as oil without air [m³]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Columns:
-    """Designs of single cylinders: index of the drive (c,), b and scale (c, 3), swept volumes (c, 2) [m³]."""
-
-    drive: Array
-    design: Array
-    volume: Array
-
-    def __getitem__(self, rows: Array) -> Columns:
-        return Columns(drive=self.drive[rows], design=self.design[rows], volume=self.volume[rows])
-
-    def __len__(self) -> int:
-        return len(self.drive)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Prices:
+class Multipliers:
     """Multipliers of one programme, ω² in units of the reference.
 
     Attributes:
@@ -94,7 +72,7 @@ class Prices:
         constant: the part of the upper bound that no design changes.
         light: Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all.
         mixed: the best of mixtures.
-        shares: how much of each column it takes (c,).
+        mixture: how much of each column it takes (c,).
     """
 
     rows: Array
@@ -104,55 +82,15 @@ class Prices:
     constant: float
     light: float
     mixed: float
-    shares: Array
-
-
-def drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[Drive, ...]:
-    """The cylinders that drive one joint alone and whose pins vary in a way that ``shapes`` knows."""
-    machine, found = problem.machine, []
-    for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
-        shared = any(
-            set(linkage.joints) & set(other.joints)
-            for other in machine.drives
-            if other is not linkage
-        )
-        limits = (
-            None if shared or cylinder.compliance > 0 else cylinder_constraints(problem, i, bars)
-        )
-        if limits is None:
-            continue
-        joint = linkage.joints[0]
-        angles, index = np.unique(
-            problem.workspace.q[problem.dynamics.rows.pose, joint], return_inverse=True
-        )
-        shape = shape_of(problem, i, angles)
-        assert shape is not None
-        hoses = (
-            np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume])
-            / cylinder.hose_modulus
-        )
-        dead = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume])
-        hoses = hoses * machine.fluid.bulk_modulus
-        found.append(
-            Drive(
-                cylinder=i,
-                joint=joint,
-                shape=shape,
-                angle=index,
-                limits=limits,
-                dead=dead,
-                hoses=hoses,
-            )
-        )
-    return tuple(found)
+    mixture: Array
 
 
 @dataclass(eq=False)
-class Dual:
-    """The search for prices: rows and columns of the programme, and a pool of designs that may become columns."""
+class LagrangianDual:
+    """The search for multipliers: rows and columns of the programme, and a pool of designs that may become columns."""
 
     problem: Problem
-    drives: tuple[Drive, ...]
+    drives: tuple[SoleDrive, ...]
     bars: Sequence[BarEnclosure]  # own masses that depend on x
     loads: Rows  # all rows, own masses those of one design
     # λ0: that design's lowest ω² where own masses depend on x, else 0, over the reference
@@ -164,14 +102,14 @@ class Dual:
     pool: Columns
 
     @classmethod
-    def begun(
+    def start(
         cls,
         problem: Problem,
-        some: tuple[Drive, ...],
+        some: tuple[SoleDrive, ...],
         x: Array,
         watched: Array,
         bars: Sequence[BarEnclosure] = (),
-    ) -> Dual:
+    ) -> LagrangianDual:
         """From the design x, its lowest rows, and random designs."""
         random = np.random.default_rng(0)
         squared = problem.dynamics.omega_squared(x, watched)
@@ -182,10 +120,10 @@ class Dual:
             design=np.array([coordinates(problem, d.cylinder, d.shape, x) for d in some]),
             volume=(problem.vector.areas(x) * stroke[:, None])[chosen],
         )
-        pool = _around(some, columns.design, random)
+        pool = columns_around(some, columns.design, random)
         for k, drive in enumerate(some):
             low, high = drive.shape.region
-            pool = _joined(pool, _allowed(drive, k, random.uniform(low, high, (SAMPLES, 3))))
+            pool = joined(pool, allowed_columns(drive, k, random.uniform(low, high, (SAMPLES, 3))))
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
         mass, gravity, slope = problem.dynamics.inertia_and_gravity(
             x, problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
@@ -204,23 +142,22 @@ class Dual:
 
     # ---------------------------------------------------------------------------------- programmes
 
-    def settled(self) -> Prices:
-        """Prices at which no design of the pool and no watched row is worth much more than the programme knows."""
+    def converged(self) -> Multipliers:
+        """Multipliers at which no design of the pool and no watched row is worth much more than the programme knows."""
         for _ in range(ROUNDS):
-            prices = self.prices()
-            worth, best = self._best_of_pool(prices)
-            lowest = self._take_rows(prices)
-            if worth < prices.mixed + AGREED and lowest > prices.mixed - AGREED:
+            multipliers = self.multipliers()
+            worth, best = self._best_of_pool(multipliers)
+            lowest = self._take_rows(multipliers)
+            if worth < multipliers.mixed + AGREED and lowest > multipliers.mixed - AGREED:
                 break
-            self._take(prices, best)
-        return prices
+            self._take(multipliers, best)
+        return multipliers
 
-    def prices(self) -> Prices:
+    def multipliers(self) -> Multipliers:
         """Solve the programme over the rows and columns at hand."""
         inverse, base = self._frames(self.rows)
         step = self._step(inverse, base)
-        size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
-        z = vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2))
+        z = positive_part(step.weights)
         trace = np.trace(z, axis1=1, axis2=2)
         z[trace < NEGLIGIBLE * trace.sum()] = 0.0
         total = np.trace(z, axis1=1, axis2=2).sum()
@@ -228,7 +165,7 @@ class Dual:
         budget, today = self._budget
         weight = np.swapaxes(inverse, 1, 2) @ z @ inverse / self.reference
         pick = self._pick(self.rows)
-        return Prices(
+        return Multipliers(
             rows=self.rows,
             weight=weight,
             trace=trace / total,
@@ -240,7 +177,7 @@ class Dual:
             light=self.reference
             * float(np.einsum("nij,nij->", weight, self.problem.dynamics.rows.mass[pick])),
             mixed=step.value - step.violation,
-            shares=step.change[: len(self.columns)],
+            mixture=step.change[: len(self.columns)],
         )
 
     def _step(self, inverse: Array, base: Array) -> Step:
@@ -269,7 +206,7 @@ class Dual:
     def _frames(self, rows: Array) -> tuple[Array, Array]:
         """L⁻¹ over the drives' joints (n, nd, nd) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
-        inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(self.loads.mass[pick])))
+        inverse = inverse_cholesky(self.loads.mass[pick])
         return (
             inverse,
             inverse @ self.loads.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference,
@@ -304,7 +241,7 @@ class Dual:
             found[mine] = beta * rate**2 * oil - gravity * bend
         return found / self.reference
 
-    def _air(self, drive: Drive, gravity: Interval) -> Air | None:
+    def _air(self, drive: SoleDrive, gravity: Interval) -> Air | None:
         """What air makes of a drive's oil under torques (n,) [N m]; None without air."""
         fluid, sign = self.problem.machine.fluid, drive.shape.sign
         if fluid.air == 0:
@@ -322,64 +259,69 @@ class Dual:
 
     # ---------------------------------------------------------------------------- rows and columns
 
-    def _best_of_pool(self, prices: Prices) -> tuple[float, Columns]:
-        """What the pool's best designs at these prices come to, and the two best of each drive."""
-        entries = self._diagonals(self.pool, prices.rows) * self.reference
-        own = np.diagonal(prices.weight, axis1=1, axis2=2)
+    def _best_of_pool(self, multipliers: Multipliers) -> tuple[float, Columns]:
+        """What the pool's best designs at these multipliers come to, and the two best of each drive."""
+        entries = self._diagonals(self.pool, multipliers.rows) * self.reference
+        own = np.diagonal(multipliers.weight, axis1=1, axis2=2)
         value = (
-            np.einsum("cn,nc->c", entries, own[:, self.pool.drive]) - self.pool.volume @ prices.oil
+            np.einsum("cn,nc->c", entries, own[:, self.pool.drive])
+            - self.pool.volume @ multipliers.oil
         )
         order = np.argsort(-value)
         best = [order[self.pool.drive[order] == k][:2] for k in range(len(self.drives))]
         return (
-            prices.constant + float(sum(value[b[0]] for b in best if len(b) > 0)),
+            multipliers.constant + float(sum(value[b[0]] for b in best if len(b) > 0)),
             self.pool[np.concatenate(best)],
         )
 
-    def _take_rows(self, prices: Prices) -> float:
+    def _take_rows(self, multipliers: Multipliers) -> float:
         """Let the rows enter at which the mixture is lowest, for those of least weight.
 
         And how low that is.
         """
         inverse, base = self._frames(self.watched)
         mixed = base + np.einsum(
-            "c,cnij->nij", prices.shares, self._matrices(inverse, self.watched)
+            "c,cnij->nij", multipliers.mixture, self._matrices(inverse, self.watched)
         )
         lowest = np.linalg.eigvalsh(mixed)[:, 0]
         worst = np.argsort(lowest)[:ENTERING]
-        new = np.setdiff1d(self.watched[worst[lowest[worst] < prices.mixed]], self.rows)
-        self.rows = np.concatenate([new, self.rows[np.argsort(-prices.trace)]])[: len(self.rows)]
+        new = np.setdiff1d(self.watched[worst[lowest[worst] < multipliers.mixed]], self.rows)
+        self.rows = np.concatenate([new, self.rows[np.argsort(-multipliers.trace)]])[
+            : len(self.rows)
+        ]
         return float(lowest.min())
 
-    def _take(self, prices: Prices, new: Columns) -> None:
+    def _take(self, multipliers: Multipliers, new: Columns) -> None:
         """New columns, for those of least share where there are too many."""
-        kept = np.argsort(-prices.shares, kind="stable")[: COLUMNS - len(new)]
-        self.columns = _joined(self.columns[kept], new)
+        kept = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - len(new)]
+        self.columns = joined(self.columns[kept], new)
 
-    def learn(self, prices: Prices, maxima: Sequence[Maximum]) -> None:
+    def learn(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> None:
         """Take the best designs that branching found, and those around them into the pool."""
         design, volume = np.array([m.design for m in maxima]), np.array([m.volume for m in maxima])
-        self._take(prices, Columns(drive=np.arange(len(maxima)), design=design, volume=volume))
-        self.pool = _joined(
-            self.pool, _around(self.drives, design, np.random.default_rng(len(self.pool)))
+        self._take(
+            multipliers, Columns(drive=np.arange(len(maxima)), design=design, volume=volume)
+        )
+        self.pool = joined(
+            self.pool, columns_around(self.drives, design, np.random.default_rng(len(self.pool)))
         )
 
     # ----------------------------------------------------------------------------------- branching
 
-    def shares(self, prices: Prices) -> list[Share]:
-        """Each drive's part of the upper bound at these prices."""
+    def terms(self, multipliers: Multipliers) -> list[CylinderTerm]:
+        """Each drive's part of the upper bound at these multipliers."""
         found, beta = [], self.problem.machine.fluid.bulk_modulus
-        gravity, worths = self._gravity(prices.rows), dict(self._worths(prices))
+        gravity, mass_terms = self._gravity(multipliers.rows), dict(self._mass_terms(multipliers))
         for k, d in enumerate(self.drives):
-            own = np.flatnonzero(prices.weight[:, k, k] > 0)
-            given = prices.weight[own, k, k]
+            own = np.flatnonzero(multipliers.weight[:, k, k] > 0)
+            given = multipliers.weight[own, k, k]
             torque = gravity[own, d.joint]
-            angles, back = np.unique(d.angle[prices.rows[own]], return_inverse=True)
+            angles, back = np.unique(d.angle[multipliers.rows[own]], return_inverse=True)
             if air := self._air(
                 d, Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
             ):
                 angles, back = (
-                    d.angle[prices.rows[own]],
+                    d.angle[multipliers.rows[own]],
                     np.arange(len(own)),
                 )  # of one angle, other loads
             weight, least, most = np.zeros((3, len(angles) + 2))
@@ -387,16 +329,16 @@ class Dual:
             np.add.at(least, back + 2, given * torque.low)
             np.add.at(most, back + 2, given * torque.high)
             found.append(
-                Share(
+                CylinderTerm(
                     shape=d.shape.at(angles),
                     limits=d.limits,
                     weight=weight,
                     bend=Interval(least, most),
-                    price=prices.oil,
+                    price=multipliers.oil,
                     dead=d.dead,
                     hoses=d.hoses,
                     air=air,
-                    own=worths.get(d.cylinder, (0.0, 0.0))[:2],
+                    own=mass_terms.get(d.cylinder, (0.0, 0.0))[:2],
                 )
             )
         return found
@@ -410,64 +352,38 @@ class Dual:
             )
         return total
 
-    def _worths(self, prices: Prices) -> list[tuple[int, tuple[float, ...]]]:
-        """What own masses add to the upper bound at most, as in ``BarEnclosure.worth`` [1/m²]."""
+    def _mass_terms(self, multipliers: Multipliers) -> list[tuple[int, tuple[float, ...]]]:
+        """What own masses add to the upper bound at most, as in ``BarEnclosure.most_added`` [1/m²]."""
         nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
-        weights = np.zeros((len(prices.rows), nq, nq))
-        weights[:, joints[:, None], joints] = prices.weight
-        used = np.flatnonzero(prices.trace > 0)
-        rigid = self.problem.workspace.rigid[self.problem.dynamics.rows.pose[prices.rows[used]]]
+        weights = np.zeros((len(multipliers.rows), nq, nq))
+        weights[:, joints[:, None], joints] = multipliers.weight
+        used = np.flatnonzero(multipliers.trace > 0)
+        rigid = self.problem.workspace.rigid[
+            self.problem.dynamics.rows.pose[multipliers.rows[used]]
+        ]
         squared = self.near * self.reference
-        return [(bar.cylinder, bar.worth(rigid, weights[used], squared)) for bar in self.bars]
+        return [(bar.cylinder, bar.most_added(rigid, weights[used], squared)) for bar in self.bars]
 
-    def bounded(self, prices: Prices, maxima: Sequence[Maximum]) -> float:
-        """The upper bound on ω², over the reference, that prices and the most of every share give.
+    def bound(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> float:
+        """The upper bound on ω², over the reference, that multipliers and the most of every share give.
 
         Infinite where a share has none, or no design at all: one is at hand, so something is not
         known.
         """
         driven = {d.cylinder for d in self.drives}
-        worths = [(i, worth) for i, worth in self._worths(prices) if i not in driven]
+        mass_terms = [(i, added) for i, added in self._mass_terms(multipliers) if i not in driven]
         held = sum(
-            bar.most(worth) for bar in self.bars for i, worth in worths if i == bar.cylinder
+            bar.with_any_areas(added)
+            for bar in self.bars
+            for i, added in mass_terms
+            if i == bar.cylinder
         )
-        found = (prices.constant + held + sum(m.upper for m in maxima)) / prices.light
+        found = (multipliers.constant + held + sum(m.upper for m in maxima)) / multipliers.light
         return max(self.near, found) if math.isfinite(found) else math.inf
 
-    def branched(self, prices: Prices, tolerance: float) -> list[Maximum]:
+    def maxima(self, multipliers: Multipliers, tolerance: float) -> list[Maximum]:
         """The most that each share can be, all together to within a tolerance [of the reference]."""
         each = tolerance / len(self.drives)
         return [
-            maximum(share, each, AIRY if share.air else BOXES) for share in self.shares(prices)
+            maximum(term, each, AIRY if term.air else CELLS) for term in self.terms(multipliers)
         ]
-
-
-def _joined(some: Columns, more: Columns) -> Columns:
-    return Columns(
-        drive=np.concatenate([some.drive, more.drive]),
-        design=np.concatenate([some.design, more.design]),
-        volume=np.concatenate([some.volume, more.volume]),
-    )
-
-
-def _allowed(drive: Drive, k: int, designs: Array) -> Columns:
-    """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
-    kept, _, volume = drive.limits.allowed(designs, designs)
-    kept, volume = kept[:KEPT], volume[:KEPT]
-    choices = volume.shape[1]
-    return Columns(
-        drive=np.full(choices * len(kept), k),
-        design=np.repeat(designs[kept], choices, axis=0),
-        volume=volume.reshape(-1, 2),
-    )
-
-
-def _around(some: tuple[Drive, ...], designs: Array, random: np.random.Generator) -> Columns:
-    """Columns at and around one design (nd, 3) of each drive."""
-    found = Columns(drive=np.empty(0, dtype=int), design=np.empty((0, 3)), volume=np.empty((0, 2)))
-    for k, drive in enumerate(some):
-        low, high = drive.shape.region
-        steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
-        near = np.clip(designs[k] + np.vstack([np.zeros(3), steps]), low, high)
-        found = _joined(found, _allowed(drive, k, near))
-    return found

@@ -3,11 +3,11 @@
 A barrel lies from the base pin along the unit vector u to the rod end, a rod ends there: P = B + t
 c u. With d the span, ∂u = (∂d − u ∂ℓ)/ℓ and the next derivative likewise, all in intervals over
 small boxes of both pins, of which the union counts. Masses are m = (m0/(A0 c0)) A c with closed
-length c, see ``own_masses``.
+length c, see ``moving_masses``.
 
 Where a four-bar moves, its knee is anywhere within the rocker's length of the pivot, fixed to the
 pivot's link: that is so for all joints but its cylinder's own, which the bound holds then
-(``duality.drives``): nothing depends on that one.
+(``columns.sole_drives``): nothing depends on that one.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class Jets:
+class PinMotions:
     """Pins seen from the root, by name, and how each that moves does so by its coordinates.
 
     Of a linkage that moves, the rod end is the pin of the first leg (a four-bar's pivot), from
@@ -112,23 +112,23 @@ class Jets:
         """The way from base pin to rod end over a box of pins."""
         return self._over("rod_end", pins) - self._over("base", pins)
 
-    def bars(self, box: Box) -> list[tuple[Motion, Motion]]:
+    def bars(self, cell: PinCell) -> list[tuple[Motion, Motion]]:
         """Barrel, rod, and legs that move, over a box: where each starts, and the way to its end."""
-        base, rod_end = self._over("base", box.pins), self._over("rod_end", box.pins)
-        if box.way is None:
-            way = (rod_end - base).unit * box.closed
+        base, rod_end = self._over("base", cell.pins), self._over("rod_end", cell.pins)
+        if cell.way is None:
+            way = (rod_end - base).unit * cell.closed
         else:
             first, *more = [
-                Motion.of(step) * box.way[k] for k, step in enumerate(self.steps["rod_end"])
+                Motion.of(step) * cell.way[k] for k, step in enumerate(self.steps["rod_end"])
             ]
             way = sum(more, first)
-        starts = [self._over(pin, box.pins) for pin in self.legs]
+        starts = [self._over(pin, cell.pins) for pin in self.legs]
         legs = [(start, rod_end - start) for start in starts]
         return [(base, way), (rod_end, way * -1.0), *legs]
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class PinCell:
     """Moves of pins [m] by name, and the closed length.
 
     And of a linkage that moves: its legs' lengths, and the barrel as a vector in the link of the
@@ -142,7 +142,7 @@ class Box:
 
     @property
     def lengths(self) -> tuple[Interval, ...]:
-        """Of the bars, in the order of ``Jets.bars``."""
+        """Of the bars, in the order of ``PinMotions.bars``."""
         return (self.closed, self.closed, *self.bars)
 
 
@@ -155,14 +155,14 @@ class BarEnclosure:
         per_area: of barrel and rod, mass per length and bore or rod area [kg/m³]; of legs, mass
             per length [kg/m]; 0 where one weighs nothing.
         area: least and largest bore and annulus areas (2, 2: ends, sides) [m²].
-        boxes: small boxes of its pins.
+        cells: small boxes of its pins.
     """
 
     problem: Problem
     cylinder: int
     per_area: tuple[float, ...]
     area: Array
-    boxes: tuple[Box, ...]
+    cells: tuple[PinCell, ...]
 
     @cached_property
     def _sections(self) -> tuple[Interval, ...]:
@@ -176,11 +176,11 @@ class BarEnclosure:
 
         Unknown on the joint of a linkage that moves.
         """
-        jets, found = _jets(self.problem, self.cylinder, rigid), []
-        for box in self.boxes:
+        motions, found = _pin_motions(self.problem, self.cylinder, rigid), []
+        for cell in self.cells:
             total = interval(0.0)
             for (pin, way), length, per_area, section in zip(
-                jets.bars(box), box.lengths, self.per_area, self._sections, strict=True
+                motions.bars(cell), cell.lengths, self.per_area, self._sections, strict=True
             ):
                 middle = (pin.first + way.first * 0.5)[..., 2]
                 total = total + middle * (length * section * (per_area * GRAVITY))
@@ -189,16 +189,19 @@ class BarEnclosure:
             np.min([f.low for f in found], axis=0), np.max([f.high for f in found], axis=0)
         )
 
-    def worth(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
+    def most_added(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
         """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be: of barrel and rod per area, of others in all.
 
         Weights are zero for the joint of a linkage that moves.
         """
-        jets = _jets(self.problem, self.cylinder, rigid)
-        found = [self._worth(jets.bars(box), box.lengths, weights, squared) for box in self.boxes]
+        motions = _pin_motions(self.problem, self.cylinder, rigid)
+        found = [
+            self._most_added(motions.bars(cell), cell.lengths, weights, squared)
+            for cell in self.cells
+        ]
         return tuple(np.max(found, axis=0).tolist())
 
-    def _worth(
+    def _most_added(
         self,
         bars: list[tuple[Motion, Motion]],
         lengths: Sequence[Interval],
@@ -215,12 +218,12 @@ class BarEnclosure:
             found.append(float((length * interval(total.high.sum()) * per_area).high))
         return found
 
-    def most(self, worth: Sequence[float]) -> float:
-        """The most that a ``worth`` comes to with any areas."""
+    def with_any_areas(self, added: Sequence[float]) -> float:
+        """The most that bars add with any areas."""
         return float(
             sum(
                 (section * value).high
-                for section, value in zip(self._sections, worth, strict=True)
+                for section, value in zip(self._sections, added, strict=True)
             )
         )
 
@@ -230,8 +233,8 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
 
     None where a linkage moves that has no legs, or the first of them not on the base pin's link.
     """
-    own, found = problem.vector.moving_masses, []
-    for i, names in own.bars.items() if own else ():
+    masses, found = problem.vector.moving_masses, []
+    for i, names in masses.bars.items() if masses else ():
         today, linkage = problem.machine.cylinders[i], problem.machine.linkages[i]
         sections = {
             "barrel": today.bore_area * today.closed_length,
@@ -254,7 +257,7 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
                 cylinder=i,
                 per_area=tuple(weigh.get(name, 0.0) for name in sections),
                 area=np.stack([low, np.minimum(high, [most, np.inf])]),
-                boxes=tuple(_boxes(problem, i)),
+                cells=tuple(_cells(problem, i)),
             )
         )
     return found
@@ -266,7 +269,7 @@ def _hub(linkage: Linkage) -> Pin:
     return pin
 
 
-def _boxes(problem: Problem, i: int) -> list[Box]:
+def _cells(problem: Problem, i: int) -> list[PinCell]:
     """Small boxes of a cylinder's pins, and closed lengths over them: those at that end of the joint's range.
 
     A linkage that moves stays whole: the first leg around its pin says where the rod end is.
@@ -293,12 +296,12 @@ def _boxes(problem: Problem, i: int) -> list[Box]:
             joint = linkage.joints[0]
             end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
             rigid = sweep(linkage.arm, joint, np.array([end]))
-            closed = _jets(problem, i, rigid).span(pins).length[0]
-        found.append(Box(pins, closed))
+            closed = _pin_motions(problem, i, rigid).span(pins).length[0]
+        found.append(PinCell(pins, closed))
     return found
 
 
-def _around(linkage: Linkage, pins: dict[str, Interval]) -> Box:
+def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:
     """A box with the rod end anywhere within the first leg's length of its pin, at every pose."""
     still = interval(np.zeros(3))
     legs = tuple(
@@ -314,10 +317,10 @@ def _around(linkage: Linkage, pins: dict[str, Interval]) -> Box:
     closed = span.square().sum(axis=0).sqrt()
     unit = span * closed.above(TINY).reciprocal()
     way = unit.within(Interval(np.full(3, -1.0), np.full(3, 1.0))) * closed
-    return Box({**pins, "rod_end": rod_end}, closed, legs, way)
+    return PinCell({**pins, "rod_end": rod_end}, closed, legs, way)
 
 
-def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
+def _pin_motions(problem: Problem, i: int, rigid: RigidPoses) -> PinMotions:
     linkage, joints = problem.machine.linkages[i], tuple(range(len(problem.machine.joints)))
     ends = linkage.bars(rigid, 1.0)
     pins = {"base": ends["barrel"][0], "rod_end": ends["rod"][1]}
@@ -334,7 +337,7 @@ def _jets(problem: Problem, i: int, rigid: RigidPoses) -> Jets:
         for place, pin in held.items()
         if pin is not None
     }
-    return Jets(pins, steps, tuple(pin for _, pin in legs))
+    return PinMotions(pins, steps, tuple(pin for _, pin in legs))
 
 
 def _products(first: Interval) -> Interval:

@@ -74,7 +74,7 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         )
         yield Evaluation(
             name=f"dead_length.{name}",
-            words=f"closed length less stroke, {name}",
+            words=f"dead length of the {name} cylinder",
             unit="m",
             value=new.closed[:, i] - new.stroke[:, i],
             limit=cylinder.dead_length,
@@ -85,7 +85,10 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         )
         if requirements.buckling_share > 0:
             today = float(_buckling_safety(reference.old, i, pressure, "rod")[0])
-            words, least = f"Euler safety of the {name} rod", requirements.buckling_share * today
+            words, least = (
+                f"Euler buckling safety of the {name} rod",
+                requirements.buckling_share * today,
+            )
             yield _buckling("buckling_share", words, new, reference, i, "rod", least)
         if requirements.buckling_factor is not None:
             column, least = requirements.buckling_column, requirements.buckling_factor

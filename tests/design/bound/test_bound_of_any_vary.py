@@ -15,11 +15,11 @@ import pytest
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
-from armdesign.design.bound import certificate as bound
-from armdesign.design.bound import lagrangian as duality
+from armdesign.design.bound import certificate, lagrangian
 from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
-from armdesign.design.bound.lagrangian import Dual, drives
+from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound
 from armdesign.design.program.constraints import constraints_at
@@ -111,15 +111,15 @@ def holds(problem: Problem) -> float | None:
 
 
 @pytest.fixture
-def few_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Branching and prices that stop early are only less tight."""
-    monkeypatch.setattr(bound, "ROUNDS", 2)
-    monkeypatch.setattr(bound, "AIRY", 1)
-    monkeypatch.setattr(duality, "BOXES", 3000)
-    monkeypatch.setattr(duality, "AIRY", 1000)
+def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Branching and multipliers that stop early are only less tight."""
+    monkeypatch.setattr(certificate, "ROUNDS", 2)
+    monkeypatch.setattr(certificate, "AIRY", 1)
+    monkeypatch.setattr(lagrangian, "CELLS", 3000)
+    monkeypatch.setattr(lagrangian, "AIRY", 1000)
 
 
-@pytest.mark.usefixtures("few_boxes")
+@pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize("vary", VARY, ids="+".join)
 def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> None:
     """20 t machine: the search's own end and random allowed designs, as the problem itself judges
@@ -128,7 +128,7 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
     holds(posed("excavator_20t", vary))
 
 
-@pytest.mark.usefixtures("few_boxes")
+@pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("vary", MIXED, ids="+".join)
 def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str, ...]) -> None:
@@ -156,7 +156,7 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     assert found.held == ()
     # measured, rounded up
     assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * bound.CLOSE)
+    assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * certificate.CLOSE)
 
 
 def test_a_bore_alone_leaves_an_annulus() -> None:
@@ -176,10 +176,10 @@ def test_a_bore_alone_leaves_an_annulus() -> None:
 def test_what_is_not_a_number_is_not_known() -> None:
     """A share whose value is nowhere a number has no upper bound: no box may be dropped."""
     problem = problem_of("double")
-    dual = Dual.begun(
-        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    dual = LagrangianDual.start(
+        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
-    share = dual.shares(dual.prices())[0]
+    share = dual.terms(dual.multipliers())[0]
     assert maximum(replace(share, price=np.full(2, np.nan)), 0.02, 500).upper == math.inf
 
 
@@ -188,13 +188,13 @@ def test_no_share_at_all_is_no_proof() -> None:
     bounded.
     """
     problem = problem_of("double")
-    dual = Dual.begun(
-        problem, drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+    dual = LagrangianDual.start(
+        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
-    prices = dual.prices()
-    some = maximum(dual.shares(prices)[0], 0.1, 200)
+    multipliers = dual.multipliers()
+    some = maximum(dual.terms(multipliers)[0], 0.1, 200)
     for wrong in (-math.inf, math.nan):
-        assert dual.bounded(prices, [replace(some, upper=wrong), some]) == math.inf
+        assert dual.bound(multipliers, [replace(some, upper=wrong), some]) == math.inf
 
 
 def test_a_bound_below_a_design_is_refused() -> None:

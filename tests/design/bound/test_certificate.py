@@ -14,7 +14,8 @@ import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import CLOSE, COARSE, FINE, upper_bound
-from armdesign.design.bound.lagrangian import Dual, Prices, drives
+from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
@@ -198,13 +199,13 @@ def test_any_prices_give_a_bound(seed: int) -> None:
     """
     search = finished("double")
     problem, random = search.problem, np.random.default_rng(seed)
-    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
+    dual = LagrangianDual.start(problem, sole_drives(problem), search.x, search.rows)
     inverse, base = dual._frames(dual.rows)
     root = random.normal(size=base.shape)
     z = root @ np.swapaxes(root, 1, 2)
     z /= np.trace(z, axis1=1, axis2=2).sum()
     oil, (budget, today) = random.uniform(0, 2, 2), dual._budget
-    prices = Prices(
+    multipliers = Multipliers(
         rows=dual.rows,
         weight=np.swapaxes(inverse, 1, 2) @ z @ inverse / dual.reference,
         trace=np.trace(z, axis1=1, axis2=2),
@@ -212,9 +213,9 @@ def test_any_prices_give_a_bound(seed: int) -> None:
         constant=float(np.einsum("nij,nij->", z, base) + oil.sum() * budget),
         light=1.0,
         mixed=0.0,
-        shares=np.ones(len(dual.columns)),
+        mixture=np.ones(len(dual.columns)),
     )
-    upper = prices.constant + sum(m.upper for m in dual.branched(prices, FINE))
+    upper = multipliers.constant + sum(m.upper for m in dual.maxima(multipliers, FINE))
     for x in [search.x, *feasible_designs(problem, 20, seed)]:
         assert problem.dynamics.omega_squared(x, dual.rows).min() / dual.reference <= upper * (
             1 + 1e-9
@@ -231,19 +232,19 @@ def test_branching_against_dense_sampling(name: str) -> None:
     """
     search = finished(name)
     problem = search.problem
-    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
-    prices = dual.settled()
-    found = dual.branched(prices, COARSE)
+    dual = LagrangianDual.start(problem, sole_drives(problem), search.x, search.rows)
+    multipliers = dual.converged()
+    found = dual.maxima(multipliers, COARSE)
     for k, (drive, most) in enumerate(zip(dual.drives, found, strict=True)):
         assert most.value <= most.upper <= most.value + COARSE
         own = f".{problem.machine.cylinders[drive.cylinder].name}"
         values = []
         for x in [search.x, *feasible_designs(problem, 15, k, own)]:
             machine = as_machine(problem, x)
-            value = -prices.oil @ (
+            value = -multipliers.oil @ (
                 problem.vector.areas(x)[drive.cylinder] * machine.cylinders[drive.cylinder].stroke
             )
-            for row, weight in zip(prices.rows, prices.weight[:, k, k], strict=True):
+            for row, weight in zip(multipliers.rows, multipliers.weight[:, k, k], strict=True):
                 case = machine.with_payload(
                     machine.payloads[problem.dynamics.rows.payload[row]].name
                 )
@@ -271,11 +272,11 @@ def test_branching_against_dense_sampling(name: str) -> None:
     ids=lambda change: next(iter(change)),
 )
 def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> None:
-    """At equal prices each cylinder's most falls or stays, to the tolerance of branching."""
+    """At equal multipliers each cylinder's most falls or stays, to the tolerance of branching."""
     wide = finished("double")
-    dual = Dual.begun(wide.problem, drives(wide.problem), wide.x, wide.rows)
+    dual = LagrangianDual.start(wide.problem, sole_drives(wide.problem), wide.x, wide.rows)
     for share, drive in zip(
-        dual.shares(dual.prices()), drives(problem_of("double", **change)), strict=True
+        dual.terms(dual.multipliers()), sole_drives(problem_of("double", **change)), strict=True
     ):
         region = {name: getattr(drive.shape, name) for name in ("low", "high", "scale", "boxes")}
         narrow = replace(share, limits=drive.limits, shape=replace(share.shape, **region))
@@ -371,11 +372,11 @@ def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
         vary=("areas", "pins"),
     )
     search = solved(problem, 1e-4)
-    dual = Dual.begun(problem, drives(problem), search.x, search.rows)
-    prices = dual.settled()
-    (most,) = dual.branched(prices, COARSE)
+    dual = LagrangianDual.start(problem, sole_drives(problem), search.x, search.rows)
+    multipliers = dual.converged()
+    (most,) = dual.maxima(multipliers, COARSE)
     for x in [search.x, *feasible_designs(problem, 20)]:
-        squared = problem.dynamics.omega_squared(x, prices.rows)
+        squared = problem.dynamics.omega_squared(x, multipliers.rows)
         # one joint: Σ ⟨Z, L⁻¹K L⁻ᵀ⟩ is the weighted mean
-        weighted = prices.trace @ (squared / dual.reference)
-        assert weighted <= prices.constant + most.upper + 1e-9
+        weighted = multipliers.trace @ (squared / dual.reference)
+        assert weighted <= multipliers.constant + most.upper + 1e-9

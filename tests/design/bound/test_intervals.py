@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armdesign import Requirements, Workspace, load
-from armdesign.design.bound.branch_and_bound import Share
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
+from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.joint_ranges import sweep
@@ -154,8 +154,8 @@ def test_no_triangle_of_pins_in_their_boxes_is_refused(
     problem, i, _, shape = cylinder(name)
     at = coordinates(problem, i, shape, some_design(problem, seed))
     low, high = box_around(at, shape, np.array(width) * 0.3, np.array(place))
-    assert shape.boxes is not None
-    left = shape.boxes.scales(low[:, :2], high[:, :2], Interval(low[:, 2], high[:, 2]))
+    assert shape.pin_boxes is not None
+    left = shape.pin_boxes.scales(low[:, :2], high[:, :2], Interval(low[:, 2], high[:, 2]))
     assert left.low[0] <= at[2] + ROUNDING
     assert left.high[0] >= at[2] - ROUNDING
 
@@ -166,16 +166,21 @@ def test_triangles_are_refused_only_where_no_turn_fits_both_pins(name: str) -> N
     joint in fine steps.
     """
     shape = cylinder(name)[3]
-    assert shape.boxes is not None
+    assert shape.pin_boxes is not None
     points = np.random.default_rng(3).uniform(*shape.region, (300, 3))
-    left = shape.boxes.scales(points[:, :2], points[:, :2], Interval(points[:, 2], points[:, 2]))
+    left = shape.pin_boxes.scales(
+        points[:, :2], points[:, :2], Interval(points[:, 2], points[:, 2])
+    )
     turns = np.exp(1j * np.linspace(-np.pi, np.pi, 20_001))
     fits = left.low <= left.high
     assert 0 < fits.sum() < len(points)
     for at, fit in zip(points, fits, strict=True):
         out = np.zeros(len(turns))
         base = at[2] * complex(*at[:2]) * turns
-        for pin, (low, high) in ((at[2] * turns, shape.boxes.rod_end), (base, shape.boxes.base)):
+        for pin, (low, high) in (
+            (at[2] * turns, shape.pin_boxes.rod_end),
+            (base, shape.pin_boxes.base),
+        ):
             for part, a, b in ((pin.real, low[0], high[0]), (pin.imag, low[1], high[1])):
                 out = np.maximum(out, np.maximum(a - part, part - b))
         assert out.min() < 2e-3 if fit else out.min() > 0  # [m]: a step of the turns
@@ -214,7 +219,7 @@ def test_shares_hold_stiffness(
             out, 0.0, machine.fluid, machine.supply, areas=tuple(areas), stroke=stroke
         )
         values.append(weight @ (k * arm**2 - gravity / arm * curve) - price @ areas * stroke)
-    share = Share(
+    share = CylinderTerm(
         shape=shape,
         limits=limits,
         weight=np.concatenate([[0, 0], weight * machine.fluid.bulk_modulus]),
@@ -247,7 +252,7 @@ def test_slopes_of_a_share_are_its_derivatives(name: str) -> None:
         np.concatenate([[0, 0], random.normal(size=n - 2)]),
     )
     dead = problem.vector.areas_today[i] * problem.machine.cylinders[i].stroke * 0.3
-    share = Share(
+    share = CylinderTerm(
         shape=shape, limits=limits, weight=weight, bend=interval(1e-3 * bend), price=np.zeros(2),
         dead=dead,
         hoses=np.zeros(2),

@@ -488,7 +488,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     weights, squared = root @ np.swapaxes(root, 1, 2), 400.0
     gravity = [bar.gravity(rigid) for bar in enclosed]
     low, high = sum(g.low for g in gravity), sum(g.high for g in gravity)
-    worths = [bar.worth(rigid, weights, squared) for bar in enclosed]
+    worths = [bar.most_added(rigid, weights, squared) for bar in enclosed]
     bottom, top = problem.bounds
     tried = 0
     for _ in range(200):

@@ -1,0 +1,249 @@
+"""One cylinder's term of the upper bound, enclosed from above over cells of its pins and swept volumes.
+
+With swept volumes v = A S of both sides the term is
+
+    Σ_j w_j k_j r_j² − G_j τ_j − μ·v,    k r² = β (v1² ρ²/(v1 σ + D1) + v2² ρ²/(v2 (1 − σ) + D2)),
+
+w ≥ 0 and D dead volumes. Air softens each chamber to β(p) at its static pressure: over a cell and
+all volumes allowed in it β is taken at the greatest pressure that there can be. For a given shape
+it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
+Over a cell of shapes it is enclosed twice, naturally and in the mean value form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.design.bound.cylinder_constraints import CylinderConstraints
+from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
+from armdesign.design.bound.intervals import Interval
+from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+
+TINY = 1e-12  # [m³] of oil
+Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cells:
+    """Cells (m, 3) of b and scale, with air (m, 5) of swept volumes too.
+
+    Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
+    """
+
+    low: Array
+    high: Array
+    bound: Array
+    volume: Array
+    added: Array
+    source: Array  # (m,) index among the cells that were asked for
+
+    def __getitem__(self, rows: Array) -> Cells:
+        return Cells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Air:
+    """Oil with air, and the static torques (n,) [N m, ≥ 0] by which loads push and pull a cylinder at most."""
+
+    fluid: Fluid
+    back: float  # pressure of the chamber without load, at most [Pa]
+    push: Array
+    pull: Array
+
+    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
+        """Bulk moduli of cap and annulus over that of oil alone (m, 1, n), at most.
+
+        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
+        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
+        """
+        found = []
+        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
+            volume = least[:, own, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                load = np.where(torque > 0, torque / (volume * rate), 0.0)
+                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
+            beta = (
+                bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
+                / self.fluid.bulk_modulus
+            )
+            found.append(beta[:, None])
+        return found[0], found[1]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CylinderTerm:
+    """The function to be maximised: weights at the shape's angles, prices of the swept volumes."""
+
+    shape: Shape
+    limits: CylinderConstraints
+    weight: Array  # (n,) w β ≥ 0
+    bend: Interval  # (n,) G
+    price: Array  # (2,) μ
+    dead: Array  # (2,) dead volumes of oil [m³]
+    hoses: Array  # (2,) what hoses add, as oil without air [m³]
+    air: Air | None = None
+    own: Sequence[float] = (
+        0.0,
+        0.0,
+    )  # what barrel and rod add per bore and rod area, at most [1/m²]
+
+    def upper(self, low: Array, high: Array) -> Cells:
+        """Upper bounds over cells, infinite where not known.
+
+        Cells in which nothing is allowed are left out.
+        """
+        kept, scale, vertices = self.limits.allowed(low, high)
+        low, high = low[kept], high[kept]
+        e = self.shape.enclose(low[:, :2], high[:, :2])
+        bound, spread, known = self.enclosed(e, vertices, self._costs(e.stroke * scale))
+        bound = np.where(np.isnan(bound), np.inf, bound)
+        rows, best = np.arange(len(low)), bound.argmax(axis=1)
+        added = self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best])
+        ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
+        if low.shape[1] > 3:
+            least, most = vertices.min(axis=1), vertices.max(axis=1)
+            ends[0], ends[1] = [*ends[0], least], [*ends[1], most]
+            added = np.column_stack([added, self._by_volume(e, vertices)])
+        return Cells(
+            low=np.column_stack(ends[0]),
+            high=np.column_stack(ends[1]),
+            bound=bound[rows, best],
+            volume=vertices[rows, best],
+            added=added,
+            source=kept,
+        )
+
+    def _costs(self, stroke: Interval) -> Array:
+        """Least price of the swept volumes (m, 2): that of oil, less what barrel and rod of these strokes (m,) add."""
+        with np.errstate(divide="ignore"):  # a stroke of nothing
+            barrel, rod = (
+                added / (stroke.low if added > 0 else stroke.high) for added in self.own
+            )
+        return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
+
+    def enclosed(self, e: Enclosure, volume: Array, costs: Array) -> tuple[Array, Array, Flags]:
+        """Upper bounds (m, 5) at swept volumes (m, 5, 2) of some price (m, 2).
+
+        Also what b adds to the mean value form, and whether it holds.
+        """
+        stiffening = self._stiffening(e, volume)
+        slopes, known = self._slopes(e, volume, stiffening)
+        spread = slopes * e.reach[:, None]
+        mean_value = np.where(
+            known, self._value(e.centre, volume, costs, stiffening) + spread.sum(axis=2), np.inf
+        )
+        return np.minimum(self._natural(e, volume, costs, stiffening), mean_value), spread, known
+
+    def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
+        """Bulk moduli of both chambers over that of oil alone, at most, over cells and volumes (m, 5, 2)."""
+        if self.air is None:
+            return 1.0, 1.0
+        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
+        return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
+
+    def _by_volume(self, e: Enclosure, volume: Array) -> Array:
+        """What the ends of each volume (m, 2) add through the pressure of air, roughly."""
+        assert self.air is not None
+        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
+        least, most = volume.min(axis=1), volume.max(axis=1)
+        square, found = (e.rate.high**2) @ self.weight, []
+        for side in (0, 1):
+            soft, stiff = (
+                self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
+            )
+            found.append(square * most[:, side] * (stiff - soft).max(axis=1))
+        return np.stack(found, axis=1)
+
+    def _added(
+        self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags
+    ) -> Array:
+        """What each axis of a cell adds to its bound (m, 3), roughly.
+
+        B and scale also by what the limits leave to v.
+        """
+        value = np.abs(
+            self._value(e.centre, volume[:, None], np.zeros_like(volume), (1.0, 1.0))[:, 0]
+        )
+        by_stroke = value[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
+        by_scale = 0.25 * value * (scale.high / scale.low - 1)
+        added = np.column_stack([spread + by_stroke, by_scale])
+        return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(value))]))
+
+    def _natural(self, e: Enclosure, volume: Array, costs: Array, stiffening: Stiffening) -> Array:
+        """Upper bound (m, 5) at swept volumes (m, 5, 2), everything at its end."""
+        empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
+        return self._sum(empty, full, e.rate.square().high, e.bend, volume, costs, stiffening)
+
+    def _value(
+        self, centre: Natural, volume: Array, costs: Array, stiffening: Stiffening
+    ) -> Array:
+        """The term (m, 5) at the centres of cells."""
+        place = centre.place.low
+        return self._sum(place, place, centre.rate.low**2, centre.bend, volume, costs, stiffening)
+
+    def _sum(
+        self,
+        first: Array,
+        last: Array,
+        square: Array,
+        bend: Interval,
+        volume: Array,
+        costs: Array,
+        stiffening: Stiffening,
+    ) -> Array:
+        """Σ w k r² − G τ − μ·v with the piston at ``first`` for the cap and at ``last`` for the annulus side."""
+        (cap, annulus), dead = stiffening, self._dead(stiffening)
+        filled = (
+            first[:, None] * volume[..., :1] + dead[0],
+            (1 - last)[:, None] * volume[..., 1:] + dead[1],
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            oil = (
+                cap * volume[..., :1] ** 2 / filled[0] + annulus * volume[..., 1:] ** 2 / filled[1]
+            )
+            oil = np.einsum("mvn,mn->mv", oil, self.weight * square)
+        return np.asarray(
+            oil
+            - (bend * self.bend).low.sum(axis=1)[:, None]
+            - np.einsum("mvs,ms->mv", volume, costs)
+        )
+
+    def _dead(self, stiffening: Stiffening) -> tuple[Array, Array]:
+        """Dead volumes (…, n) with hoses as oil that has air [m³]."""
+        whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
+        return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
+
+    def _slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
+        """Largest absolute derivatives by b (m, 5, 2) over the cells, at swept volumes (m, 5, 2).
+
+        Where they hold.
+        """
+        place, rate = e.place[:, None], e.rate[:, None]
+        springs, changes, known = [], [], e.wide.whole[:, None]
+        volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self._dead(stiffening)
+        for v, share, dead, stiff in zip(
+            volumes, (place, 1 - place), dead_volumes, stiffening, strict=True
+        ):
+            filled = share * v + dead
+            known = known & np.all(
+                filled.low[..., 2:] > dead[..., 2:] / 2, axis=2
+            )  # also for a piston beyond its ends
+            emptiness = filled.above(dead / 2 + TINY).reciprocal()
+            springs.append(emptiness * (stiff * v**2))
+            changes.append((emptiness * v).square() * (stiff * v))
+        by_rate = rate * (springs[0] + springs[1]) * (2 * self.weight)
+        by_place = rate.square() * (changes[1] - changes[0]) * self.weight
+        bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)  # whatever G is
+        found = []
+        for k in (0, 1):
+            oil = (
+                by_rate * e.wide.rate_slope[:, None, :, k]
+                + by_place * e.wide.place_slope[:, None, :, k]
+            )
+            found.append((oil.sum(axis=2) - bend[:, None, k]).size)
+        return np.stack(found, axis=2), known

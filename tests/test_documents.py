@@ -1,0 +1,68 @@
+"""Documents that name files and versions name those that exist."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "armdesign"
+HOUSE = (ROOT / "docs" / "house.md").read_text(encoding="utf-8")
+
+
+def listed() -> set[str]:
+    """Files of the house's list of rooms: headings give the folder, rows of tables the file."""
+    folder, files = "", set()
+    for line in HOUSE.splitlines():
+        if heading := re.match(r"### `armdesign/([\w/]*)`", line):
+            folder = heading[1]
+        elif line.startswith("#"):
+            folder = ""
+        elif row := re.match(r"\| `(\w+)` \|", line):
+            files.add(f"{folder}{row[1]}.py")
+    return files
+
+
+def test_every_module_has_its_line_in_the_house_and_every_line_its_module() -> None:
+    modules = {
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    assert listed() == modules
+
+
+@pytest.mark.parametrize("name", ["docs/house.md", "CONTRIBUTING.md"])
+def test_files_that_documents_name_exist(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    named = re.findall(r"`((?:[\w.]+/)*[\w.]+\.(?:py|toml|md|j2))`", text)
+    named += re.findall(r"`((?:[\w.]+/)+)`", text)
+    missing = [path for path in named if not any((at / path).exists() for at in (ROOT, PACKAGE))]
+    assert named
+    assert not missing
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/house.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_documents_fit_their_page(name: str) -> None:
+    """But for tables, pictures and commands, which cannot break."""
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    unbreakable = ("|", "![", "python3 ")
+    assert not [line for line in lines if len(line) > 99 and not line.startswith(unbreakable)]
+
+
+def test_the_citation_is_of_this_version() -> None:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert re.search(r"^version: (\S+)$", citation, re.M)[1] == project["version"]  # type: ignore[index]
+    assert re.search(r"^license: (\S+)$", citation, re.M)[1] == project["license"]  # type: ignore[index]
+    for key in ("cff-version", "message", "title", "authors"):  # what the format requires
+        assert re.search(rf"^{key}:", citation, re.M), key
+
+
+def test_changes_are_added_changed_or_fixed() -> None:
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^### (.*)$", changes, re.M) == ["Added", "Changed", "Fixed"]
+    assert re.findall(r"^## (.*)$", changes, re.M)[0].startswith("Unreleased")
