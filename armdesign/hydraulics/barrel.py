@@ -32,5 +32,5 @@ def barrel_ratio(pressure: Any) -> Any:
 
 
 def barrel_outer(bore: Any, wall: float | None, pressure: Any) -> Any:
-    """Outer diameter of a barrel [m] with a wall [m]; None: the wall that the pressure [Pa] needs."""
+    """Outer diameter of a barrel [m] with its wall [m]; None: what the pressure [Pa] needs."""
     return bore + 2 * wall if wall is not None else barrel_ratio(pressure) * bore

@@ -93,11 +93,11 @@ def opening(valve: Valve, spool: Any) -> Any:
 
 
 def spool_position(valve: Valve, share: Any) -> Any:
-    """Spool position that opens a share −1…1, the inverse of ``opening``; it leaps over an overlap.
+    """Spool position that opens a share −1…1, the inverse of ``opening``.
 
-    Within an underlap o both edges of a port are open, so the net opening grows twice as fast: a =
-    |share| (1 − o), and the spool stands at max(a + o, a/2). In plain operators, fast for a single
-    number too.
+    It leaps over an overlap. Within an underlap o both edges of a port are open, so the net
+    opening grows twice as fast: a = |share| (1 − o), and the spool stands at max(a + o, a/2). In
+    plain operators, fast for a single number too.
     """
     way = abs(share) * (1 - valve.overlap)
     size = 0.75 * way + valve.overlap / 2 + abs(way / 2 + valve.overlap) / 2

@@ -89,7 +89,7 @@ class Inspection:
         return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
-        """What ends a joint's range at its lower (0) or upper (1) end: a stroke, URDF, one turn."""
+        """What ends a joint's range below (0) or above (1): a stroke, the URDF, one turn."""
         machine = self.machine
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):

@@ -225,7 +225,8 @@ def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
             frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
             yield (
                 f"cylinder.{name}",
-                f"idle: {frozen} frozen, so that it moves nothing and no requirement counts for it",
+                f"idle: {frozen} frozen, so that it moves nothing and no requirement counts for"
+                " it",
             )
 
 

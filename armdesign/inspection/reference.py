@@ -73,7 +73,7 @@ class Reference:
 
     @cached_property
     def centres(self) -> dict[str, Array]:
-        """Centre of mass of every link that has one, in the link's frame [m as the URDF has it]."""
+        """Centre of mass of every link that has one, in its frame and the URDF's unit."""
         inertials = ((link, link.find("inertial")) for link in self.urdf.findall("link"))
         return {
             str(link.get("name")): numbers(inertial.find("origin"), "xyz", "0 0 0")

@@ -22,7 +22,7 @@ def assembly_faults(machine: Machine) -> Iterator[MachineFileError]:
 
 
 def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
-    """Cylinders between no joints, odd four-bars, motors that turn nothing, joints without drive."""
+    """Cylinders that span no joint, odd linkages, motors that turn nothing, undriven joints."""
     source, arm = machine.source.name, machine.arm
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         where = f"{source}: cylinder.{cylinder.name}"
@@ -43,7 +43,7 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
-    """Joints without a range, or cylinders that leave a motion free at the middle of all ranges."""
+    """Joints without a range; else cylinders that leave a motion free amid all ranges."""
     source = machine.source.name
     try:
         middle = machine.ranges.mean(axis=1)[None]
@@ -65,7 +65,7 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
 def _with_cause(
     machine: Machine, j: int, own: Own, error: MachineFileError
 ) -> Iterator[MachineFileError]:
-    """A joint without a range, with its likely cause; a cause in the URDF is a fault of its own."""
+    """A joint without a range, with its likely cause; one in the URDF is a fault of its own."""
     cause = cause_of(machine.arm, j, own, faulty=True)
     if cause is None:
         yield error

@@ -1,4 +1,4 @@
-"""A machine file for a URDF that already exists: which joints the cylinders move, and defaults for the rest."""
+"""A machine file for a URDF that already exists: its joints, and defaults for the rest."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class Places:
         return [match.start() for match in re.finditer("\n", self._text)]
 
     def _note(self, keys: Keys, at: int, written: str) -> None:
-        """Note a key that stands at ``at`` and the tables that it makes, unless they were made before."""
+        """Note a key that stands at ``at``, and the tables that it makes."""
         line = bisect.bisect_left(self._line_ends, at) + 1
         for depth in range(1, len(keys)):
             self._found.setdefault(keys[:depth], Place(line, ""))

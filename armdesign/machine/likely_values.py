@@ -1,4 +1,4 @@
-"""What a number was most likely meant to be: in another unit than its key's, with a decimal comma, as a text.
+"""The unit in which a number was most likely meant, where its key's own unit is implausible.
 
 A wrong unit is a factor: a thousand where metres stand under a key in millimetres. It is named
 only where the number as it stands is implausible and the number in the key's own unit is not.
@@ -58,10 +58,10 @@ SHARES = (
 
 @dataclass(frozen=True)
 class Meant:
-    """The units that a number may be in by mistake, likeliest first, and the number in the unit of its key."""
+    """Units that a number may be in by mistake, the likeliest first."""
 
     units: tuple[str, ...]
-    values: tuple[float, ...]
+    values: tuple[float, ...]  # of the number in the unit of its key
 
     @property
     def unit(self) -> str:

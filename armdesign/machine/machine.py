@@ -319,8 +319,9 @@ class Machine:
     def idle_joints(self) -> frozenset[int]:
         """Joints whose position changes no frequency.
 
-        They slew the whole arm, and no cylinder spans them: a cylinder across a joint changes length and moment arm with it. Slewing that carries an
-        axis beside its own changes the inertia that the lower axis feels.
+        They slew the whole arm, and no cylinder spans them: a cylinder across a joint changes
+        length and moment arm with it. Slewing that carries an axis beside its own changes the
+        inertia that the lower axis feels.
         """
         slewing = list(self.arm.slewing)
         spanned = {j for linkage in self.linkages for j in linkage.joints}
@@ -332,7 +333,7 @@ class Machine:
         )
 
     def rigid_poses(self, q: ArrayLike) -> RigidPoses:
-        """Inertia and gravity of the bare links at q (n, nq), the same for all cylinders and loads."""
+        """Inertia and gravity of the bare links at q (n, nq), for any cylinders and loads."""
         return self.arm.rigid_poses(joint_positions(self, q))
 
     def margins(self, q: ArrayLike | RigidPoses) -> Array:
@@ -373,7 +374,7 @@ class Machine:
         return poses
 
     def evaluate(self, rigid: RigidPoses) -> Poses:
-        """Everything at the poses without the checks of ``at``: impossible values are inf or NaN."""
+        """Everything at the poses, not checked as by ``at``: impossible values are inf or NaN."""
         with np.errstate(invalid="ignore", divide="ignore"):
             actuation = [drive.actuation(rigid) for drive in self.drives]
         moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
@@ -402,16 +403,11 @@ class Machine:
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
         """M, g and ∂g/∂q of links, payload at work and the masses of cylinders and four-bars."""
         mass, gravity, slope = rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness
-        points = self.bar_points(rigid)
-        if self.payload.mass > 0 and self.payload.link is not None:
-            joints = tuple(range(len(self.joints)))
-            at = np.array(self.payload.at)
-            points.append(
-                (
-                    self.payload.mass,
-                    self.arm.motion(rigid, self.payload.link, at, self.arm.root, joints),
-                )
-            )
+        points, load = self.bar_points(rigid), self.payload
+        if load.mass > 0 and load.link is not None:
+            at, joints = np.array(load.at), tuple(range(len(self.joints)))
+            motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
+            points.append((load.mass, motion))
         if not points:
             return mass, gravity, slope
         added = of_points(points)
@@ -430,7 +426,7 @@ class Machine:
         return any(cylinder.moving_masses for cylinder in self.cylinders)
 
     def bar_points(self, rigid: RigidPoses) -> list[tuple[float, VectorJet]]:
-        """Point masses [kg] that replace barrels, rods, rockers and couplers, uniform slender bars."""
+        """Point masses [kg] in place of barrels, rods, rockers and couplers, all slender bars."""
         points: list[tuple[float, VectorJet]] = []
         for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
             masses = cylinder.moving_masses

@@ -170,6 +170,6 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 
 def _table(path: str) -> str:
-    """The part of the file whose keys must agree: ``cylinder.boom`` of ``cylinder.boom.rod_mm``."""
+    """Table whose keys must agree: ``cylinder.boom`` of ``cylinder.boom.rod_mm``."""
     words = path.split(".")
     return ".".join(words[: 2 if words[0] in ("payload", "cylinder") else 1])

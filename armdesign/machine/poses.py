@@ -84,11 +84,9 @@ class Poses:
 def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
     """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, nq), g = RᵀF.
 
-    Inf where a pose is singular.
-
-    With more cylinders than joints equilibrium leaves a choice: the least Σ (F/A)² is taken, that
-    is F = W R (Rᵀ W R)⁻¹ g with W = diag(A²), bore areas ``areas`` (…, nc). Axes in front are
-    broadcast. Complex-safe.
+    They are inf where a pose is singular. With more cylinders than joints equilibrium leaves a
+    choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g with W = diag(A²), bore areas
+    ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
     singular, own = is_singular(np.real(moment_arms)), own_joints(moment_arms)
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
@@ -115,7 +113,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
 
 
 def is_singular(moment_arms: Array) -> Flags:
-    """Whether the cylinders lose hold of a joint (…,): R (…, nc, nq) without full column rank, or not finite.
+    """Whether a motion is free (…,): R (…, nc, nq) without full column rank, or not finite.
 
     The smallest singular value is compared with 1 µm per radian: a cylinder within that of its
     dead centre.
@@ -133,10 +131,7 @@ def is_singular(moment_arms: Array) -> Flags:
 
 
 def own_joints(moment_arms: Array) -> Array | None:
-    """The joint that each cylinder moves (nc,), where each moves one and none moves the same.
-
-    Else None.
-    """
+    """The joint that each cylinder moves (nc,); None unless each moves one of its own."""
     used = np.any(moment_arms != 0, axis=tuple(range(moment_arms.ndim - 2)))
     alone = (
         used.shape[0] == used.shape[1]

@@ -1,4 +1,4 @@
-"""Why a joint has no range, or only part of one: a unit, an axis or limits with which all would be right.
+"""Why a joint has no range, or only part of one: a wrong unit, axis or limit.
 
 Each cause is tried: the range is worked out again with the axis reversed, with limits taken as
 degrees, with one length or pin taken as metres. A cause is named where the strokes then fit the
@@ -55,7 +55,7 @@ class Cause:
 
 
 def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
-    """The likeliest cause of a joint without a range (``faulty``), or whose strokes miss its limits; else None."""
+    """Likeliest cause of a joint without a range (``faulty``), or unlike its strokes."""
     now = 0.0 if faulty else _fit(arm, joint, own)
     if now > ALIKE:
         return None
@@ -76,10 +76,7 @@ def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
 
 
 def _fit(arm: Arm, joint: int, own: Own) -> float:
-    """Share of the limits that the strokes cover times the least share of a stroke that is used.
-
-    0 without a range.
-    """
+    """Share of the limits that the strokes cover, times the least share of a stroke in use."""
     linkages, cylinders = tuple(k for k, _ in own), tuple(c for _, c in own)
     lower, upper = arm.limits[joint]
     try:
@@ -93,48 +90,38 @@ def _fit(arm: Arm, joint: int, own: Own) -> float:
 
 
 def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, int, Own]]]:
-    """Causes, simple ones first, each with what the joint would be."""
+    """Causes, simple ones first, each with the arm and cylinders that it would leave."""
     (lower, upper), at = arm.limits[joint], arm.joints[joint]
-    unit = "rad" if at.revolute else "m"
     if at.revolute and max(abs(lower), abs(upper)) > TURN:
         words = f"limits [{lower:g}, {upper:g}] rad look like degrees"
         remedy = f'write lower="{rounded(lower * deg)}" upper="{rounded(upper * deg)}"'
-        yield (
-            Cause(path="limits", words=words, remedy=remedy),
-            (arm.within(joint, lower * deg, upper * deg), joint, own),
-        )
+        in_degrees = arm.within(joint, lower * deg, upper * deg)
+        yield Cause(path="limits", words=words, remedy=remedy), (in_degrees, joint, own)
     axis, other = (" ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
     words = (
         f"its axis ({axis}) looks reversed: with ({other}) the strokes fit its limits [{lower:g},"
-        f" {upper:g}] {unit}"
+        f" {upper:g}] {at.unit}"
     )
-    remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {unit}'
-    yield (
-        Cause(path="axis", words=words, remedy=remedy),
-        (arm.within(joint, -upper, -lower), joint, own),
-    )
-    for words, factor in MISTAKEN["mm"].items():
-        for paths, made in _enlarged(own, factor):
-            yield _of_keys(own, paths, words, factor), (arm, joint, made)
-    whole = [_scaled(pair, _everything(pair), 1e3) for pair in own]
-    if max(
-        float(np.linalg.norm(link.translation)) for link in arm.links.values()
-    ) > LARGEST_ARM or any(
-        float(np.linalg.norm(joint.translation)) > LARGEST_ARM for joint in arm.joints
-    ):
+    remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {at.unit}'
+    reversed_arm = arm.within(joint, -upper, -lower)
+    yield Cause(path="axis", words=words, remedy=remedy), (reversed_arm, joint, own)
+    for unit, factor in MISTAKEN["mm"].items():
+        for keys, enlarged in _enlarged(own, factor):
+            yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
+    enlarged = [_scaled(pair, _everything(pair), 1e3) for pair in own]
+    yield _of_all_lengths(arm, own), (arm, joint, enlarged)
+
+
+def _of_all_lengths(arm: Arm, own: Own) -> Cause:
+    """The cause that all lengths of the URDF are in mm, or all of the cylinders in metres."""
+    places = [link.translation for link in arm.links.values()]
+    places += [joint.translation for joint in arm.joints]
+    if max(float(np.linalg.norm(place)) for place in places) > LARGEST_ARM:
         words = "its lengths look like millimetres beside those of the cylinders"
-        yield (
-            Cause(
-                path="urdf", words=words, remedy="a URDF is in metres: divide its lengths by 1000"
-            ),
-            (arm, joint, whole),
-        )
-    else:
-        words = "its lengths and pins look like metres"
-        cause = Cause(
-            path=f"cylinder.{own[0][1].name}", words=words, remedy="write all of its lengths in mm"
-        )
-        yield cause, (arm, joint, whole)
+        remedy = "a URDF is in metres: divide its lengths by 1000"
+        return Cause(path="urdf", words=words, remedy=remedy)
+    words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
+    return Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy)
 
 
 def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:
@@ -142,18 +129,15 @@ def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:
 
 
 def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], Own]]:
-    """Cylinders of which one length or pin, or several that go together, are larger.
-
-    And which those are.
-    """
+    """Lengths or pins, one or several that go together, and the cylinders with them enlarged."""
     for i, pair in enumerate(own):
         pins, bars = pair[0].pin_names, pair[0].bar_names
         together = [names for names in ([*LENGTHS], bars, pins, [*pins, *bars]) if len(names) > 1]
         for names in ([name] for name in _everything(pair)), together:
             for chosen in names:
-                made = [*own[:i], _scaled(pair, chosen, factor), *own[i + 1 :]]
-                if made[i][1].stroke < made[i][1].closed_length:
-                    yield [(i, name) for name in chosen], made
+                enlarged = [*own[:i], _scaled(pair, chosen, factor), *own[i + 1 :]]
+                if enlarged[i][1].stroke < enlarged[i][1].closed_length:
+                    yield [(i, name) for name in chosen], enlarged
 
 
 def _scaled(
@@ -171,8 +155,8 @@ def _scaled(
 
 
 def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -> Cause:
-    """The cause that lengths or pins are in another unit: their key paths, and what to write there."""
-    told: list[tuple[str, str, str]] = []
+    """The cause that lengths or pins of cylinders are in another unit."""
+    rewritten: list[tuple[str, str, str]] = []
     for i, name in which:
         linkage, cylinder = own[i]
         path = f"cylinder.{cylinder.name}"
@@ -183,10 +167,12 @@ def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -
             values, path = linkage.place(name) or (), f"{path}.{linkage.key_of(name)}"
         show: Callable[[float], str] = lambda x: ", ".join(rounded(x * v / mm) for v in values)  # noqa: B023, E731
         now, then = (f"[{show(x)}]" if len(values) > 1 else show(x) for x in (1.0, factor))
-        told.append((path, now, then))
-    first = told[0][0]
-    looks = "looks" if len(told) == 1 else "look"
-    words = f"{' and '.join(now for _, now, _ in told)} mm {looks} like {unit}"
+        rewritten.append((path, now, then))
+    first = rewritten[0][0]
+    looks = "looks" if len(rewritten) == 1 else "look"
+    words = f"{' and '.join(now for _, now, _ in rewritten)} mm {looks} like {unit}"
     base = ".".join(first.split(".")[:2]) + "."
-    remedy = "write " + " and ".join(f"{path.removeprefix(base)} = {new}" for path, _, new in told)
+    remedy = "write " + " and ".join(
+        f"{path.removeprefix(base)} = {new}" for path, _, new in rewritten
+    )
     return Cause(path=first, words=words, remedy=remedy, least=0.0 if factor > 100 else BY_CHANCE)

@@ -127,7 +127,7 @@ def refuse_foreign(path: Path, text: str) -> None:
 
 
 def _with_schema_beside(text: str) -> tuple[str, str]:
-    """The text with the JSON Schema of its ``#:schema`` line beside it, and the schema's file name.
+    """The text with the schema of its ``#:schema`` line beside it, and the schema's file name.
 
     The name is empty where the line is missing, or names an address or an absolute path, which
     hold anywhere.

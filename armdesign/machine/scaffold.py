@@ -1,4 +1,6 @@
-"""A starting machine file and URDF for a boom with one to six links: plausible numbers, every one to be replaced.
+"""A starting machine file and URDF for a boom with one to six links, with plausible numbers.
+
+Every number is to be replaced.
 
 The links form a chain that folds downwards; each joint has one pin-to-pin cylinder, whose stroke
 covers the joint's range. The proportions are those of small loader booms: the arms of the triangle
@@ -33,6 +35,17 @@ MOST = 4 + len(LARGER)
 FOOT = 1.0  # height of the boom-foot pin [m]
 PAYLOADS = {1: 1500, 2: 500, 3: 250, 4: 150}  # [kg]
 LIGHT = 100  # payload of a boom with more links [kg]
+OIL_AND_PUMP = """\
+[fluid]
+bulk_modulus_MPa = 1200                 # replace: effective; 700 (hoses) to 1500 (steel lines)
+entrained_air_percent = 0.0
+density_kg_per_m3 = 870
+
+[supply]
+pressure_bar = 250                      # replace: relief pressure
+return_pressure_bar = 5
+flow_l_per_min = 60                     # replace: pump flow at working speed
+"""
 
 
 @dataclass(frozen=True)
@@ -156,8 +169,10 @@ def _machine_file(name: str, stages: list[_Stage]) -> str:
     tip = f'link = "{last.name}", at_mm = [{last.length / mm:.0f}, 0, 0]'
     joints = ", ".join(f'"{stage.name}"' for stage in stages)
     return f"""#:schema ./machine.schema.json
-# {name}: a starting point, made by `armdesign new`. EVERY NUMBER IS A PLACEHOLDER: replace it and say where it is from.
-# Units are in the keys. A link's frame is its parent joint's frame, as in the URDF: x along the link, z up at q = 0.
+# {name}: a starting point, made by `armdesign new`. EVERY NUMBER IS A \
+PLACEHOLDER: replace it and say where it is from.
+# Units are in the keys. A link's frame is its parent joint's frame, as in the URDF: \
+x along the link, z up at q = 0.
 # Then: armdesign check {name}.toml    armdesign map {name}.toml    armdesign design {name}.toml
 
 name   = "{name}"
@@ -171,21 +186,14 @@ tool   = {{ {tip} }}                    # replace: the point whose reach and hei
 mass_kg = 0
 
 [payload.full]
-mass_kg = {PAYLOADS.get(len(stages), LIGHT)}                 # replace: a point mass, where its centre hangs
+mass_kg = {PAYLOADS.get(len(stages), LIGHT)}                 \
+# replace: a point mass, where its centre hangs
 link = "{last.name}"
 at_mm = [{last.length / mm:.0f}, 0, 0]
-# pitch_deg = [120, 240]                # the case exists only while the link's x axis has this pitch
+# pitch_deg = [120, 240]                \
+# the case exists only while the link's x axis has this pitch
 
-[fluid]
-bulk_modulus_MPa = 1200                 # replace: effective; 700 (hoses) to 1500 (steel lines)
-entrained_air_percent = 0.0
-density_kg_per_m3 = 870
-
-[supply]
-pressure_bar = 250                      # replace: relief pressure
-return_pressure_bar = 5
-flow_l_per_min = 60                     # replace: pump flow at working speed
-
+{OIL_AND_PUMP}
 {chr(10).join(map(_cylinder, stages))}
 [requirements]                          # what a new design must keep; all optional, see README
 end_margin = 0.02                       # share of the stroke that stays free at both ends
@@ -201,9 +209,11 @@ bore_mm = {stage.bore}                  # replace
 rod_mm = {stage.rod}                    # replace
 stroke_mm = {opened - closed}           # replace
 closed_length_mm = {closed}             # replace: pin to pin, rod in
-dead_volume_l = {{ cap = {_litres(stage)}, annulus = {_litres(stage)} }}  # replace: oil in hoses and ports, each side
+dead_volume_l = {{ cap = {_litres(stage)}, annulus = {_litres(stage)} }}  \
+# replace: oil in hoses and ports, each side
 base    = {{ link = "{stage.carrier}", at_mm = [{stage.base[0]}, 0, {stage.base[1]}] }}  # replace
-rod_end = {{ link = "{stage.name}", at_mm = [{stage.rod_end[0]}, 0, {stage.rod_end[1]}] }}  # replace
+rod_end = {{ link = "{stage.name}", at_mm = [{stage.rod_end[0]}, 0, \
+{stage.rod_end[1]}] }}  # replace
 barrel_kg = 0                           # replace: of each cylinder, it moves with its pins
 rod_kg = 0
 
@@ -213,7 +223,8 @@ rated_drop_bar = 14                     # replace: per metering edge
 natural_frequency_hz = 10               # replace: of the spool
 damping_ratio = 0.8
 # relief_bar = 275                      # where its port reliefs open; default: 1.1 × supply
-# preload_bar = 30                      # shut, the chamber without load stands at it; default: return
+# preload_bar = 30                      \
+# shut, the chamber without load stands at it; default: return
 """
 
 
@@ -225,8 +236,10 @@ def _litres(stage: _Stage) -> str:
 
 def _urdf(name: str, stages: list[_Stage]) -> str:
     return f"""<?xml version="1.0"?>
-<!-- {name}: a starting point, made by `armdesign new`. EVERY NUMBER IS A PLACEHOLDER: replace masses, centres of mass,
-     inertias, lengths and limits. Units: m, kg, rad. x forward, y to the left, z up; positive joint values raise.
+<!-- {name}: a starting point, made by `armdesign new`. EVERY NUMBER IS A \
+PLACEHOLDER: replace masses, centres of mass,
+     inertias, lengths and limits. Units: m, kg, rad. \
+x forward, y to the left, z up; positive joint values raise.
      Visuals are plain boxes. -->
 <robot name="{name}">
   <material name="paint"><color rgba="0.95 0.70 0.10 1"/></material>

@@ -40,7 +40,7 @@ def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
 def unknown_joints(
     section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
 ) -> list[MachineFileError]:
-    """A fault for every motor on a joint that the URDF does not have; its remedy is one to move."""
+    """A fault for every motor on a joint that the URDF does not have."""
     named = ((name, motor.joint or name) for name, motor in section.motor.items())
     return [
         MachineFileError(
