@@ -2,7 +2,9 @@
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
-pressure × v ρ, and do not know the scale.
+pressure × v ρ, and do not know the scale. The requirements themselves are in ``requirements/``
+(``oil``, ``strength``, ``leverage``, ``holding``); ``test_branching_against_dense_sampling`` ties
+the two statements.
 """
 
 from __future__ import annotations

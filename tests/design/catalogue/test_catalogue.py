@@ -26,7 +26,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz, lowest_frequency
 from armdesign.units import mm
 from tests.design.designs import MACHINES, double, single, workspace_of
-from tests.design.requirements.test_absolute import EVERYTHING
+from tests.design.requirements.shared import EVERYTHING
 from tests.machines import named
 
 LOOSE = Requirements(oil_total_share=1.0, oil_each_share=1.6, thrust_share=1.6, holding_share=3.0)

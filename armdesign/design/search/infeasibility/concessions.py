@@ -177,6 +177,6 @@ def _given(c: Concession, amount: float) -> str:
     """An amount in its unit and as a share, both rounded up, so that what is read is enough."""
     percent = 100 * amount / abs(c.limit) if c.limit else 0.0
     digits = max(2, len(str(int(percent))))
-    share = f" ({outward(percent, digits, True):.{digits}g} %)" if c.limit else ""
+    share = f" ({outward(percent, digits, True):g} %)" if c.limit else ""
     factor = WORKSHOP.table[c.unit][0]
     return f"{WORKSHOP.short(outward(amount / factor, 4, True) * factor, c.unit)}{share}"
