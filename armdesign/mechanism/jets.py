@@ -7,7 +7,9 @@ more exact derivative.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -15,35 +17,45 @@ from armdesign.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarJet:
-    """Numbers (n,), their gradients (n, k) and Hessians (n, k, k)."""
+class Jet:
+    """Values (n, …), first (n, k, …) and second derivatives (n, k, k, …)."""
 
     value: Array
     first: Array
     second: Array
 
+    def __add__(self, other: Self) -> Self:
+        return type(self)(
+            self.value + other.value, self.first + other.first, self.second + other.second
+        )
+
+    def __sub__(self, other: Self) -> Self:
+        return type(self)(
+            self.value - other.value, self.first - other.first, self.second - other.second
+        )
+
+    def __neg__(self) -> Self:
+        return self._scaled(-1.0)
+
+    def _scaled(self, factor: float) -> Self:
+        return type(self)(self.value * factor, self.first * factor, self.second * factor)
+
+
+AnyJet = TypeVar("AnyJet", bound=Jet)
+
+
+class ScalarJet(Jet):
+    """Numbers (n,), their gradients (n, k) and Hessians (n, k, k)."""
+
     def __add__(self, other: ScalarJet | float) -> ScalarJet:
         if isinstance(other, ScalarJet):
-            return ScalarJet(
-                self.value + other.value, self.first + other.first, self.second + other.second
-            )
+            return super().__add__(other)
         return ScalarJet(self.value + other, self.first, self.second)
 
-    def __sub__(self, other: ScalarJet | float) -> ScalarJet:
-        return self + other * -1.0
-
-    def __mul__(self, other: ScalarJet | float) -> ScalarJet:
-        if not isinstance(other, ScalarJet):
-            return ScalarJet(self.value * other, self.first * other, self.second * other)
-        mixed = self.first[:, :, None] * other.first[:, None, :]
-        return ScalarJet(
-            self.value * other.value,
-            self.first * other.value[:, None] + self.value[:, None] * other.first,
-            self.second * other.value[:, None, None]
-            + self.value[:, None, None] * other.second
-            + mixed
-            + np.swapaxes(mixed, 1, 2),
-        )
+    def __mul__(self, factor: ScalarJet | float) -> ScalarJet:
+        if isinstance(factor, ScalarJet):
+            return _product(np.multiply, self, factor, ScalarJet)
+        return self._scaled(factor)
 
     def through(self, value: Array, slope: Array, curvature: Array) -> ScalarJet:
         """f(self) from f, f′ and f″ at its values (chain rule)."""
@@ -65,65 +77,36 @@ class ScalarJet:
         return self.through(inverse, -(inverse**2), 2 * inverse**3)
 
 
-@dataclass(frozen=True, eq=False)
-class VectorJet:
+class VectorJet(Jet):
     """Vectors (n, 3) with first (n, k, 3) and second derivatives (n, k, k, 3)."""
 
-    value: Array
-    first: Array
-    second: Array
-
-    def __add__(self, other: VectorJet) -> VectorJet:
-        return VectorJet(
-            self.value + other.value, self.first + other.first, self.second + other.second
-        )
-
-    def __sub__(self, other: VectorJet) -> VectorJet:
-        return VectorJet(
-            self.value - other.value, self.first - other.first, self.second - other.second
-        )
-
-    def __neg__(self) -> VectorJet:
-        return VectorJet(-self.value, -self.first, -self.second)
-
     def __mul__(self, factor: ScalarJet | float) -> VectorJet:
-        if not isinstance(factor, ScalarJet):
-            return VectorJet(self.value * factor, self.first * factor, self.second * factor)
-        mixed = factor.first[:, :, None, None] * self.first[:, None, :, :]
-        return VectorJet(
-            factor.value[:, None] * self.value,
-            factor.value[:, None, None] * self.first
-            + factor.first[:, :, None] * self.value[:, None],
-            factor.value[:, None, None, None] * self.second
-            + factor.second[..., None] * self.value[:, None, None]
-            + mixed
-            + np.swapaxes(mixed, 1, 2),
-        )
+        if isinstance(factor, ScalarJet):
+            return _product(lambda a, b: a[..., None] * b, factor, self, VectorJet)
+        return self._scaled(factor)
 
     def dot(self, other: VectorJet) -> ScalarJet:
         """Scalar product."""
-        mixed = np.einsum("nji,nki->njk", self.first, other.first)
-        return ScalarJet(
-            np.einsum("ni,ni->n", self.value, other.value),
-            np.einsum("nji,ni->nj", self.first, other.value)
-            + np.einsum("ni,nji->nj", self.value, other.first),
-            np.einsum("njki,ni->njk", self.second, other.value)
-            + np.einsum("ni,njki->njk", self.value, other.second)
-            + mixed
-            + np.swapaxes(mixed, 1, 2),
-        )
+        return _product(lambda a, b: np.einsum("...i,...i->...", a, b), self, other, ScalarJet)
 
     def cross(self, other: VectorJet) -> VectorJet:
         """Vector product."""
-        mixed = cross(self.first[:, :, None], other.first[:, None, :])
-        return VectorJet(
-            cross(self.value, other.value),
-            cross(self.first, other.value[:, None]) + cross(self.value[:, None], other.first),
-            cross(self.second, other.value[:, None, None])
-            + cross(self.value[:, None, None], other.second)
-            + mixed
-            + np.swapaxes(mixed, 1, 2),
-        )
+        return _product(cross, self, other, VectorJet)
+
+
+def _product(
+    multiply: Callable[[Array, Array], Array], a: Jet, b: Jet, kind: type[AnyJet]
+) -> AnyJet:
+    """Any product, linear in both jets, by the product rule."""
+    mixed = multiply(a.first[:, :, None], b.first[:, None])
+    return kind(
+        multiply(a.value, b.value),
+        multiply(a.first, b.value[:, None]) + multiply(a.value[:, None], b.first),
+        multiply(a.second, b.value[:, None, None])
+        + multiply(a.value[:, None, None], b.second)
+        + mixed
+        + np.swapaxes(mixed, 1, 2),
+    )
 
 
 def cross(a: Array, b: Array) -> Array:
