@@ -17,7 +17,7 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069
 
 def printable(text: str) -> str:
     """The text with control characters as Python writes them, which no terminal obeys."""
-    return CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
+    return CONTROLS.sub(lambda control: repr(control[0])[1:-1], text)
 
 
 def _line(text: str) -> str:
@@ -106,10 +106,10 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
         raise different[0]
     if different:
         first, *others = different
-        told = "; also: ".join(
+        words = "; also: ".join(
             [str(first).removeprefix(_line(f"{first.part}: ") + " "), *map(str, others)]
         )
-        raise type(first)(first.part, told)
+        raise type(first)(first.part, words)
 
 
 def choose(name: str, known: Collection[str]) -> str:

@@ -34,7 +34,7 @@ def temporary() -> Iterator[Path]:
             yield folder
 
 
-def made(folder: Path, owner_of: Path | None = None) -> bool:
+def made_private(folder: Path, owner_of: Path | None = None) -> bool:
     """Whether a folder exists, made if need be, and nobody else can change what is in it.
 
     Args:

@@ -39,42 +39,45 @@ def faults(path_or_name: str | Path, *, allow_outside: bool = False) -> list[Arm
         text = machine_file.read_text(path)
     except ArmDesignError as error:
         return [error]
-    found = _all(path, text, allow_outside)
+    all_faults = _all(path, text, allow_outside)
     places = Places(text)
-    for fault in found:
+    for fault in all_faults:
         tell_line(fault, places, path.name)
-    return list({str(fault): fault for fault in found}.values())
+    return list({str(fault): fault for fault in all_faults}.values())
 
 
 def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     """Every fault, in the order in which they are looked for."""
     section, in_file, wrong = machine_file.faults(text, path.name)
-    found: list[ArmDesignError] = [*in_file]
+    all_faults: list[ArmDesignError] = [*in_file]
     odd = {fault.part.removeprefix(f"{path.name}: ") for fault in in_file}
     if section is None or "urdf" in wrong | odd:
-        return found
+        return all_faults
     try:
         urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
     except ArmDesignError as error:
-        return [*found, error]
+        return [*all_faults, error]
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
     in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf)
-    found += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
+    all_faults += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
     if joints is None or "joints" in odd:
-        return found
+        return all_faults
     geometry = _without_masses(urdf_text) if in_urdf else urdf_text
     if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf):
-        return found
+        return all_faults
     try:
-        if not found:
+        if not all_faults:
             machine = Machine.unchecked(text, urdf_text, path, section=section)
-            found += assembly_faults(machine)
-        if found:
-            return [*found, *_faults_of_the_rest(section, geometry, path, _blamed(found))]
+            all_faults += assembly_faults(machine)
+        if all_faults:
+            return [
+                *all_faults,
+                *_faults_of_the_rest(section, geometry, path, _blamed(all_faults)),
+            ]
         Workspace.grid(machine)
     except ArmDesignError as error:
-        found.append(error)
-    return found
+        all_faults.append(error)
+    return all_faults
 
 
 def _unknown_names(

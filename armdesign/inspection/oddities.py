@@ -35,15 +35,15 @@ Oddity = tuple[str, str]  # part, words
 def oddities(inspection: Inspection, units: Units) -> list[Finding]:
     """Everything odd, cylinders first, then joints, load cases and the rest."""
     machine = inspection.machine
-    found: list[Oddity] = []
+    odd: list[Oddity] = []
     for i in range(len(machine.cylinders)):
-        found += _of_cylinder(inspection, i, units)
+        odd += _of_cylinder(inspection, i, units)
     for j in range(len(machine.joints)):
-        found += _of_joint(inspection, j, units)
+        odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
-        found += _of_load_case(inspection, case.name, units)
-    found += [*_of_idle(inspection), *_of_oil_and_loads(inspection)]
-    return [Finding(part=part, words=words) for part, words in found]
+        odd += _of_load_case(inspection, case.name, units)
+    odd += [*_of_idle(inspection), *_of_oil_and_loads(inspection)]
+    return [Finding(part=part, words=words) for part, words in odd]
 
 
 def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddity]:

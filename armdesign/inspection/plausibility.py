@@ -29,7 +29,7 @@ def suspicions(machine: Machine, shares: Mapping[str, float]) -> list[Finding]:
         *implausible_values.of_places(reference),
         *implausible_values.of_cylinders(reference),
     ]
-    found = [
+    findings = [
         *lengths,
         *implausible_values.of_usual(reference),
         # with other lengths the loads are others
@@ -38,4 +38,4 @@ def suspicions(machine: Machine, shares: Mapping[str, float]) -> list[Finding]:
         *implausible_values.of_angles(reference),
         *implausible_values.of_flow(reference),
     ]
-    return list({finding.part: finding for finding in reversed(found)}.values())[::-1]
+    return list({finding.part: finding for finding in reversed(findings)}.values())[::-1]

@@ -98,21 +98,21 @@ def _usable_name(words: str) -> str:
 
 def _parents(robot: ET.Element) -> dict[str, tuple[ET.Element, str]]:
     """Joint above every link but the root, and the link that carries it."""
-    found = {}
+    parents = {}
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is not None and child is not None:
-            found[str(child.get("link"))] = (joint, str(parent.get("link")))
-    return found
+            parents[str(child.get("link"))] = (joint, str(parent.get("link")))
+    return parents
 
 
 def _above(link: str, parents: dict[str, tuple[ET.Element, str]]) -> list[ET.Element]:
     """Joints from a link to the root; a loop ends it, for the URDF's own check to refuse."""
-    found: list[ET.Element] = []
-    while link in parents and parents[link][0] not in found:
+    joints: list[ET.Element] = []
+    while link in parents and parents[link][0] not in joints:
         joint, link = parents[link]
-        found.append(joint)
-    return found
+        joints.append(joint)
+    return joints
 
 
 def _driven(

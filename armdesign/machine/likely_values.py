@@ -99,16 +99,18 @@ def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool])
         return None
     if not unit_of(path) and abs(value) <= 1:
         return None  # a share, not per cent
-    found = [
+    candidates = [
         (value * factor, unit)
         for unit, factor in units_of(path).items()
         if plausible(value * factor)
     ]
     low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
     if low > 0:  # the one that is nearer to the middle is likelier
-        found.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
+        candidates.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
     return (
-        Meant(tuple(unit for _, unit in found), tuple(new for new, _ in found)) if found else None
+        Meant(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
+        if candidates
+        else None
     )
 
 

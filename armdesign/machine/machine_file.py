@@ -131,7 +131,7 @@ def faults(
         data = read_toml(text, source)
     except MachineFileError as error:
         return None, [error], set()
-    found: list[MachineFileError] = []
+    all_faults: list[MachineFileError] = []
     wrong: set[str] = set()
     places = Places(text)
     for _ in range(MENDING):
@@ -140,20 +140,20 @@ def faults(
             break
         except ValidationError as error:
             invalid = error.errors(include_url=False)
-            if not found:  # later ones are faults of stand-ins
-                found += [explained(fault, source, places) for fault in invalid]
+            if not all_faults:  # later ones are faults of stand-ins
+                all_faults += [explained(fault, source, places) for fault in invalid]
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))
                 mend(data, location)
     else:
-        return None, found, wrong
+        return None, all_faults, wrong
     tables = {_table(path) for path in wrong}
-    found += [
+    all_faults += [
         fault
         for fault in contradictions(section, source)
         if _table(fault.part.removeprefix(f"{source}: ")) not in tables
     ]
-    return section, found, wrong
+    return section, all_faults, wrong
 
 
 def flat(section: MachineSection) -> dict[str, Any]:

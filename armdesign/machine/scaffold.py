@@ -96,20 +96,20 @@ def _links(links: int) -> list[tuple[str, float, float, int, int, float]]:
 
 
 def _stages(links: int) -> list[_Stage]:
-    found: list[_Stage] = []
+    stages: list[_Stage] = []
     for name, length, mass_per_length, bore, rod, height in _links(links):
-        at = found[-1].length if found else 0.0
-        if not found:  # from below: the cylinder pushes the boom up
+        at = stages[-1].length if stages else 0.0
+        if not stages:  # from below: the cylinder pushes the boom up
             base, rod_end = _polar(0.2 * length, -50), _polar(0.4667 * length, 15)
             lower, upper = -25.0, 45.0
         else:  # from above: the cylinder folds the link down
             x, z = _polar(0.37 * at, 160)
             base, rod_end = (round(at / mm) + x, z), _polar(0.17 * at, 165)
             lower, upper = -130.0, -50.0
-        found.append(
+        stages.append(
             _Stage(
                 name=name,
-                carrier=found[-1].name if found else "base",
+                carrier=stages[-1].name if stages else "base",
                 at=at,
                 length=length,
                 mass=length * mass_per_length,
@@ -122,7 +122,7 @@ def _stages(links: int) -> list[_Stage]:
                 rod_end=rod_end,
             )
         )
-    return found
+    return stages
 
 
 def _polar(radius: float, degrees: float) -> tuple[int, int]:

@@ -62,7 +62,7 @@ def choose_font_cache() -> None:
     for folder in user_folders.temporary():
         cache = folder / "matplotlib"
         with contextlib.suppress(OSError):
-            if user_folders.made(cache) and user_folders.writable(cache):
+            if user_folders.made_private(cache) and user_folders.writable(cache):
                 os.environ["MPLCONFIGDIR"] = str(cache)
                 return
     try:

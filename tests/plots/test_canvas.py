@@ -26,7 +26,7 @@ def homeless(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 def test_memory_is_the_last_temporary_folder(homeless: pytest.MonkeyPatch) -> None:
     """Read-only disks: the folder of shared memory is left."""
-    homeless.setattr(user_folders, "made", lambda folder: "/dev/shm" in str(folder))
+    homeless.setattr(user_folders, "made_private", lambda folder: "/dev/shm" in str(folder))
     homeless.setattr(user_folders, "writable", lambda folder: True)
     canvas.choose_font_cache()
     name = f"armdesign-{os.getuid()}"
@@ -37,7 +37,7 @@ def test_no_folder_at_all_is_one_line(homeless: pytest.MonkeyPatch) -> None:
     def none() -> str:
         raise FileNotFoundError
 
-    homeless.setattr(user_folders, "made", lambda folder: False)
+    homeless.setattr(user_folders, "made_private", lambda folder: False)
     homeless.setattr(tempfile, "gettempdir", none)
     with pytest.raises(ArmDesignError, match="matplotlib: no folder can be written"):
         canvas.choose_font_cache()

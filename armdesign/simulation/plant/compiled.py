@@ -143,7 +143,7 @@ def _folders() -> tuple[tuple[Path, ...], Path | None]:
     places += [(HERE / "__pycache__", HERE), *((place, None) for place in folders.of_user())]
     for place, programs in places:
         try:
-            safe = folders.made(place / name, programs)
+            safe = folders.made_private(place / name, programs)
         except OSError:
             continue
         if safe:

@@ -196,7 +196,7 @@ def test_a_link_is_no_folder(kept: Path, tmp_path: Path, monkeypatch: pytest.Mon
     (folder,) = {file.parent for file in files(kept)}
     folder.rename(tmp_path / "elsewhere")
     folder.symlink_to(tmp_path / "elsewhere")
-    assert not folders.made(folder)
+    assert not folders.made_private(folder)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     (tmp_path / f"armdesign-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
     assert tmp_path / f"armdesign-{os.getuid()}" not in folders.temporary()
@@ -206,13 +206,13 @@ def test_a_link_is_no_folder(kept: Path, tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_folder_of_somebody_else_is_refused(kept: Path) -> None:
     called()
     (folder,) = {file.parent for file in files(kept)}
-    assert folders.made(folder)
+    assert folders.made_private(folder)
     os.chown(folder, NOBODY, NOBODY)
-    assert not folders.made(folder)
+    assert not folders.made_private(folder)
     os.chown(folder, 0, 0)
     os.chown(kept, NOBODY, NOBODY)
-    assert not folders.made(folder)
-    assert folders.made(folder, owner_of=kept)  # whose programs are run anyway
+    assert not folders.made_private(folder)
+    assert folders.made_private(folder, owner_of=kept)  # whose programs are run anyway
 
 
 # --------------------------------------------------------------------------------------- processes
