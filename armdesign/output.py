@@ -169,9 +169,9 @@ def tell(text: str, file: TextIO | None = None) -> None:
 
 
 def tell_error(error: ArmDesignError) -> None:
-    """Print an error as one line on stderr; of several conflicting requirements also the table."""
+    """Print an error on stderr: one line, and below it the table that some errors have."""
     tell(f"armdesign: {error}", sys.stderr)
-    for line in getattr(error, "table", "").splitlines():
+    for line in error.table.splitlines():
         tell(line, sys.stderr)
 
 

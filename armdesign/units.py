@@ -72,6 +72,7 @@ WORKSHOP = Units(
         "m": (mm, "mm", 1),
         "m/rad": (mm, "mm", 1),
         "m/m": (1.0, "", 3),
+        "m/s": (mm, "mm/s", 0),
         "m³": (litre, "l", 2),
         "m³/s": (l_per_min, "l/min", 1),
         "Pa": (bar, "bar", 0),
@@ -88,6 +89,7 @@ SI = Units(
         "m": (1.0, "m", 4),
         "m/rad": (1.0, "m", 4),
         "m/m": (1.0, "", 3),
+        "m/s": (1.0, "m/s", 4),
         "m³": (1.0, "m³", 5),
         "m³/s": (1.0, "m³/s", 6),
         "Pa": (1e6, "MPa", 2),  # a prefix, or a table of static pressures is zeros

@@ -1,4 +1,4 @@
-"""The doors of the design: ``optimize`` and ``size_cylinders``, and the ``Design`` they answer with.
+"""Design of cylinders: ``optimize``, ``size_cylinders`` and the ``Design`` that they return.
 
 The optimum is found in real numbers, then rounded to what a drawing can say (0.1 mm), written to a
 machine file, read back and judged by ``check``, which knows nothing of the optimiser.
@@ -50,11 +50,11 @@ class Design:
         today: the machine it was made from.
         requirements: the limits it was made under.
         checks: every requirement judged on the new machine.
-        prices: for each requirement, the relative gain in the worst frequency if it were relaxed by
+        prices: for each requirement, the relative gain in the worst frequency from relaxing it by
             1 %, solved again from the optimum; requirements that one setting states are relaxed
             together and share the gain.
-        at_margin: the same if it were what the first of that 1 % buys (its multiplier), before
-            another limit is met.
+        at_margin: the gain per 1 % that the first of it buys (the multiplier), before another
+            limit is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within
             the bands that it was made for [Hz].
         starts: worst frequency that each start of the search reached [Hz], without those that
@@ -92,7 +92,7 @@ class Design:
         *,
         command: str,
     ) -> Design:
-        """The rounded design of a search, with what its starts came to, and the attribute ``selection``.
+        """The rounded design of a search, with the outcome of its starts.
 
         Its file says that ``command`` made it.
 
@@ -171,7 +171,7 @@ class Design:
         return frequency_band(self.machine, self.workspace, self.bands)
 
     def written_by(self, command: str) -> Machine:
-        """The new machine with a file that says it was made by ``command``, as typed in a terminal."""
+        """The new machine with a file that says it was made by ``command``."""
         return documented(self.machine, self.today, self.requirements, command)
 
     def plot(self, plane: str = "joints") -> Any:
@@ -248,7 +248,10 @@ class Design:
 
     @property
     def tightest(self) -> list[Check]:
-        """Requirements that depend on the areas, that of least slack first: what counts where sizes come in steps."""
+        """Requirements that depend on the areas, that of least slack first.
+
+        They count where sizes come in steps.
+        """
         loads = static_loads(self.machine, self.workspace)
         areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
         both = np.stack([areas, SMALLER * areas])
@@ -281,7 +284,7 @@ def optimize(
     bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
-    """Cylinder areas and pins that raise the lowest coupled frequency over the workspace and all load cases.
+    """Cylinder areas and pins that raise the worst frequency over workspace and load cases.
 
     Args:
         machine: today's machine.
@@ -340,7 +343,7 @@ def size_cylinders(
     bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
-    """Bore and rod of every cylinder for given pins, with an upper bound on what any sizes can reach.
+    """Bore and rod of every cylinder for given pins, with an upper bound for any sizes.
 
     With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in
     the areas: one semidefinite programme is the global optimum and ``bound`` its dual certificate

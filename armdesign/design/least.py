@@ -1,4 +1,4 @@
-"""The reverse question: how little oil, pump flow or cylinder mass is enough for a given frequency.
+"""The least oil, pump flow or cylinder mass that is enough for a given frequency.
 
 The best worst frequency never falls when a limit is loosened. So the least amount is the root of
 *best frequency under that limit = frequency asked for*, found by the secant rule within a bracket;
@@ -69,7 +69,7 @@ def least(
     bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
-    """The machine that needs least oil, pump flow or steel and still has a given worst frequency on the workspace.
+    """The machine of a given worst frequency that needs least oil, pump flow or steel.
 
     Its ``requirements`` state the amount: the limit on what was made least takes the place of the
     one given.
@@ -126,7 +126,7 @@ def least(
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
-    """What a machine needs of what is made least, see ``least``: share of today's oil or flow, or mass [kg]."""
+    """What a machine needs of what is made least: share of today's oil or flow, or mass [kg]."""
     if of == "mass":
         return cylinder_mass(machine)
     new, old = (
@@ -138,7 +138,7 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeastAmount:
-    """Searches for a ``frequency`` [Hz] under several limits on the amount ``of`` what is made least."""
+    """Searches for a ``frequency`` [Hz] under several limits on an amount ``of`` something."""
 
     problem: Problem
     of: str
@@ -149,7 +149,7 @@ class LeastAmount:
         return multistart(self._under(self.problem, self._today), starts, seed, workers)
 
     def search(self, search: Search) -> Search:
-        """The search under the smallest amount that reaches the frequency, before rounding, with sizes as they vary."""
+        """The search under the smallest amount that reaches the frequency, before rounding."""
         search, low = self._enough(search)
         slope = 0.5  # of log frequency by log amount: ω² grows with the oil, at first
         for _ in range(SEARCHES):
@@ -262,7 +262,7 @@ class LeastAmount:
     def _out_of_reach(
         self, reached: float, margins: Mapping[str, float] | None = None
     ) -> InfeasibleError:
-        """The error that says what is reached, and which limits hold it back, by their ``margins`` if known."""
+        """The error that says what is reached, and which limits hold it back, if known."""
         gains = margins or {}
         dear = sorted(
             (name for name, gain in gains.items() if gain > LEAST_PRICE),

@@ -109,7 +109,7 @@ def pareto(
     bands: Bands | None = None,
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Pareto:
-    """The worst frequency that can be had under each value of one limit, all other requirements as they are.
+    """The best worst frequency under each value of one limit, all others as they are.
 
     Args:
         machine: today's machine.
@@ -150,7 +150,8 @@ def pareto(
         try:
             tighter = optimize(
                 machine, workspace, limited, vary,
-                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands, catalogue=sizes,
+                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
+                catalogue=sizes,
             )  # fmt: skip
             found[limit] = tighter
         except InfeasibleError as error:

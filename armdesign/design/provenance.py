@@ -1,4 +1,4 @@
-"""The story that a new machine's file tells: from what, when, by which command and within which limits it was made.
+"""Provenance: how, when and from what a new machine was made, told in its file.
 
 The comments at the head of today's file tell of today's machine, so the new file has a head of its
 own. Every line whose value differs says what it was, followed by what its comment said of that.
@@ -82,7 +82,7 @@ def _changes(machine: Machine, today: Machine) -> dict[str, Any]:
 
 
 def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
-    """The text in which every line with one of the key paths says what it was in the text before."""
+    """The text in which every line with one of the key paths says what it was before."""
     document, old = tomlkit.parse(text), tomlkit.parse(before)
     lines: dict[str, list[str]] = {}
     for path in paths:

@@ -1,9 +1,9 @@
 """Every load case over a workspace: the one loop over load cases and the poses of each.
 
 Maps, bands, requirements and designs ask about "all poses and load cases"; all of them loop here.
-What a load case is stands elsewhere: its data in ``machine.parts.LoadCase``, at which poses it
-exists in ``Machine.holds``, what it adds to inertia and gravity in ``Machine.loaded``. A new kind
-of load case changes these three and nothing here.
+What a load case is, and at which poses it exists, stands in ``machine.load_case``; what it adds to
+inertia and gravity in ``Machine.loaded``. A new kind of load case changes these two and nothing
+here.
 """
 
 from __future__ import annotations

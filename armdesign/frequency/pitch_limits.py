@@ -32,7 +32,7 @@ def turned_onto_pitch_limits(
     turned = [np.empty((0, len(ranges)))]
     for limit in payload.pitch or ():
         for rows in chunks(len(q)):
-            on_limit = onto_pitch_limit(machine, payload, q[rows], joint, limit)
+            _, on_limit = onto_pitch_limit(machine, payload, q[rows], joint, limit)
             inside = (on_limit[:, joint] >= ranges[joint, 0]) & (
                 on_limit[:, joint] <= ranges[joint, 1]
             )
@@ -42,10 +42,10 @@ def turned_onto_pitch_limits(
 
 def onto_pitch_limit(
     machine: Machine, payload: LoadCase, q: Array, joint: int, limit: float
-) -> Array:
+) -> tuple[Array, Array]:
     """Poses with ``joint`` turned until the link's pitch is ``limit`` [rad] (Newton).
 
-    Poses whose pitch the joint cannot bring there are left out.
+    Which of the poses (n, nq) can be turned so (m,), and these poses (m, nq).
     """
     assert payload.link is not None
     q = q.copy()
@@ -61,7 +61,8 @@ def onto_pitch_limit(
         slope = wrapped(ahead - pitch) / step[joint]
         turns = np.abs(slope) > SMALLEST_SLOPE
         q[:, joint] += error / np.where(turns, slope, np.inf)
-    return q[np.abs(error) < 1e-10]
+    turned = np.flatnonzero(np.abs(error) < 1e-10)
+    return turned, q[turned]
 
 
 def wrapped(angle: Array) -> Array:

@@ -1,8 +1,10 @@
 """Reach maps: the lowest frequency at each place of the tool, whatever pose brings it there.
 
 Between the poses of a joint grid, places and frequencies are interpolated; the lowest pose of each
-cell is then computed. Poses are spread up to the ends of the joint ranges and to the pitch limits,
-and once more about the lowest of each cell.
+cell is then computed. Were the frequency linear in the joints, its least over all poses with the
+tool in a cell would be at a vertex: all joints but two at a limit, the tool on the cell's border.
+So poses are taken where the surfaces of limits cross borders, the best of each cell is moved to
+the cell's corners, and poses inside the joint box and about the best are tried as well.
 """
 
 from __future__ import annotations
@@ -16,15 +18,19 @@ from armdesign.arrays import Array, Flags, chunks
 from armdesign.frequency.joint_grid import nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
-from armdesign.frequency.reach_plane import reach_and_height
-from armdesign.frequency.spread import joints_without_effect, spread
+from armdesign.frequency.reach_plane import place_and_pitch, reach_and_height
+from armdesign.frequency.spread import box_poses, joints_without_effect, surfaces
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 CELLS = 90  # along the longer side
-SPREAD = 100_000  # poses inside the joint box
-NEAR = 24  # more of them about the lowest of each cell, twice
-EXACT = 20_000  # of them at most where nothing can be interpolated
+INSIDE = 40_000  # poses inside the joint box, half as many on its faces, edges and so on
+VALUES = 40  # of both joints on a surface of limits
+NEAR = 12  # random poses about the lowest of each cell,
+WIDTHS = 0.6, 0.3  # and how far from it, in steps between the poses inside
+CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
+ASIDE = 0.01  # of a cell, distance of poses from its border
+EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,19 +121,68 @@ class _Between:
     def lowest(self, reach: Array, height: Array) -> Array:
         """Reach, height and frequency (n, 3) of the lowest pose of each cell that has any.
 
-        Sought on interpolated values, most densely about the lowest; its frequency is computed.
+        Sought on interpolated values; its frequency is computed.
+        """
+        cells, ranges = (reach, height), self.workspace.ranges
+        fixed = joints_without_effect(self.case)
+        inside = box_poses(ranges, fixed, INSIDE, INSIDE // 2)
+        q, points = self._lowest(cells, np.concatenate([inside, self._on_borders(cells)]))
+        for width in WIDTHS:
+            q, points = self._lowest(cells, self._around(q, width), q, points)
+            q, points = self._lowest(cells, self._to_corners(q, cells), q, points)
+        return np.column_stack([points[:, :2], self._computed(q)[:, 2]])
+
+    def _lowest(
+        self, cells: tuple[Array, Array], poses: Array, *known: Array
+    ) -> tuple[Array, Array]:
+        """The lowest pose of each cell and its point, among some poses and the known ones."""
+        q, points, beyond = self.at(poses)
+        turned, more, _ = self.at(self._turned_back(beyond))
+        q = np.concatenate([*known[:1], q, turned])
+        points = np.concatenate([*known[1:], points, more])
+        best = _lowest_of_cells(points, *cells)
+        return q[best], points[best]
+
+    def _around(self, q: Array, width: float) -> Array:
+        """Random poses about the poses (n, nq), within the joint ranges."""
+        low, high = self.workspace.ranges.T
+        share = width * INSIDE ** (-1 / len(low))
+        random = np.random.default_rng(0).uniform(-1, 1, (NEAR, *q.shape))
+        return np.clip(q + share * (high - low) * random, low, high).reshape(-1, len(low))
+
+    def _to_corners(self, q: Array, cells: tuple[Array, Array]) -> Array:
+        """Poses moved so that the tool is at the corners of its cell (linearised).
+
+        Joints at an end stay there, and poses on a pitch limit stay on it.
         """
         low, high = self.workspace.ranges.T
-        q, points, _ = self.at(spread(self.case, self.workspace.ranges, SPREAD))
-        random = np.random.default_rng(0)
-        for width in SPREAD ** (-1 / len(low)) * np.array([1.0, 0.4]):
-            best = q[_lowest_of_cells(points, reach, height)]
-            around = best + width * (high - low) * random.uniform(-1, 1, (NEAR, *best.shape))
-            near, found, beyond = self.at(np.clip(around.reshape(-1, len(low)), low, high))
-            turned, more, _ = self.at(self._turned_back(beyond))
-            q, points = np.concatenate([q, near, turned]), np.concatenate([points, found, more])
-        best = _lowest_of_cells(points, reach, height)
-        return np.column_stack([points[best, :2], self._computed(q[best])[:, 2]])
+        payload = self.case.payload
+        on_limit = np.abs(self.case.pitch_excess(self.case.arm.kinematics(q), payload)) < 1e-6
+        moved = []
+        for rows, held in ((~on_limit, None), (on_limit, payload)):
+            start = q[rows]
+            value, slope = place_and_pitch(self.case, start, held)
+            cell = steps_along(cells, value[:, :2]).T[:, None]
+            step = [axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in cells]
+            way = np.zeros((len(start), len(CORNERS), value.shape[1]))
+            way[..., :2] = (np.rint(cell) + (0.5 - ASIDE) * np.array(CORNERS) - cell) * step
+            room = ((high - low) * ((start > low) & (start < high)))[:, None]
+            motion = np.linalg.pinv(slope * room, rcond=1e-6).swapaxes(1, 2) * room
+            moved.append(np.clip(start[:, None] + way @ motion, low, high).reshape(-1, len(low)))
+        return np.concatenate(moved)
+
+    def _on_borders(self, cells: tuple[Array, Array]) -> Array:
+        """Poses (n, nq) on the surfaces of limits, the tool on either side of a cell's border.
+
+        A cell of which such a surface cuts but a sliver off has a corner of the sliver among them.
+        """
+        parts = [np.empty((0, len(self.workspace.axes)))]
+        for q in surfaces(self.case, self.workspace.ranges, VALUES):
+            place = reach_and_height(self.case, q.reshape(-1, q.shape[2]))
+            for number in steps_along(cells, place).reshape(2, VALUES, VALUES) + 0.5:
+                for at, of_cell in ((q, number), (q.swapaxes(0, 1), number.T)):
+                    parts.append(_crossings(at[:-1], at[1:], of_cell[:-1], of_cell[1:]))
+        return np.concatenate(parts)
 
     def at(self, q: Array) -> tuple[Array, Array, Array]:
         """The poses (n, nq) at which the load case exists, their points (m, 3), the poses beyond.
@@ -204,3 +259,21 @@ def _lowest_of_cells(points: Array, reach: Array, height: Array) -> Array:
     cell = nearest(reach, points[:, 0]) * len(height) + nearest(height, points[:, 1])
     order = np.lexsort((points[:, 2], cell))
     return np.asarray(order[np.unique(cell[order], return_index=True)[1]])
+
+
+def _crossings(start: Array, end: Array, at_start: Array, at_end: Array) -> Array:
+    """Poses a little before and after a coordinate crosses a whole number, from start to end.
+
+    Linear between poses (…, nq) with the coordinate (…); none where it is NaN.
+    """
+    known = np.isfinite(at_start) & np.isfinite(at_end)
+    start, end, at_start, at_end = start[known], end[known], at_start[known], at_end[known]
+    first = np.ceil(np.minimum(at_start, at_end))
+    count = (np.floor(np.maximum(at_start, at_end)) - first + 1).astype(int)
+    edge = np.repeat(np.arange(len(count)), count)
+    whole = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    run = (at_end - at_start)[edge]
+    share = (whole + ASIDE * np.array([[-1], [1]]) - at_start[edge]) / np.where(run == 0, 1, run)
+    share = np.clip(share, 0, 1).ravel()[:, None]
+    edge = np.tile(edge, 2)
+    return np.asarray(start[edge] + share * (end - start)[edge])

@@ -53,7 +53,7 @@ def poses_on_cells(
         ArmDesignError: no pose brings the tool to a cell's middle.
     """
     ranges = np.array([[axis[0], axis[-1]] for axis in axes])
-    places, _ = _place_and_slopes(machine, grid)
+    places, _ = place_and_slopes(machine, grid)
     cells = _Cells(places.min(axis=0), np.ptp(places, axis=0).max() / count)
     starts, everywhere = cells.of(places), np.ones_like(grid)
     q, cell, which = _onto_middles(machine, ranges, cells, grid, starts, everywhere)
@@ -66,7 +66,7 @@ def poses_on_cells(
     weights = np.bincount(posture, weights=weights[which])
     parts = [(q[first], cell[first])]
     for edge, payload in edge_poses(machine, ranges, STARTS * len(np.unique(cell, axis=0))):
-        starts = cells.of(_place_and_slopes(machine, edge)[0])
+        starts = cells.of(place_and_slopes(machine, edge)[0])
         chosen = np.sort(_postures(axes, edge, starts)[0])
         edge, starts = edge[chosen], starts[chosen]
         between_ends = ((edge > ranges[:, 0]) & (edge < ranges[:, 1])).astype(float)
@@ -119,27 +119,27 @@ def _onto_middles(
     """
     low, high = ranges.T
     q = starts.copy()
-    goal = _place_and_pitch(machine, q, payload)[0]
+    goal = place_and_pitch(machine, q, payload)[0]
     goal[:, :2] = cells.middles(cell)
     left = np.arange(len(q))
     for _ in range(12):
-        value, slope = _place_and_pitch(machine, q[left], payload)
+        value, slope = place_and_pitch(machine, q[left], payload)
         error = goal[left] - value
         room = ((high - low) * free[left])[:, None, :]
         motion = np.linalg.pinv(slope * room, rcond=1e-6) @ error[..., None]
         q[left] += room[:, 0] * motion[..., 0]
         left = left[np.abs(error).max(axis=1) > 1e-12]
-    met = np.abs(_place_and_pitch(machine, q, payload)[0] - goal).max(axis=1) < 1e-9
+    met = np.abs(place_and_pitch(machine, q, payload)[0] - goal).max(axis=1) < 1e-9
     met &= np.all((q >= low) & (q <= high), axis=1) & np.all(cell >= 0, axis=1)
     return q[met], cell[met], np.flatnonzero(met)
 
 
-def _place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tuple[Array, Array]:
+def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tuple[Array, Array]:
     """Reach, height [m] and with a payload its link's pitch [rad] (n, 2 or 3), and their slopes.
 
     The slopes by the joints are (n, 2 or 3, nq).
     """
-    place, slope = _place_and_slopes(machine, q)
+    place, slope = place_and_slopes(machine, q)
     if payload is None or payload.link is None:
         return place, slope
     arm, link, step = machine.arm, payload.link, 1e-6
@@ -152,7 +152,7 @@ def _place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tu
     )
 
 
-def _place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:
+def place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:
     """Reach and height of the tool (n, 2) [m] and their slopes by the joints (n, 2, nq)."""
     arm, joints, at = machine.arm, tuple(range(q.shape[1])), np.array(machine.tool.at)
     parts = []

@@ -1,4 +1,4 @@
-"""Poses spread over the joint box and over pitch limits, denser on faces, edges and corners.
+"""Poses spread over the joint box, its faces and edges, and over pitch limits.
 
 The lowest frequency that brings the tool to a place is often at the end of a joint range or on a
 pitch limit, sometimes at several at once; a grid alone meets few such poses.
@@ -14,30 +14,16 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import mesh
-from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
+from armdesign.frequency.pitch_limits import (
+    onto_pitch_limit,
+    tipping_joints,
+    turned_onto_pitch_limits,
+)
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 
-ON_EDGE = (
-    4000  # poses that `spread` takes on an edge of the joint box, and on its cuts with limits
-)
 Ends = tuple[int | None, ...]  # of each joint 0 (lower end), 1 (upper end) or None (in between)
-
-
-def spread(case: Machine, ranges: Array, count: int) -> Array:
-    """Poses (n, nq) over the joint box and over the pitch limits of the load case at work.
-
-    ``count`` of them are inside the box. Joints without effect stand at one value.
-    """
-    fixed = joints_without_effect(case)
-    parts = [box_poses(ranges, fixed, count, count * 3 // 4, ON_EDGE)]
-    joints = tipping_joints(case, case.payload)
-    for joint in joints:
-        inside = count // 10 if joint == joints[-1] else 0
-        others = box_poses(ranges, fixed | {joint}, inside, count // 6, ON_EDGE)
-        parts.append(turned_onto_pitch_limits(case, case.payload, others, joint, ranges))
-    return np.concatenate(parts)
 
 
 def edge_poses(
@@ -78,6 +64,34 @@ def box_poses(
             values = max(int(poses ** (1 / max(inner, 1))), 2)
             parts.append(mesh(_values(r, e, values) for r, e in zip(ranges, ends, strict=True)))
     return np.concatenate(parts)
+
+
+def surfaces(case: Machine, ranges: Array, values: int) -> Iterator[Array]:
+    """Poses (values, values, nq) on the surfaces at which all joints but two are held by a limit.
+
+    The limits are the ends of joint ranges and the pitch limits of the load case at work; NaN
+    where a pitch limit would need a joint beyond its range. A linear function of the poses that
+    bring the tool to a cell is least on these surfaces.
+    """
+    fixed = joints_without_effect(case)
+    yield from _faces(ranges, fixed, values)
+    for joint in tipping_joints(case, case.payload):
+        for q in _faces(ranges, fixed | {joint}, values):
+            for limit in case.payload.pitch or ():
+                flat, turned = q.reshape(-1, len(ranges)), np.full_like(q, np.nan)
+                known, on_limit = onto_pitch_limit(case, case.payload, flat, joint, limit)
+                low, high = ranges[joint]
+                inside = (on_limit[:, joint] >= low) & (on_limit[:, joint] <= high)
+                turned.reshape(flat.shape)[known[inside]] = on_limit[inside]
+                yield turned
+
+
+def _faces(ranges: Array, fixed: Collection[int], values: int) -> Iterator[Array]:
+    """Even poses (values, values, nq) on each face of the joint box on which two joints move."""
+    for ends in product(*((0,) if j in fixed else (0, 1, None) for j in range(len(ranges)))):
+        if ends.count(None) == 2:
+            axes = (_values(r, e, values) for r, e in zip(ranges, ends, strict=True))
+            yield mesh(axes).reshape(values, values, -1)
 
 
 def joints_without_effect(machine: Machine) -> set[int]:

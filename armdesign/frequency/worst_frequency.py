@@ -155,7 +155,7 @@ def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
     payload = machine.payload
     if not machine.holds(rigid)[0] and machine.pitch_excess(rigid, payload)[0] < 1e-3:
         moved = [
-            onto_pitch_limit(machine, payload, q[None], joint, limit)
+            onto_pitch_limit(machine, payload, q[None], joint, limit)[1]
             for joint in tipping_joints(machine, payload)
             for limit in payload.pitch or ()
         ]

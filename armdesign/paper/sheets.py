@@ -37,6 +37,7 @@ def _paper_choices(reproduction: Reproduction) -> Sheet:
     cylinder, valve, units = machine.cylinders[0], machine.cylinders[0].valve, WORKSHOP
     masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
     sizes = "/".join(units.number(size, "m") for size in (cylinder.bore, cylinder.rod))
+    stroke = units.text(cylinder.stroke, "m")
     dead = " and ".join(
         units.text(v, "m³") for v in (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
     )
@@ -45,11 +46,7 @@ def _paper_choices(reproduction: Reproduction) -> Sheet:
         ("link lengths l2", "five", f"{len(lengths)}: {lengths[0]:g} to {lengths[-1]:g} m"),
         ("pins a1, d1", "–", ", ".join(units.text(float(v), "m") for v in at.pins.values())),
         ("pose", "θ0 = γ = 90 deg", "the same; the piston is then at mid-stroke"),
-        (
-            "cylinder",
-            "asymmetric",
-            f"{sizes} mm, stroke {units.text(cylinder.stroke, 'm')}, dead {dead}",
-        ),
+        ("cylinder", "asymmetric", f"{sizes} mm, stroke {stroke}, dead {dead}"),
         ("supply", "constant", units.text(machine.supply.pressure, "Pa")),
         ("oil", "constant β", f"{machine.fluid.bulk_modulus / 1e6:g} MPa, no air"),
         (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
@@ -14,16 +14,13 @@ class Breaks(NamedTuple):
 
     Attributes:
         instants: ascending [s]; those outside of the run do not matter.
-        complete: whether there are no others. Else steps are held to half the interval between
-            records, so that nothing longer than half of that passes unseen, though the case be at
-            rest.
-        driver: what other breaks come from, as a function of time; steps then are held so only
-            where it bends, seen at quarters of the interval. None: unknown, they always are.
+        complete: whether there are no others. Else no step is longer than half the interval
+            between records, so that nothing longer than half of that passes unseen, though the
+            case be at rest.
     """
 
     instants: Sequence[float] = ()
     complete: bool = False
-    driver: Callable[[float], Sequence[float]] | None = None
 
 
 class Stretch(NamedTuple):

@@ -74,7 +74,7 @@ class ControlledPlant:
         for plant, start, command, corner in zip(plants, starts, commands, corners, strict=True):
             names = [actuator.name for actuator in plant.machine.actuators]
             demands.append(_by_order(command, names, plant.machine.name))
-            breaks.append(breaks_of(command, demands[-1], plant.machine.name))
+            breaks.append(breaks_of(command, plant.machine.name))
             places.append(plant.evaluate(start[None], np.zeros((1, plant.nc))).extensions[0])
             held = [not isinstance(command, Mapping) or name in command for name in names]
             speeds = np.array([valve.speed for valve in SymmetricValve.all(plant, start)])
@@ -158,12 +158,11 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
     return demand
 
 
-def breaks_of(command: Command | ByName, demand: Command, machine: str) -> Breaks:
+def breaks_of(command: Command | ByName, machine: str) -> Breaks:
     """When a command may jump, by the ``breakpoints`` of its functions.
 
     Args:
         command: as given.
-        demand: the same command as one call for all cylinders.
         machine: its name, for messages.
 
     Raises:
@@ -177,7 +176,7 @@ def breaks_of(command: Command | ByName, demand: Command, machine: str) -> Break
         for name, function in functions.items()
     ]
     instants = {time for times in stated for time in times or ()}
-    return Breaks(sorted(instants), None not in stated, demand)
+    return Breaks(sorted(instants), complete=None not in stated)
 
 
 def _breakpoints(command: object, part: str) -> list[float] | None:

@@ -1,4 +1,4 @@
-"""What happened in a run, in words: stops, cavitation, reliefs, full spools, a pump asked for too much."""
+"""Events of a run, in words: stops, cavitation, reliefs, full spools, an overtaxed pump."""
 
 from __future__ import annotations
 
@@ -37,46 +37,53 @@ def events(
     """
     for i, cylinder in enumerate(machine.actuators):
         name, place = cylinder.name, extension[:, i]
-        yield from _told(time, place > cylinder.stroke, f"{name} reached its outer stop")
+        yield from _event(time, place > cylinder.stroke, f"{name} reached its outer stop")
         ends = np.isfinite(cylinder.stroke)
-        yield from _told(time, (place < 0) & ends, f"{name} reached its inner stop")
-        yield from _told(time, np.abs(spool[:, i]) >= FULL, f"{name}'s spool was fully open")
+        yield from _event(time, (place < 0) & ends, f"{name} reached its inner stop")
+        yield from _event(time, np.abs(spool[:, i]) >= FULL, f"{name}'s spool was fully open")
         for k, side in enumerate(("cap", "annulus")):
-            yield from _told(
+            yield from _event(
                 time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{name}'s {side} cavitated"
             )
             limit = relief[i]
             words = f"the relief of {name}'s {side} was open above {limit / bar:.0f} bar"
-            yield from _told(time, pressure[:, k, i] > limit, words)
+            yield from _event(time, pressure[:, k, i] > limit, words)
         rated = cylinder.valve.rated_flow if cylinder.valve else 0.0
         back = supplied[:, i].min(axis=1) < -BACKWARDS * rated
-        yield from _told(time, back, f"{name}'s load pushed oil back into the supply")
+        yield from _event(time, back, f"{name}'s load pushed oil back into the supply")
 
 
 def pump_events(
     machine: Machine, time: Array, supply: Array, supplied: Array
 ) -> Iterator[tuple[float, str]]:
-    """The same of a pump that is asked for more than its flow; its pressures are (n,) [Pa]."""
+    """First time [s] and words of everything that limits the pump.
+
+    Args:
+        machine: the machine.
+        time: (n,) [s].
+        supply: pressures of the pump (n,) [Pa].
+        supplied: flows from the supply into cap and annulus (n, nc, 2) [m³/s].
+    """
     pump, taken = machine.supply, supplied.sum(axis=(1, 2))
     if pump.pressure <= pump.return_pressure:
         words = f"the pump held {pump.pressure / bar:.0f} bar, no more than the return line's"
-        yield from _told(
+        yield from _event(
             time, np.ones(len(time), dtype=bool), f"{words} {pump.return_pressure / bar:.0f} bar"
         )
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
         least, flow = supply.min() / bar, pump.flow / l_per_min
         words = f"the pump's {flow:.0f} l/min were not enough (supply down to {least:.0f} bar)"
-        yield from _told(time, low, words)
+        yield from _event(time, low, words)
         return
     words = (
         f"the actuators took {taken.max() / l_per_min:.0f} l/min, the pump gives"
         f" {pump.flow / l_per_min:.0f}"
     )
-    yield from _told(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
+    yield from _event(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
 
 
-def _told(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:
+def _event(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:
     if is_so.any():
         first, share = float(time[np.argmax(is_so)]), float(is_so.mean())
         spell = (

@@ -3,8 +3,8 @@
 The default amplitude comes from the linear plant: as large as pressures, strokes, the change of
 geometry and the softness of air leave it a small motion.
 
-A closed valve leaves a chamber at return pressure, at whose edge there is no pressure drop to sweep
-with. Oil without air is as stiff under any pressure, so there the sweeps run about a preload
+A closed valve leaves a chamber at return pressure, at whose edge there is no pressure drop to
+sweep with. Oil without air is as stiff under any pressure, so there the sweeps run about a preload
 instead: p1 + p2 = supply + return, or less where a relief would open. Oil with air rests as the
 machine file says, like the linear answer.
 """
@@ -61,7 +61,7 @@ class Experiment:
         pose: (nq,) [rad, m].
         index: of the cylinder that sweeps.
         mode: that it sweeps over, 0 is the lowest.
-        linear: the plant linearised at its rest.
+        linear: the plant linearised at its equilibrium.
         frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints,
             those of the modes on trapped oil. The two differ where oil with air rests under other
             pressures than the load alone makes.
@@ -132,7 +132,7 @@ class Experiment:
 
     @property
     def target(self) -> float:
-        """Linear frequency of the mode at rest [Hz]."""
+        """Linear frequency of the mode at equilibrium [Hz]."""
         return float(self.frequencies[self.mode])
 
     @property
@@ -288,9 +288,10 @@ class Experiment:
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:
-        """Share of a joint swing (nq,) that changes the mode's linear frequency by no more than ``DETUNING``.
+        """Share of a joint swing (nq,) that hardly changes the linear frequency of the mode.
 
-        The joints swing as in the mode, so both ends of the swing lie along its shape.
+        By no more than ``DETUNING``. The joints swing as in the mode, so both ends of the swing
+        lie along its shape.
         """
         here = natural_modes(self.machine.at(self.pose))
         shape, frequency = here.shapes[0, :, self.mode], here.frequencies[0, self.mode]
@@ -346,7 +347,7 @@ def _refuse_limits(plant: Plant, equilibrium: Array) -> None:
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:
-    """Change of a pressure [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
+    """Pressure change [Pa] that changes the bulk modulus by ``SOFTENING``; inf without air."""
     if fluid.air == 0:
         return math.inf
     step = 1e-3 * bar

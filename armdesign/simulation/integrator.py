@@ -1,21 +1,21 @@
 """Many initial value problems at once, each with its own steps: ``integrate``.
 
 All cases take a step of ``dormand_prince`` at the same time, but each one has its own instant,
-step and error norm: so a case comes out as if it were alone, whatever its company, one that meets a
-kink or a stop does not slow the others, and no error hides in a mean over cases. A case that has
+step and error norm: so a case comes out as if it were alone, whatever its company, one that meets
+a kink or a stop does not slow the others, and no error hides in a mean over cases. A case that has
 come to its end, or cannot go on, is dropped when half of its company has. A case that turns stiff
 (a wide open valve that passes hardly any drop, a fast spool, a piston in dry friction) is finished
 by ``stiff`` alone.
 
-No step sees a jump of the rates that is announced: it ends at a breakpoint, and the next one begins
-there. Rates on the way are evaluated just inside of it, so it does not matter to which side the
-instant itself counts. An unannounced jump is found by steps that fail until they are as short as
-time resolves; that one is taken.
+No step sees a jump of the rates that is announced: it ends at a breakpoint, and the next one
+begins there. Rates on the way are evaluated just inside of it, so it does not matter to which side
+the instant itself counts. Where jumps may be unannounced, no step is longer than half the interval
+between records; they are found by steps that fail until they are as short as time resolves, and
+that one is taken.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -146,7 +146,6 @@ class _Stepper:
         n, self.system, self.tolerance = len(start), system, tolerance
         self.records = Records.of(start, *span)
         self.errors: dict[int, GaveUpError] = {}
-        self._drivers = [each.driver for each in breaks]
         ends = span.durations.tolist()
         self._left = [
             stretches(each.instants, end) for each, end in zip(breaks, ends, strict=True)
@@ -157,8 +156,7 @@ class _Stepper:
         most = STABLE / np.maximum(pace.undamped, STABLE / end)
         needed = np.minimum(most, STABLE / np.maximum(pace.largest, STABLE / end))
         needed = np.minimum(needed, STIFF / HELD * longest)
-        unknown = [driver is None for driver in self._drivers]
-        most = np.where(unknown, np.minimum(most, longest), most)
+        most = np.minimum(most, longest)
         time, low, high, stop, step, before = np.zeros((6, n))
         self.rows = Rows(
             case=np.arange(n),
@@ -191,7 +189,7 @@ class _Stepper:
         )
 
     def begin(self, rows: Sequence[int]) -> None:
-        """Let some rows enter their next stretch, with new rates, and short steps if these jump."""
+        """Let some rows enter their next stretch; with short steps if their rates jump."""
         at = self.rows
         for row in rows:
             at.low[row], at.high[row], at.stop[row] = self._left[at.case[row]].pop()
@@ -206,8 +204,6 @@ class _Stepper:
     def advance(self) -> None:
         """One step of every case, taken or refused."""
         place, finish = self._kernels
-        for row in np.flatnonzero(self.rows.step > self.rows.longest).tolist():
-            self.rows.step[row] = self._foreseen(row)
         stages = Stages.like(self.rows.state)
         stages.slopes[0] = self.rows.slope
         for stage in range(1, 7):
@@ -215,29 +211,6 @@ class _Stepper:
             stages.slopes[stage] = self.system.rates(stages.at, stages.ahead)
         if finish(self._tableau, self.rows, stages, self.records, self.tolerance):
             self._go_on()
-
-    def _foreseen(self, row: int) -> float:
-        """The step, or as much of it as the driver is smooth in, but no less than the longest across a bend.
-
-        Smooth is what differs from cubics by less than the tolerance, seen at quarters of the
-        interval of records.
-        """
-        driver, at = self._drivers[self.rows.case[row]], self.rows
-        own = (at.time, at.step, at.longest, at.low, at.high)
-        begin, step, longest, low, high = (float(values[row]) for values in own)
-        grid = longest / 2
-        count = min(max(math.ceil(step / grid), 4), int((at.stop[row] - begin) / grid))
-        seen = [
-            tuple(driver(min(max(begin + k * grid, low), high))) if driver else ()
-            for k in range(count + 1)
-        ]
-        if seen.count(seen[0]) == len(seen):
-            return step
-        bends = np.abs(np.diff(np.array(seen, dtype=float), 4, axis=0)).max(axis=1)
-        bent = np.flatnonzero(~(bends <= self.tolerance))
-        if len(bends) and not len(bent):
-            return step
-        return max((int(bent[0]) + 3) * grid, longest) if len(bent) and bent[0] else longest
 
     def _go_on(self) -> None:
         """What has come to a breakpoint enters the next stretch, what is stuck gives up."""

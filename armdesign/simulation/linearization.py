@@ -2,10 +2,10 @@
 
 A and B are central differences of order 8 of the nonlinear right-hand side itself, so nothing here
 knows a formula of stiffness. The operating point is equilibrium with all valves closed, or open
-just enough to make up for leakage. Closed, a lapped valve passes no flow whatever the pressures, so it adds no
-damping: what damps is leakage and viscous friction. Dry friction, which has no derivative at
-standstill, is left out. The flow that a spool opens is larger to one side than to the other; A holds the mean
-of both, and 0 within an overlap.
+just enough to make up for leakage. Closed, a lapped valve passes no flow whatever the pressures,
+so it adds no damping: what damps is leakage and viscous friction. Dry friction, which has no
+derivative at standstill, is left out. The flow that a spool opens is larger to one side than to
+the other; A holds the mean of both, and 0 within an overlap.
 """
 
 from __future__ import annotations
@@ -72,10 +72,9 @@ class LinearModel:
     def modes(self) -> Array:
         """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first.
 
-        The spools' own are left out.
-
-        The spools drive the rest and feel nothing of it, so its poles are the eigenvalues of its own
-        block of A. At most one pair per joint: pairs slower than these are creep under leakage.
+        The spools' own are left out: spools drive the other states and feel nothing of them, so
+        the poles are the eigenvalues of these states' block of A. At most one pair per joint:
+        slower pairs are creep under leakage.
         """
         size = len(self.A) - 2 * len(self.inputs)
         joints = (size - 2 * len(self.inputs)) // 2

@@ -126,11 +126,12 @@ def simulate(
 ) -> Simulation:
     """Motion of the machine under its payload from one pose, by the nonlinear model of ``Plant``.
 
-    It starts from equilibrium: the loaded chamber carries the load, the other is at return pressure
-    or at the preload that the machine file asks for. Without leakage a machine with closed valves
-    stays there. Valves start closed, or, with leakage, as far open as makes up for it. What cannot
-    be held is said in ``events``. With ``velocity`` it starts as if struck: at the same pose and
-    pressures, but moving. With all valves closed it then rings freely, for ``identify_ringdown``.
+    It starts from equilibrium: the loaded chamber carries the load, the other is at return
+    pressure or at the preload that the machine file asks for. Without leakage a machine with
+    closed valves stays there. Valves start closed, or, with leakage, as far open as makes up for
+    it. What cannot be held is said in ``events``. With ``velocity`` it starts as if struck: at the
+    same pose and pressures, but moving. With all valves closed it then rings freely, for
+    ``identify_ringdown``.
 
     Args:
         machine: the machine; every cylinder needs a valve.
@@ -140,9 +141,8 @@ def simulate(
             ``breakpoints`` [s], ascending, when it or its slope jumps, as ``Step`` and ``Table``
             do, is followed exactly, however short a pulse.
         duration: [s].
-        rate: instants recorded per second. A command without ``breakpoints`` is looked at four
-            times as often, and no step longer than half the interval goes across a bend of it:
-                what is shorter than that may be missed.
+        rate: instants recorded per second. Under a command without ``breakpoints`` no step is
+            longer than half the interval between them: a pulse that is shorter may be missed.
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder
             near its place; None: no loop.

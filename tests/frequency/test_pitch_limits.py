@@ -32,7 +32,7 @@ def test_poses_on_the_pitch_limits_belong_to_it(excavator: ad.Machine) -> None:
 def test_each_joint_is_turned_onto_the_pitch_limit(excavator: ad.Machine) -> None:
     q = machines.inner_poses(excavator, 5)
     for joint in tipping_joints(excavator, excavator.payload):
-        moved = onto_pitch_limit(excavator, excavator.payload, q, joint, np.deg2rad(120))
+        _, moved = onto_pitch_limit(excavator, excavator.payload, q, joint, np.deg2rad(120))
         assert len(moved) == 5
         others = [j for j in range(3) if j != joint]
         assert_allclose(moved[:, others], q[:, others], atol=0)

@@ -43,7 +43,7 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
     for payload in machine.payloads:
         q = [inside, faces]
         for limit in payload.pitch or ():
-            turned = onto_pitch_limit(
+            _, turned = onto_pitch_limit(
                 machine, payload, inside, tipping_joints(machine, payload)[-1], limit
             )
             q.append(turned[np.all((turned >= low) & (turned <= high), axis=1)])
@@ -72,7 +72,7 @@ def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
     for joint, end, limit in itertools.product((0, 1), (0, 1), case.payload.pitch):
         along = np.linspace(*ranges.T, 8000)
         along[:, joint] = ranges[joint, end]
-        turned = onto_pitch_limit(
+        _, turned = onto_pitch_limit(
             machine, case.payload, along, tipping_joints(machine, case.payload)[-1], limit
         )
         q.append(turned[np.all((turned >= ranges[:, 0]) & (turned <= ranges[:, 1]), axis=1)])
@@ -131,3 +131,28 @@ def test_places_out_of_reach_are_blank() -> None:
     _, _, cells = plots.joint_plane(found)
     assert np.isnan(cells).any()
     assert np.isfinite(cells).sum() == len(found.frame)
+
+
+def test_no_pose_with_all_joints_but_two_at_an_end_lies_below_its_cell() -> None:
+    """Brute force on the faces of a box of four joints, where slivers of cells are lowest.
+
+    Of 3000 cells 5 % were up to 55 % too high when poses were only spread over the faces.
+    """
+    machine = machines.named("random_3")
+    found = ad.frequency_map(machine)
+    reach, ranges = found.reach_map(), found.workspace.ranges
+    rng, lowest = np.random.default_rng(4), np.full(reach.frequency.shape, np.inf)
+    for ends in itertools.product((0, 1, None), repeat=4):
+        if ends.count(None) == 2:
+            q = ranges[:, 0] + rng.random((6000, 4)) * np.ptp(ranges, axis=1)
+            for joint, end in enumerate(ends):
+                q[:, joint] = q[:, joint] if end is None else ranges[joint, end]
+            poses = machine.at(q)
+            at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+            cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
+            np.minimum.at(lowest, cell, lowest_frequency(poses))
+    reached = np.isfinite(lowest)
+    assert reached.sum() > 2500
+    above = reach.frequency[reached] / lowest[reached]
+    assert np.mean(np.isnan(above)) < 1e-3
+    assert np.nanmax(above) < 1.02

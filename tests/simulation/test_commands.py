@@ -158,11 +158,7 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
             return self
 
     told = Breaks([t for a, width in pulses for t in (a, a + width)], True)
-    for breaks, area, count in (
-        (told, 0.101, 5),
-        (Breaks(driver=driver), 0.101, 5000),
-        (Breaks(), 0.101, 5000),
-    ):
+    for breaks, area, count in ((told, 0.101, 5), (Breaks(), 0.101, 5000)):
         found = integrate(
             Stiff(),
             np.zeros((1, 2)),
@@ -173,6 +169,38 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
             50_000,
         )[0]
         assert found[-1, 0] == pytest.approx(area, abs=1e-6)
+
+
+class Watched:
+    """ẏ = 0, and the instants at which it is evaluated."""
+
+    def __init__(self) -> None:
+        self.instants = [0.0]
+
+    def rates(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
+        self.instants += time.tolist()
+        return np.zeros_like(state)
+
+    def picked(self, cases: Sequence[int]) -> Watched:
+        return self
+
+
+@pytest.mark.parametrize(
+    ("breaks", "longest"), [(Breaks(), 0.05), (Breaks([0.3, 0.8]), 0.05), (Breaks([2.0], True), 8)]
+)
+def test_no_step_is_longer_than_half_the_recording_interval(
+    breaks: Breaks, longest: float
+) -> None:
+    """At rest at any tolerance: 10 records per second, half a step between evaluations at most.
+
+    With all breakpoints stated a step may reach from one to the next.
+    """
+    watched = Watched()
+    span, pace = Span(np.array([10.0]), np.array([100])), Pace(np.zeros(1), np.zeros(1))
+    integrate(watched, np.ones((1, 1)), span, pace, [breaks], 1e-2, 10_000)
+    gaps = np.diff(np.unique(watched.instants))
+    assert gaps.max() <= longest / 2 * (1 + 1e-9)
+    assert gaps.max() > 0.4 * longest
 
 
 def test_a_jump_is_crossed_at_any_tolerance(excavator: Machine) -> None:
@@ -230,14 +258,10 @@ def test_every_excitation_tells_itsbreaks_of(excavator: Machine) -> None:
         (SweptSine(amplitude=1, start=1, stop=2, duration=10.0), [0, 1, 9, 10]),
     ):
         moved = SymmetricCommand(None, 0.0, given)  # type: ignore[arg-type]
-        found = breaks_of(
-            {"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, lambda _: [0.0], "machine"
-        )
+        found = breaks_of({"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, "machine")
         np.testing.assert_allclose(found.instants, sorted({*expected, 2.0}))
         assert found.complete
-    assert not breaks_of(
-        {"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, lambda _: [0.0], "machine"
-    ).complete
+    assert not breaks_of({"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, "machine").complete
 
 
 @pytest.mark.parametrize(

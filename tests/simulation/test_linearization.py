@@ -131,7 +131,7 @@ def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     )
     found = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
     note = map_sheets(found)[0].note
-    assert "(lift) the flow makes others" in note
+    assert "underlap (lift) changes it" in note
     told = float(re.search(r"then has ([\d.]+) Hz", note)[1])  # type: ignore[index]
     plant = Plant(machine)
     trim = plant.split(find_equilibrium(plant, found.worst.q).state)[4].tolist()

@@ -225,7 +225,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     sheet = validation_sheet(found.by_pose)
     assert ["failed" in row for row in sheet.rows] == [True, False, False]
     assert "Failed: 1, load, lift: paper_1dof: lift cylinder: needs" in sheet.note
-    assert "2 of all 3 sweeps" in verdict([found])
+    assert "2 of 3 sweeps agree" in verdict([found])
     assert "1 failed" in verdict([found])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]

@@ -1,4 +1,4 @@
-"""Branch and bound of one cylinder's term: cells are halved, many at a time, until none can exceed the best design.
+"""Branch and bound of one cylinder's term: cells are halved until none can exceed the best.
 
 No local optimum can fool it: what is cut off is enclosed from above.
 """
@@ -21,7 +21,7 @@ FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Maximum:
-    """The most that a term can be: ``upper`` holds for sure, ``value`` is reached by ``design`` with ``volume``."""
+    """The most that a term can be: ``upper`` for sure; ``value`` is reached by ``design``."""
 
     upper: float
     value: float
@@ -90,7 +90,7 @@ def _together(some: Cells, more: Cells) -> Cells:
 
 
 def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
-    """The best of the cells' middles that is known, if better: a cell of no width is one design."""
+    """The best of the cells' middles, if better: a cell of no width is one design."""
     promising = np.argsort(-cells.bound)[:TRIALS]
     promising = promising[cells.bound[promising] > best.value]
     middle = (cells.low[promising] + cells.high[promising]) / 2

@@ -1,10 +1,10 @@
 """An upper bound on the worst frequency that no pins and areas can exceed.
 
-The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows and
-oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is enclosed
-from above by branch and bound on intervals (``branch_and_bound``), which no local optimum can fool. Every
-round of better multipliers gives a bound; the lowest counts. What remains of the gap is duality's:
-between designs and their mixtures.
+The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
+and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
+enclosed from above by branch and bound on intervals (``branch_and_bound``), which no local optimum
+can fool. Every round of better multipliers gives a bound; the lowest counts. What remains of the
+gap is that of duality: between designs and their mixtures.
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
 at, and a stiffer arm.
@@ -60,7 +60,7 @@ class Bound:
     refused: str = ""
 
     def above(self, reached: float) -> Bound:
-        """The bound as it may be stated beside an allowed design of worst frequency ``reached`` [Hz].
+        """The bound as it may be stated beside an allowed design that reaches so much [Hz].
 
         Never below it: raised to it, where only rounding lies between; where more does, the proof
         is wrong.
@@ -85,8 +85,8 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
         rows: rows that may enter, such as those that a search has watched.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
-    has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it is
-    allowed, is refused.
+    has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
+    is allowed, is refused.
     """
     found = _unchecked(problem, x, rows)
     if found is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:

@@ -1,4 +1,4 @@
-"""Designs of single cylinders: the columns of the programme that seeks multipliers, and the cylinders they are of."""
+"""Columns: designs of single cylinders that drive a joint alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the regi
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SoleDrive:
-    """A cylinder with the joint that it alone drives: shape at all angles of the workspace, that of each row."""
+    """A cylinder with the joint that it alone drives, and its shape at the workspace's angles."""
 
     cylinder: int
     joint: int
@@ -31,48 +31,42 @@ class SoleDrive:
 
 
 def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[SoleDrive, ...]:
-    """The cylinders that drive one joint alone and whose pins vary in a way that ``cylinder_shape`` knows."""
-    machine, found = problem.machine, []
+    """Cylinders that drive one joint alone and vary in a way that ``cylinder_shape`` knows."""
+    machine, drives = problem.machine, []
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
-        shared = any(
-            set(linkage.joints) & set(other.joints)
-            for other in machine.drives
-            if other is not linkage
-        )
-        limits = (
-            None if shared or cylinder.compliance > 0 else cylinder_constraints(problem, i, bars)
-        )
+        others = [other for other in machine.drives if other is not linkage]
+        if cylinder.compliance > 0 or any({*linkage.joints} & {*other.joints} for other in others):
+            continue
+        limits = cylinder_constraints(problem, i, bars)
         if limits is None:
             continue
-        joint = linkage.joints[0]
-        angles, index = np.unique(
-            problem.workspace.q[problem.dynamics.rows.pose, joint], return_inverse=True
-        )
+        joint, rows = linkage.joints[0], problem.dynamics.rows
+        angles, index = np.unique(problem.workspace.q[rows.pose, joint], return_inverse=True)
         shape = shape_of(problem, i, angles)
         assert shape is not None
-        hoses = (
-            np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume])
-            / cylinder.hose_modulus
+        hoses = np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume])
+        drive = SoleDrive(
+            cylinder=i,
+            joint=joint,
+            shape=shape,
+            angle=index,
+            limits=limits,
+            dead=np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]),
+            hoses=hoses / cylinder.hose_modulus * machine.fluid.bulk_modulus,
         )
-        dead = np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume])
-        hoses = hoses * machine.fluid.bulk_modulus
-        found.append(
-            SoleDrive(
-                cylinder=i,
-                joint=joint,
-                shape=shape,
-                angle=index,
-                limits=limits,
-                dead=dead,
-                hoses=hoses,
-            )
-        )
-    return tuple(found)
+        drives.append(drive)
+    return tuple(drives)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """Designs of single cylinders: index of the drive (c,), b and scale (c, 3), swept volumes (c, 2) [m³]."""
+    """Designs of single cylinders.
+
+    Attributes:
+        drive: index of the drive (c,).
+        design: b and scale (c, 3).
+        volume: swept volumes (c, 2) [m³].
+    """
 
     drive: Array
     design: Array

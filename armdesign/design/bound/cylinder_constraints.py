@@ -1,8 +1,10 @@
-"""What the requirements ask of one cylinder alone, over boxes of shapes (``cylinder_shape``) and for swept volumes v = A S.
+"""What the requirements ask of one cylinder alone, over boxes of shapes and swept volumes.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
-pressure × v ρ, and do not know the scale.
+pressure × v ρ, and do not know the scale. The requirements themselves are in ``requirements/``
+(``oil``, ``strength``, ``leverage``, ``holding``); ``test_branching_against_dense_sampling`` ties
+the two statements.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class CylinderConstraints:
     back: float
 
     def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
-        """Which boxes (m, 3) may hold an allowed design, their scales left, vertices (k, v, 2) around their volumes.
+        """Boxes (m, 3) that may hold an allowed design, scales, vertices (k, v, 2) of volumes.
 
         Boxes (m, 5) say also between which ends the volumes lie; each on its own, so that a rod
         that stays is let go. A box is left out only where nothing can be allowed, so never for
@@ -120,7 +122,7 @@ class CylinderConstraints:
     def _buildable(
         self, e: Enclosure, scale: Interval, least: Array, most: Array, slender: Array
     ) -> Interval:
-        """The scales at which the areas that the volumes ask for are neither too large nor leave too thin a rod."""
+        """The scales at which areas are not too large and rods not too thin for the volumes."""
         low = np.maximum(scale.low, (least / self.area[1]).max(axis=1) / e.stroke.high)
         high = np.minimum(scale.high, (most / self.area[0]).min(axis=1) / e.stroke.low)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -129,7 +131,7 @@ class CylinderConstraints:
 
 
 def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
-    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most with v2 ≤ v1 − slender √v1, a convex curve; where any are."""
+    """Corners (k, 5, 2) of the hull of least ≤ v ≤ most, v2 ≤ v1 − slender √v1; where any are."""
 
     def cap_for(annulus: Array) -> Array:
         return np.asarray((slender + np.sqrt(slender**2 + 4 * annulus)) ** 2 / 4)
@@ -146,7 +148,7 @@ def _vertices(least: Array, most: Array, slender: Array) -> tuple[Array, Flags]:
 
 
 def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tuple[Array, Flags]:
-    """As ``_vertices`` (k, 6, 2), with v1 − v2 the volume (k,) of a rod that stays, which must be ≥ slender √v1."""
+    """Corners (k, 6, 2) where v1 − v2 is the volume (k,) of a rod that stays, ≥ slender √v1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         stout = np.fmin(np.inf, (rod.high / slender) ** 2)
     a, b = (
@@ -170,32 +172,23 @@ def cylinder_constraints(
     None where its shape is not known.
     """
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
-    poses = problem.vector.range_poses[i]
+    vector, poses, more = problem.vector, problem.vector.range_poses[i], 1 + CONSTRAINT_TOLERANCE
     if poses is None:
         return None
-    joint = machine.linkages[i].joints[0]
     digs = cylinder.name in r.digging
-    ranged = poses.q[
-        :: 1 if digs else 10, joint
-    ]  # the best of all digs; the least arm may be looked for at some
-    arms, today, more = (
-        np.abs(problem.vector.arms_today[i]),
-        problem.vector.areas_today[i],
-        1 + CONSTRAINT_TOLERANCE,
-    )
+    # the best of all poses digs; the least arm may be looked for at some
+    ranged = poses.q[:: 1 if digs else 10, machine.linkages[i].joints[0]]
+    arms, today = np.abs(vector.arms_today[i]), vector.areas_today[i]
     angles, torques = _holding(problem, i, bars)
     shape = shape_of(problem, i, np.concatenate([ranged, angles]))
     if shape is None:
         return None
-    low, high = (
-        problem.vector.areas(end)[i] / today for end in problem.bounds
-    )  # an annulus may follow its bore
-    bore_varies, rod_varies = problem.vector.resized[i]
+    # an annulus may follow its bore
+    low, high = (vector.areas(end)[i] / today for end in problem.bounds)
     high = np.minimum(high, [r.thrust_share, np.inf])
-    hold = np.pad(
-        np.maximum(np.stack([torques, -torques], axis=0) * shape.sign, 0.0).max(axis=2),
-        ((0, 0), (2 + len(ranged), 0)),
-    )
+    bore_varies, rod_varies = vector.resized[i]
+    hold = np.maximum(np.stack([torques, -torques]) * shape.sign, 0.0).max(axis=2)
+    hold = np.pad(hold, ((0, 0), (2 + len(ranged), 0)))
     return CylinderConstraints(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
@@ -213,7 +206,7 @@ def cylinder_constraints(
 
 
 def _holding(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> tuple[Array, Array]:
-    """Angles (n,) of the joint at which today's cylinder pushes or pulls most, and extreme torques (n, 2) [N m].
+    """Angles (n,) at which today's cylinder pushes or pulls most, and torques (n, 2) [N m].
 
     The greatest that some load asks for at least, and the least that some load asks for at most.
     """

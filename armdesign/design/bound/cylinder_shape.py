@@ -38,12 +38,12 @@ STRAIGHT = 1e-9  # how far from plane an arm may be
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
-    """A cylinder's coefficients c (n, 3) and s (n, 3, 2) at n angles of its joint, and the region of b and scale.
+    """Coefficients c (n, 3) and s (n, 3, 2) at n angles, and the region of b and scale.
 
     The first two angles are those of the closed and of the open cylinder. ``sign`` is that of the
     moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
-    exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None if
-    all of the region do.
+    exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None
+    if all of the region do.
     """
 
     constant: Array
@@ -78,7 +78,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Natural:
-    """What a shape can be over boxes ``b`` (m, 2) at n angles, in units of its scale, by interval arithmetic alone.
+    """What a shape can be over boxes ``b`` (m, 2) at n angles, by interval arithmetic alone.
 
     place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths, stroke
     (m,), its slope (m, 2). What no working cylinder can be (an arm of the other sign, a negative
@@ -218,7 +218,7 @@ class Natural:
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """What a shape can be over boxes: ``wide`` cut with the mean value form about ``centre``, ``reach`` (m, 2) away.
+    """What a shape can be over boxes: ``wide`` cut with the mean value form about ``centre``.
 
     Only where the box is whole: else the way from the centre may lead through what was cut off.
     """
@@ -335,7 +335,7 @@ def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) 
 def _shifted(
     linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float
 ) -> Shape | None:
-    """The shape of a four-bar or along a slide: a move of the rod pin is one of the base pin backwards."""
+    """The shape of a four-bar or slide: a rod pin's move is a base pin's backwards."""
     reach = moves.get("base", np.zeros((2, 2)))
     if "rod_end" in moves:
         turn = _turn(linkage, poses)
@@ -352,7 +352,7 @@ def _shifted(
 def _turned(
     linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float
 ) -> Shape | None:
-    """The shape of a direct cylinder on a revolute joint, by the base pin in units of the rod pin's distance."""
+    """The shape of a direct cylinder on a revolute joint, in units of the rod pin's distance."""
     turn = _turn(linkage, poses)
     rod_end, arm, joint = linkage.pin("rod_end"), linkage.arm, linkage.joints[0]
     if turn is None or rod_end is None:

@@ -1,4 +1,4 @@
-"""One cylinder's term of the upper bound, enclosed from above over cells of its pins and swept volumes.
+"""One cylinder's term of the upper bound, enclosed over cells of its pins and volumes.
 
 With swept volumes v = A S of both sides the term is
 
@@ -48,7 +48,7 @@ class Cells:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Air:
-    """Oil with air, and the static torques (n,) [N m, ≥ 0] by which loads push and pull a cylinder at most."""
+    """Oil with air, and the largest static torques (n,) [N m, ≥ 0] of push and pull."""
 
     fluid: Fluid
     back: float  # pressure of the chamber without load, at most [Pa]
@@ -119,7 +119,7 @@ class CylinderTerm:
         )
 
     def _costs(self, stroke: Interval) -> Array:
-        """Least price of the swept volumes (m, 2): that of oil, less what barrel and rod of these strokes (m,) add."""
+        """Least cost of the swept volumes (m, 2): oil's, less what barrel and rod add."""
         with np.errstate(divide="ignore"):  # a stroke of nothing
             barrel, rod = (
                 added / (stroke.low if added > 0 else stroke.high) for added in self.own
@@ -140,7 +140,7 @@ class CylinderTerm:
         return np.minimum(self._natural(e, volume, costs, stiffening), mean_value), spread, known
 
     def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
-        """Bulk moduli of both chambers over that of oil alone, at most, over cells and volumes (m, 5, 2)."""
+        """Largest bulk moduli of both chambers over oil's alone, over volumes (m, 5, 2)."""
         if self.air is None:
             return 1.0, 1.0
         rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
@@ -196,7 +196,7 @@ class CylinderTerm:
         costs: Array,
         stiffening: Stiffening,
     ) -> Array:
-        """Σ w k r² − G τ − μ·v with the piston at ``first`` for the cap and at ``last`` for the annulus side."""
+        """Σ w k r² − G τ − μ·v with the piston at ``first`` (cap) and at ``last`` (annulus)."""
         (cap, annulus), dead = stiffening, self._dead(stiffening)
         filled = (
             first[:, None] * volume[..., :1] + dead[0],

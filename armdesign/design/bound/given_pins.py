@@ -50,7 +50,7 @@ def bound_of_areas(search: Search) -> float | None:
 
 
 def _lowest(search: Search, room: tuple[Array, ...], ends: tuple[Array, Array]) -> float:
-    """The lowest bound on ω², over the search's reference, of a few programmes of few poses each."""
+    """The lowest bound on ω² over the reference of a few programmes of few poses each."""
     problem, x, rows, bound = search.problem, search.x, search.rows, math.inf
     squared = problem.dynamics.omega_squared(x, rows)
     near = squared.min() if problem.vector.moving_masses else 0.0

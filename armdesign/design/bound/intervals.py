@@ -1,4 +1,4 @@
-"""Interval arithmetic on arrays: what a formula can be while its arguments lie anywhere between two ends.
+"""Interval arithmetic on arrays: what a formula can be while its arguments lie between ends.
 
 Ends are rounded to nearest, not outward: whoever needs more than 1e-9 of relative certainty must
 not use them.

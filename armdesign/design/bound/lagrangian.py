@@ -1,7 +1,7 @@
-"""Multipliers that split the design problem into one small problem per cylinder, and what those say.
+"""Lagrangian bound: multipliers split the design problem into one small problem per cylinder.
 
-For any Z_j ⪰ 0 with Σ tr Z_j = 1 and multipliers μ ≥ 0 of the shared oil the lowest ω² over all rows
-(poses and load cases) is at most, for every design x that the requirements allow,
+For any Z_j ⪰ 0 with Σ tr Z_j = 1 and multipliers μ ≥ 0 of the shared oil the lowest ω² over all
+rows (poses and load cases) is at most, for every design x that the requirements allow,
 
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
 
@@ -14,12 +14,12 @@ Where λ(x) ≥ λ0,
 
     0 ≤ Σ_j ⟨Y_j, K_j(x) − λ M_j(x)⟩ ≤ Σ_j ⟨Y_j, K_j(x) − λ0 (M_j(x) − M_j0)⟩ − λ Σ_j ⟨Y_j, M_j0⟩,
 
-so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars are worth so
-much per area, like oil (``mass_enclosure``), but for their gravity in g H/r of the others, which is an
+so λ is at most λ0, or the largest first sum over the last. In it a cylinder's bars add so much
+per area, like oil (``mass_enclosure``), but for their gravity in g H/r of the others, which is an
 interval. Multipliers are sought with the masses of the design at hand.
 
 Good Z and μ are the multipliers of a semidefinite programme that mixes known designs of each
-cylinder; designs that are worth more at its multipliers join, until none is left (Dantzig and Wolfe,
+cylinder; designs of a larger term at its multipliers join, until none is left (Dantzig and Wolfe,
 Oper. Res. 8, 1960).
 """
 
@@ -87,7 +87,7 @@ class Multipliers:
 
 @dataclass(eq=False)
 class LagrangianDual:
-    """The search for multipliers: rows and columns of the programme, and a pool of designs that may become columns."""
+    """The search for multipliers: rows and columns of the programme, a pool of more columns."""
 
     problem: Problem
     drives: tuple[SoleDrive, ...]
@@ -143,7 +143,7 @@ class LagrangianDual:
     # ---------------------------------------------------------------------------------- programmes
 
     def converged(self) -> Multipliers:
-        """Multipliers at which no design of the pool and no watched row is worth much more than the programme knows."""
+        """Multipliers at which no design of the pool and no watched row would change much."""
         for _ in range(ROUNDS):
             multipliers = self.multipliers()
             worth, best = self._best_of_pool(multipliers)
@@ -181,7 +181,10 @@ class LagrangianDual:
         )
 
     def _step(self, inverse: Array, base: Array) -> Step:
-        """Mixtures of columns (shares ≥ 0 that sum to one for each drive) within the oil, of the greatest lowest ω²."""
+        """The mixture of columns within the oil that has the greatest lowest ω².
+
+        Shares ≥ 0 sum to one for each drive.
+        """
         count, nd, (budget, today) = len(self.columns), len(self.drives), self._budget
         slopes, whole, oil = (
             np.zeros((COLUMNS, *base.shape)),
@@ -260,7 +263,7 @@ class LagrangianDual:
     # ---------------------------------------------------------------------------- rows and columns
 
     def _best_of_pool(self, multipliers: Multipliers) -> tuple[float, Columns]:
-        """What the pool's best designs at these multipliers come to, and the two best of each drive."""
+        """The bound by the pool's best designs, and the two best of each drive."""
         entries = self._diagonals(self.pool, multipliers.rows) * self.reference
         own = np.diagonal(multipliers.weight, axis1=1, axis2=2)
         value = (
@@ -353,7 +356,7 @@ class LagrangianDual:
         return total
 
     def _mass_terms(self, multipliers: Multipliers) -> list[tuple[int, tuple[float, ...]]]:
-        """What own masses add to the upper bound at most, as in ``BarEnclosure.most_added`` [1/m²]."""
+        """What own masses add to the upper bound at most [1/m²]."""
         nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
         weights = np.zeros((len(multipliers.rows), nq, nq))
         weights[:, joints[:, None], joints] = multipliers.weight
@@ -365,7 +368,7 @@ class LagrangianDual:
         return [(bar.cylinder, bar.most_added(rigid, weights[used], squared)) for bar in self.bars]
 
     def bound(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> float:
-        """The upper bound on ω², over the reference, that multipliers and the most of every share give.
+        """The upper bound on ω² over the reference by the maxima of all terms.
 
         Infinite where a share has none, or no design at all: one is at hand, so something is not
         known.
@@ -382,7 +385,7 @@ class LagrangianDual:
         return max(self.near, found) if math.isfinite(found) else math.inf
 
     def maxima(self, multipliers: Multipliers, tolerance: float) -> list[Maximum]:
-        """The most that each share can be, all together to within a tolerance [of the reference]."""
+        """The most that each term can be, all together to within a tolerance."""
         each = tolerance / len(self.drives)
         return [
             maximum(term, each, AIRY if term.air else CELLS) for term in self.terms(multipliers)

@@ -1,4 +1,4 @@
-"""What own masses can do at some poses, whatever the design: inertia, gravity and its slope enclosed by intervals.
+"""Inertia, gravity and its slope of own masses, whatever the design, in intervals.
 
 A barrel lies from the base pin along the unit vector u to the rod end, a rod ends there: P = B + t
 c u. With d the span, ∂u = (∂d − u ∂ℓ)/ℓ and the next derivative likewise, all in intervals over
@@ -113,7 +113,7 @@ class PinMotions:
         return self._over("rod_end", pins) - self._over("base", pins)
 
     def bars(self, cell: PinCell) -> list[tuple[Motion, Motion]]:
-        """Barrel, rod, and legs that move, over a box: where each starts, and the way to its end."""
+        """Barrel, rod and moving legs over a cell: where each starts, and the way to its end."""
         base, rod_end = self._over("base", cell.pins), self._over("rod_end", cell.pins)
         if cell.way is None:
             way = (rod_end - base).unit * cell.closed
@@ -166,7 +166,7 @@ class BarEnclosure:
 
     @cached_property
     def _sections(self) -> tuple[Interval, ...]:
-        """Bore and rod area (of the design, all parallel cylinders together) [m²], and 1 of every other bar."""
+        """Bore and rod area, all parallel cylinders together [m²], and 1 of every other bar."""
         low, high = self.area
         rod = Interval(np.maximum(low[0] - high[1], 0.0), np.maximum(high[0] - low[1], 0.0))
         return (Interval(low[0], high[0]), rod, *(interval(1.0) for _ in self.per_area[2:]))
@@ -190,7 +190,9 @@ class BarEnclosure:
         )
 
     def most_added(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
-        """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be: of barrel and rod per area, of others in all.
+        """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be.
+
+        Of barrel and rod per area, of others in all.
 
         Weights are zero for the joint of a linkage that moves.
         """
@@ -270,7 +272,7 @@ def _hub(linkage: Linkage) -> Pin:
 
 
 def _cells(problem: Problem, i: int) -> list[PinCell]:
-    """Small boxes of a cylinder's pins, and closed lengths over them: those at that end of the joint's range.
+    """Small cells of a cylinder's pins, and the closed lengths over them.
 
     A linkage that moves stays whole: the first leg around its pin says where the rod end is.
     """

@@ -14,7 +14,7 @@ TOUCH = 1e-9  # [m] by which pins may leave their boxes here: rounding
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PinBoxes:
-    """Corners (2, 2: lowest and highest, x and z) [m] of the boxes of both pins, each seen from the joint in its link.
+    """Corners (2, 2: ends, x and z) [m] of both pins' boxes, seen from the joint.
 
     The triangle is drawn with the rod pin at (scale, 0) and the base pin at scale·b: its direction
     is the base pin's less the rod pin's.
@@ -38,7 +38,10 @@ class PinBoxes:
         return points.min(axis=(0, 1)) - margin, points.max(axis=(0, 1)) + margin, scale
 
     def scales(self, low: Array, high: Array, scale: Interval) -> Interval:
-        """The part of the scales (m,) at which a triangle with b in the box (m, 2) may be possible; or low > high."""
+        """The scales (m,) at which a triangle with b in the box (m, 2) may be possible.
+
+        Empty where low > high.
+        """
         nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
         farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=1)
         near, far = _distances(self.base)
@@ -54,7 +57,7 @@ class PinBoxes:
         return Interval(left.low, np.where(possible, left.high, -np.inf))
 
     def _between(self, base: Array, rod_end: Array) -> tuple[float, Array, Array]:
-        """A direction, and the least and greatest directions of b from it, for distances (2, m) of both pins."""
+        """A direction, and the extremes of b's from it, for distances (2, m) of both pins."""
         parts = [
             _directions(box, *ends) for box, ends in ((self.base, base), (self.rod_end, rod_end))
         ]
@@ -73,7 +76,7 @@ def _distances(box: Array) -> tuple[float, float]:
 
 
 def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Array]:
-    """Direction of a box's middle, and the range about it of its points with distances in [near, far] (m,).
+    """Direction of a box's middle, and the range about it of points in [near, far] (m,).
 
     An edge is straight, so directions along it run one way: extremes lie at corners or where an
     edge meets a circle. Empty ranges come as (∞, −∞).
@@ -103,7 +106,7 @@ def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Arra
 
 
 def _directions_meet(low: Array, high: Array, centre: float, first: Array, last: Array) -> Flags:
-    """Whether boxes (m, 2) have a point in a direction from ``first`` to ``last`` (m,), counted from ``centre``."""
+    """Whether boxes (m, 2) have a point in a direction from ``first`` to ``last`` (m,)."""
     corners = np.stack(
         [
             np.stack([x, z], axis=1)

@@ -1,4 +1,4 @@
-"""Designs whose bores and rods are those of a catalogue: sizes for given pins, and sizes and pins in turn."""
+"""Sizes of a catalogue for given pins, and sizes and pins in turn."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def with_sizes(
 
 
 def improve_in_turn(search: Search, sizes: Sizes) -> Search:
-    """Sizes and pins found in turn, and one size after the other taken anew, until nothing is better."""
+    """Sizes and pins found in turn, then one size after the other, until nothing is better."""
     return _one_by_one(_alternate(search, sizes), sizes)
 
 
@@ -114,7 +114,7 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
 
 
 def _cylinder_by_cylinder(search: Search, sizes: Sizes) -> Search:
-    """Sizes of the catalogue near those of a search, the largest cylinder first, while the rest follows."""
+    """Sizes near those of a search, the largest cylinder first, while the rest follows."""
     for i in _largest_first(search):
         search = _best_near_size(search, i, sizes)
     return search
@@ -128,13 +128,13 @@ def _largest_first(search: Search) -> list[int]:
 
 
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
-    """The best of the sizes near that of a cylinder in a search, each tried while the rest follows."""
+    """The best of the sizes near that of a cylinder, each tried while the rest follows."""
     tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
     return max(tried, key=_rank)
 
 
 def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:
-    """The nearest bores of the catalogue, and the rods that are nearly as stout for them as that of the search."""
+    """The nearest bores of the catalogue, each with rods that are nearly as stout."""
     cylinder = search.problem.machine.cylinders[i]
     cap, annulus = search.problem.vector.areas(search.x)[i]
     wanted = cylinder.bore * math.sqrt(search.x[2 * i])
@@ -161,7 +161,7 @@ def _roughly(search: Search) -> Search:
 
 
 def _one_by_one(search: Search, sizes: Sizes) -> Search:
-    """The size of one cylinder after the other let go and taken anew while the pins follow, until none is better."""
+    """One cylinder after the other let go and sized anew, until none is better."""
     for _ in range(TURNS):
         before = search.problem.sizes
         for i in _largest_first(search):

@@ -51,7 +51,7 @@ class SizeSelection:
 
 
 def select(allowed: AllowedSizes, bands: Bands | None = None) -> SizeSelection:
-    """The sizes that raise the lowest frequency most, among all combinations that meet the requirements.
+    """The sizes that raise the lowest frequency most, among all allowed combinations.
 
     Args:
         allowed: cylinders to choose from, on a machine whose pins, strokes and oil count.
@@ -116,7 +116,10 @@ class BranchAndBound:
         return reached, math.inf if refuted else max(reached, missed), best
 
     def above(self, threshold: float) -> tuple[Array, Array, float]:
-        """Allowed combinations (k, nc) whose bound reaches a threshold, the bounds, and that of the best left out."""
+        """Allowed combinations (k, nc) whose bound reaches a threshold, and their bounds.
+
+        Last the bound of the best that was left out.
+        """
         by_size, changes = self.bound.by_size, self._allowed.changes
         chosen, missed = np.zeros((1, 0), dtype=int), -math.inf
         bounds, slack = np.array([self.bound.constant]), self._allowed.slack[None]
@@ -137,7 +140,7 @@ class BranchAndBound:
         return chosen, bounds, missed
 
     def evaluate(self, combination: Array) -> float:
-        """Lowest λ of one combination over all poses; the lowest pose joins those that have been."""
+        """Lowest λ of one combination over all poses; the lowest pose joins the low ones."""
         cylinders = [
             (sizes[o],) for sizes, o in zip(self._allowed.cylinders, combination, strict=True)
         ]
@@ -175,7 +178,10 @@ class BranchAndBound:
         return reached, best
 
     def _at_low_poses(self, combinations: Array, first: int = 0) -> Array:
-        """Lowest λ of combinations at the poses that have been lowest so far (from the one numbered ``first``)."""
+        """Lowest λ of combinations at the poses that have been lowest so far.
+
+        From the one numbered ``first``.
+        """
         low = self._low[np.arange(first, len(self._low))]
         parts = []
         for part in np.array_split(combinations, max(1, len(combinations) * len(low) // CHUNK)):

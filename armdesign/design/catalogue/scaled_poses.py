@@ -1,4 +1,4 @@
-"""Poses under every load case, as sizes see them: what they do not change, and the stiffness of oil that they make."""
+"""Poses under every load case, as sizes see them: what stays, and the oil's stiffness."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ScaledPoses:
         )
 
     def lowest_with(self, oil: Array) -> Array:
-        """Lowest eigenvalue of K_0 + Σ k r rᵀ with stiffnesses (nc, …, n) of the cylinders' oil."""
+        """Lowest eigenvalue of K_0 + Σ k r rᵀ with oil stiffnesses (nc, …, n)."""
         matrix = np.broadcast_to(self.rest, (*oil.shape[1:], *self.rest.shape[1:])).copy()
         for i, k in enumerate(oil):
             matrix += k[..., None, None] * np.einsum("na,nb->nab", self.arm[:, i], self.arm[:, i])
@@ -58,7 +58,7 @@ class ScaledPoses:
         return np.asarray(np.linalg.eigvalsh(matrix)[..., 0])
 
     def oil(self, cylinders: Sequence[Sequence[Cylinder]], medium: Machine) -> list[Array]:
-        """Oil stiffness of every size of each cylinder (sizes, n) [N/m] with the oil and supply of a machine."""
+        """Oil stiffness of every size of each cylinder (sizes, n) [N/m], with a machine's oil."""
         fluid, supply = medium.fluid, medium.supply
         return [
             np.stack(
@@ -71,7 +71,7 @@ class ScaledPoses:
 def scaled_poses(
     machine: Machine, workspace: Workspace, masses: Sequence[tuple[float, float]]
 ) -> tuple[ScaledPoses, float]:
-    """Every pose and load case at shares of payload and link mass, and the ω² that they are measured by."""
+    """Every pose and load case at shares of payload and link mass, and the reference ω²."""
     nc = len(machine.cylinders)
     closed = np.array([c.closed_length for c in machine.cylinders])
     parts = []

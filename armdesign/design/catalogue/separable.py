@@ -1,4 +1,4 @@
-"""Sizes that each cylinder may have, what they leave of every requirement, and why none may be left.
+"""Sizes that each cylinder may have, and what they leave of every requirement.
 
 With pins given and as many actuators as joints, static forces do not depend on the sizes. Then
 every requirement is of one cylinder (thrust, holding, buckling), or a sum over the cylinders
@@ -50,7 +50,7 @@ OTHERWISE = " or offer other sizes"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Judge:
-    """Every requirement's slack, with a tolerance added, for other cylinders on the pins and strokes of ``placed``."""
+    """Every requirement's slack, with a tolerance added, for other cylinders of a machine."""
 
     placed: Machine
     today: Machine
@@ -118,7 +118,7 @@ class AllowedSizes:
         return np.asarray(np.all(self._touched_slacks(combinations) >= 0, axis=1))
 
     def refusal(self, words: str) -> InfeasibleError:
-        """The error where no combination is allowed: what the one of some at random that misses least must be given."""
+        """The error where no combination is allowed: what the nearest of some misses."""
         random = np.random.default_rng(0)
         chosen = np.column_stack(
             [random.integers(len(sizes), size=BATCH) for sizes in self.cylinders]
@@ -245,7 +245,7 @@ def _not_sums(judge: Judge, slack: Array, areas: list[Array], changes: list[Arra
 def _refusal(
     judge: Judge, cylinders: Sequence[Sequence[Cylinder]], sums: SlackSums
 ) -> InfeasibleError:
-    """The error that names requirements that exclude each other, and what they must give: an allowed combination."""
+    """The error that names requirements that exclude each other, and what they must give."""
     every = np.flatnonzero(sums.touched.any(axis=0))
     subsets = disjoint_subsets(sums, every)
     columns = np.concatenate(subsets)

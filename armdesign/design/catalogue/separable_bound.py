@@ -52,7 +52,7 @@ class SeparableBound:
 def separable_bound(
     allowed: AllowedSizes, poses: ScaledPoses, medium: Machine
 ) -> tuple[SeparableBound, Array]:
-    """The best bound of a few programmes of few sizes at few poses each, and the poses that mattered."""
+    """The best bound of programmes of few sizes at few poses, and the poses that mattered."""
     order = np.argsort(poses.lowest)
     spread = np.arange(0, len(order), max(1, len(order) // (4 * WATCHED)))
     watched = np.unique(np.concatenate([order[:WATCHED], spread]))
@@ -97,7 +97,7 @@ class _Mixtures:
         return best, np.array(sorted(mattered))
 
     def _multipliers(self, rows: Array, columns: list[Array]) -> tuple[Array, Array, list[Array]]:
-        """Multipliers Z of the poses, y of the shared requirements, and the best mixture of sizes in ``columns``."""
+        """Multipliers Z of poses, y of shared requirements, and the best mixture of sizes."""
         poses, allowed = self._poses, self._allowed
         nc, m = len(columns), len(allowed.slack)
         slopes = np.zeros((nc * COLUMNS, ROWS, *poses.rest.shape[1:]))
@@ -133,7 +133,7 @@ class _Mixtures:
 
 
 def _other_rows(rows: Array, weights: Array, lowest: Array) -> Array:
-    """Poses for the next programme: those that carried weight, and the lowest of the last mixture."""
+    """Poses for the next programme: those with weight, and the lowest of the last mixture."""
     carried = rows[np.argsort(-np.trace(weights, axis1=1, axis2=2))][: ROWS // 2]
     wanted = dict.fromkeys([*map(int, carried), *map(int, np.argsort(lowest)[:ROWS])])
     return np.resize(np.array(list(wanted)[:ROWS]), ROWS)

@@ -11,13 +11,12 @@ from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.units import mm
 
-Sizes = tuple[
-    tuple[float, float], ...
-]  # bore and rod [m], of each cylinder or of each entry of a catalogue
+# bore and rod [m], of each cylinder or of each entry of a catalogue
+Sizes = tuple[tuple[float, float], ...]
 
 ISO_BORES_MM = (25, 32, 40, 50, 63, 80, 90, 100, 110, 125, 140, 160, 180, 200, 220, 250, 280, 320)
-ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100, 110, 125, 140, 160, 180,
-               200, 220)  # fmt: skip
+ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 80, 90, 100,
+               110, 125, 140, 160, 180, 200, 220)  # fmt: skip
 GRID_MM = 5  # of makers of excavators
 SAME = 1e-9  # [m]
 LARGEST = 2.0  # [m] a bore beyond it was meant in mm
@@ -124,7 +123,10 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
 
 
 def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:
-    """The cylinder with another bore and rod [m], and dead volumes that grow with the areas if ``proportional``."""
+    """The cylinder with another bore and rod [m].
+
+    Its dead volumes grow with the areas if ``proportional``.
+    """
     new = replace(cylinder, bore=bore, rod=rod)
     if not proportional:
         return new

@@ -1,4 +1,4 @@
-"""Slacks that are sums over the cylinders: which combinations of sizes meet them, and which exclude each other."""
+"""Slacks that are sums over the cylinders, and which requirements exclude each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ TOLERANCE = 1e-9  # of a slack
 
 @dataclass(frozen=True, eq=False)
 class SlackSums:
-    """Slacks as sums: of the placed machine (m,), changes by each cylinder's sizes (sizes, m), who touches which (nc, m)."""
+    """Slacks as sums over the cylinders.
+
+    Attributes:
+        slack: of the machine as it is placed (m,).
+        changes: by each cylinder's sizes (sizes, m).
+        touched: which cylinder changes which (nc, m).
+    """
 
     slack: Array
     changes: list[Array]
@@ -47,7 +53,7 @@ class SlackSums:
         return chosen[meets[0]] if len(meets) > 0 else None
 
     def nearest(self, give: Array, keep: Array) -> Array | None:
-        """The combination (nc,) that meets ``keep`` and misses ``give`` by the least largest share; None if none can.
+        """The combination (nc,) that meets ``keep`` and misses ``give`` least; None if none can.
 
         Of several that do, one that misses the first of ``give`` least, then the next.
         """
@@ -97,7 +103,7 @@ def meeting(slack: Array, change: Array, columns: Array) -> Array:
 
 
 def disjoint_subsets(sums: SlackSums, columns: Array) -> list[Array]:
-    """Irreducible infeasible subsets that have no requirement in common, until what they leave can be met."""
+    """Irreducible infeasible subsets without a common requirement, until the rest can be met."""
     subsets, left = [], columns
     while sums.combination(left) is None:
         subsets.append(_irreducible_subset(sums, left))

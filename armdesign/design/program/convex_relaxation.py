@@ -1,4 +1,4 @@
-"""The convex relaxation of the constraints where only areas vary: what every choice of areas meets.
+"""The convex relaxation of the constraints on areas: what every allowed choice of areas meets.
 
 It bounds what any sizes can reach (``Search.upper_bound``).
 """
@@ -19,17 +19,17 @@ from armdesign.hydraulics.buckling import euler_safety
 
 
 def buckling_factor(problem: Problem, i: int) -> float:
-    """C in rod area ≥ L √(c A1), which keeps the share asked of today's Euler safety."""
+    """The c in rod area ≥ L √(c A1) that keeps the required share of today's Euler safety."""
     cylinder, pressure = problem.machine.cylinders[i], problem.machine.supply.pressure
     safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
     return rod_area_factor(cylinder.count, pressure, problem.requirements.buckling_share * safety)
 
 
 def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | None:
-    """Linear constraints that every allowed choice of areas meets, and the box of areas that they leave.
+    """Linear constraints that every allowed choice of areas meets, and bounds of the areas.
 
-    Constraints are given at the box's lower end. Buckling, A1 − A2 ≥ L √(c A1), is reverse-convex:
-    the root is replaced by its chord over the box, which lies below it. None where stiffness is
+    Constraints are given at the lower bounds. Buckling, A1 − A2 ≥ L √(c A1), is reverse-convex:
+    the root is replaced by its chord between the bounds, below it. None where stiffness is
     not a sum of convex functions of one area each (air, compliance, more cylinders than joints) or
     something moves.
     """
@@ -58,12 +58,12 @@ def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | No
             [exact.values[linear] - exact.jacobian[linear] @ x, [c for c, _ in chords]]
         )
         jacobian = np.concatenate([exact.jacobian[linear], [slope for _, slope in chords]])
-        low, high = _bounding_box(values, jacobian, low, high)
+        low, high = _least_bounds(values, jacobian, low, high)
     return Constraints(names, values + jacobian @ low, jacobian, np.zeros(len(values))), low, high
 
 
 def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[float, Array]:
-    """Constant and slopes by x of A1 − A2 − L·chord(√(c A1)) ≥ 0 over the box, relative to today's bore area."""
+    """Constant and slopes by x of (A1 − A2 − L·chord(√(c A1)))/A1 today, for A1 in [low, high]."""
     cylinder, today = problem.machine.cylinders[i], problem.vector.areas_today[i, 0]
     factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / today)
     slope = (
@@ -77,8 +77,8 @@ def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[
     return constant - factor * (math.sqrt(low) - slope * low), row
 
 
-def _bounding_box(values: Array, jacobian: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """The smallest box around {low ≤ x ≤ high, values + jacobian x ≥ 0}, by a linear programme per side."""
+def _least_bounds(values: Array, jacobian: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The least bounds of {low ≤ x ≤ high, values + jacobian x ≥ 0}, a linear programme each."""
     from scipy.optimize import linprog
 
     ends = [low.copy(), high.copy()]

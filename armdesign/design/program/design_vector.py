@@ -137,14 +137,14 @@ class DesignVector:
         return np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
 
     def areas(self, x: Array) -> Array:
-        """Bore and annulus of every actuator (nc, 2) [m², of a motor m³/rad], all parallel ones."""
+        """Bore and annulus area of all parallel actuators (nc, 2) [m², of a motor m³/rad]."""
         areas = x[: 2 * len(self.machine.actuators)].reshape(-1, 2) * self.areas_today
         rod_areas = self.areas_today[:, 0] - self.areas_today[:, 1]
         return np.asarray(np.where(self.rod_stays, (areas[:, 0] - rod_areas)[:, None], areas))
 
     @cached_property
     def rod_stays(self) -> Flags:
-        """Which areas are the bore's less today's rod (nc, 2): annuli where the bore alone varies."""
+        """Which areas are the bore's less today's rod (nc, 2): annuli where only bores vary."""
         return np.array([[False, bore and not rod] for bore, rod in self.resized])
 
     # ------------------------------------------------------------------------------------ linkages

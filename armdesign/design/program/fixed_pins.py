@@ -1,4 +1,4 @@
-"""Fixed pins: what areas leave alone, worked out once so that many areas are tried on many poses."""
+"""Fixed pins: what areas leave alone is worked out once, so that many areas can be tried."""
 
 from __future__ import annotations
 

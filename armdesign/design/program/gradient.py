@@ -115,7 +115,7 @@ class SteppedDesign:
         return stepped
 
     def geometry(self, rigid: RigidPoses) -> Geometry:
-        """Lengths, moment arms and their derivatives of every actuator at some poses (nx, n, …)."""
+        """Lengths, moment arms and their derivatives of all actuators at some poses (nx, n, …)."""
         at = self.vector.geometry(self.x, rigid)
         stepped = Geometry(*map(self._variants, (at.length, at.arm, at.curve)))
         for i in self.vector.moving:

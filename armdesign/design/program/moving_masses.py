@@ -1,4 +1,4 @@
-"""Own masses of cylinders and four-bars, which follow their sizes and pins.
+"""Masses of cylinders and four-bars that move with the design: they follow sizes and pins.
 
 Every bar keeps the steel of today's per length and section: a barrel weighs in proportion to its
 bore area and the closed length (a wall that grows with the bore is what equal pressure asks), a
@@ -26,7 +26,7 @@ InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 def masses(
     cylinder: Cylinder, linkage: Linkage, areas: Any, closed: Any, new: Linkage
 ) -> dict[str, Any]:
-    """Mass of each bar that weighs [kg], all parallel cylinders together, with other areas, lengths and four-bar.
+    """Mass of each bar that weighs [kg] with other sizes, all parallel cylinders together.
 
     Args:
         cylinder: today's.
@@ -56,7 +56,7 @@ def with_masses(cylinder: Cylinder, found: Mapping[str, Any]) -> Cylinder:
 
 
 def weighed(new: Machine, today: Machine) -> Machine:
-    """A machine with the own masses that its sizes and pins make of today's."""
+    """A machine with the masses that its sizes and pins make of today's."""
     cylinders = []
     for c, linkage, old, before in zip(
         new.cylinders, new.linkages, today.cylinders, today.linkages, strict=True
@@ -87,14 +87,14 @@ class MovingMasses:
         return slice(first, first + len(self.bars[i]))
 
     def masses(self, areas: Array, closed: Array, linkages: Sequence[Linkage]) -> Array:
-        """Mass of each bar (…, k) [kg] with areas (…, nc, 2) [m²], closed lengths (…, nc) [m] and four-bars."""
+        """Mass of each bar (…, k) [kg] by areas (…, nc, 2) [m²], closed lengths [m] and bars."""
         return np.concatenate(
             [self.masses_of(i, areas[..., i, :], closed[..., i], linkages[i]) for i in self.bars],
             axis=-1,
         )
 
     def masses_of(self, i: int, areas: Array, closed: Any, linkage: Linkage) -> Array:
-        """Those of the bars of one cylinder."""
+        """Mass of each bar of one cylinder (…, k) [kg]."""
         found = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
         like = areas[..., 0]  # whose shape and type rocker and coupler alone would not have
         return np.stack(
@@ -112,7 +112,7 @@ class MovingMasses:
     def units_of(
         self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
     ) -> InertiaAndGravity:
-        """Those of the bars of one cylinder."""
+        """M, g and ∂g/∂q of a kilogram of each bar of one cylinder (k, n, …)."""
         ends = linkage.bars(rigid, closed)
         parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]
         mass, gravity, slope = (np.stack(part) for part in zip(*parts, strict=True))

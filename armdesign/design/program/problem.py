@@ -69,7 +69,7 @@ class Problem:
         bands: Bands | None = None,
         tightening: float = 0.0,
     ) -> Problem:
-        """What may ``vary`` of today's machine, on its workspace; see ``Dynamics`` for the rest."""
+        """The problem in which what ``vary`` names of today's machine varies on its workspace."""
         vector = DesignVector.of(machine, workspace, requirements, vary)
         dynamics = Dynamics(
             vector=vector, workspace=workspace, bands=bands or Bands(), proportional=proportional

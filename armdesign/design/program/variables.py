@@ -113,7 +113,7 @@ def _known(machine: Machine) -> dict[str, set[str]]:
 
 
 def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
-    """Paths of the coordinates of a cylinder's linkage that can move: its place and which of its coordinates.
+    """Paths of the coordinates of a cylinder's linkage that can move, each with place and axis.
 
     None across several joints: its range depends on other cylinders too, so its stroke would not
     follow from its pins.

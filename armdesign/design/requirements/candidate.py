@@ -35,7 +35,7 @@ class Candidate(Protocol):
 
     @property
     def areas(self) -> Array:
-        """Bore and annulus of every actuator, all parallel ones (b, nc, 2) [m², of a motor m³/rad]."""
+        """Bore and annulus area of all parallel actuators (b, nc, 2) [m², of a motor m³/rad]."""
 
     @property
     def closed(self) -> Array:
@@ -76,7 +76,7 @@ class Candidate(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the requirements refer to: today's machine, its joint ranges at ``samples`` poses, the limits.
+    """What requirements refer to: today's machine, its joint ranges at ``samples`` poses, limits.
 
     ``today`` has today's cylinders under the supply of the machine that is judged.
     """
@@ -166,7 +166,7 @@ class MachineCandidate:
 
 @dataclass(frozen=True, eq=False)
 class SizeCandidates(MachineCandidate):
-    """A machine with many sizes on its pins and strokes: a variant for each of ``sizes`` (b, nc, 2) [m²]."""
+    """A machine with many ``sizes`` on its pins and strokes: a variant each (b, nc, 2) [m²]."""
 
     sizes: Array
 
@@ -219,7 +219,7 @@ def peak(values: Array, curve: Array) -> tuple[Array, Array]:
 
 
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:
-    """Bore and rod of one of the parallel cylinders (b,) [m]; a rod there always is, if a thin one."""
+    """Bore and rod of one of the parallel cylinders (b,) [m]; there is a rod, if a thin one."""
     one = 4 / math.pi / new.machine.cylinders[i].count
     bore_area, rod_area = new.areas[:, i, 0], new.areas[:, i, 0] - new.areas[:, i, 1]
     thick = np.where(rod_area.real > 0, rod_area, 1e-6 * bore_area)

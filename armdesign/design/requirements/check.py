@@ -1,4 +1,4 @@
-"""The check of a machine against requirements: two machines as their files describe them, nothing of the optimiser."""
+"""The check of a machine against requirements: two machines as their files describe them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def slacks(
     requirements: Requirements,
     loads: tuple[Array, Array],
 ) -> tuple[list[str], Array]:
-    """Names of the requirements (m), and their slacks by ``check`` (b, m) for many sizes on one machine.
+    """Names of the requirements (m), and their slacks (b, m) for many sizes on one machine.
 
     Args:
         machine: pins, strokes and supply.
@@ -105,7 +105,7 @@ def _evaluated(
 
 
 def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
-    """Largest push and largest pull that each actuator must hold, all poses and load cases (nc,) [N, N m, ≥ 0]."""
+    """Largest push and pull that each actuator must hold in all load cases (nc,) [N, N m, ≥ 0]."""
     push = pull = np.zeros(len(machine.actuators))
     for case in load_cases(machine, workspace):
         forces = case.evaluate().cylinder_forces

@@ -52,7 +52,7 @@ def digging_force(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
 
 def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
-    """Force of each cylinder at the tool (b,) [N]: it alone, extending, supply pressure, best angle (ISO 6015).
+    """Force of each cylinder alone at the tool (b,) [N]: extending, at its best angle (ISO 6015).
 
     The force is tangential to the tool's arc about the joint that the cylinder turns; joints
     further out stand where their own cylinders dig best. Cylinders that turn no single joint

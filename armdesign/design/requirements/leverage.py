@@ -30,8 +30,8 @@ class MomentArms:
 
     Attributes:
         moment_arm_share: smallest moment arm over the joint range, at least.
-        transmission: angle between rocker and coupler [rad], at least; or today's smallest, if that is
-            lower.
+        transmission: angle between rocker and coupler [rad], at least; or today's smallest, if
+            that is lower.
         digging: names of the cylinders whose digging force counts, extending.
         digging_share: their digging torque, at least.
     """

@@ -27,7 +27,7 @@ TOLERANCE = 1e-9  # [m] by which the place may be missed, [rad, m] by which a ra
 
 @dataclass(frozen=True, kw_only=True)
 class Lift(Frozen):
-    """A mass that every cylinder must hold within ``holding_share`` of what the supply gives, at one pose.
+    """A mass that every cylinder must hold at one pose, within ``holding_share`` of the supply.
 
     Attributes:
         name: of the lift.
@@ -80,7 +80,7 @@ class Lifts:
 
 
 def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
-    """Mass that each cylinder could hold, for the optimiser by the forces at the mass of the lift."""
+    """Mass that each cylinder could hold; for the optimiser, by the forces at the lift's mass."""
     share, supply = reference.requirements.holding_share, new.machine.supply
     for lift in reference.requirements.lifts:
         pose = lift_pose(reference.today, lift, share)
@@ -197,7 +197,7 @@ def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) 
 
 
 def _reaching(machine: Machine, lift: Lift, q: Array, free: Array) -> Array:
-    """Poses that bring the mass to its reach and height (n, nq), by Newton's method from a lattice of two joints."""
+    """Poses that bring the mass to its place (n, nq), by Newton's method from a lattice."""
     first, second = (over(machine.ranges[j], LATTICE) for j in free)
     found = np.repeat(q, LATTICE**2, axis=0)
     found[:, free] = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -15,7 +15,7 @@ class Oil:
     """Settings: swept volumes.
 
     Attributes:
-        oil_total_share: swept volume summed over the cylinders, bore sides and annulus sides, at most.
+        oil_total_share: swept volume of all cylinders, bore sides and annulus sides, at most.
         oil_each_share: swept volume of each cylinder and side, at most.
     """
 

@@ -32,7 +32,7 @@ ROUNDING = 7.1e-5  # [m] that a pin on the 0.1 mm grid may lie beside its place
 
 @dataclass(frozen=True, kw_only=True)
 class Outline(Frozen):
-    """The outline (x, z) [m] of a link, within which cylinder pins on it must lie by their radius [m]."""
+    """An outline (x, z) [m] of a link: cylinder pins on it lie within it by their radius [m]."""
 
     link: str
     points: Points
@@ -41,7 +41,7 @@ class Outline(Frozen):
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance(Frozen):
-    """A distance [m] that the barrels of some cylinders keep from a part of a link, outlined by (x, z) [m] in it."""
+    """A distance [m] of the barrels of cylinders from a part of a link with corners (x, z) [m]."""
 
     name: str
     cylinders: tuple[str, ...]
@@ -141,7 +141,7 @@ def outlines(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
 
 def clearances(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
-    """Barrels from parts of links, over the ranges of the joints between: poses of least clearance."""
+    """Distance of barrels from parts of links, at the poses of least clearance."""
     for part in reference.requirements.clearances:
         for name in part.cylinders:
             i = cylinders(reference.today).index(name)
@@ -184,7 +184,7 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
 
 @lru_cache(maxsize=64)
 def _poses_between(today: Machine, part: Clearance, i: int) -> RigidPoses:
-    """Poses over the ranges of all joints between a cylinder and the link that it keeps clear of."""
+    """Poses over the ranges of the joints between a cylinder and the link it keeps clear of."""
     arm, linkage = today.arm, today.linkages[i]
     between = sorted({*linkage.joints, *(j for j, _ in arm.path(linkage.base.link, part.link))})
     count = MESH.get(len(between), 5)

@@ -80,7 +80,7 @@ def _cross(a: Array, b: Array, u: Array, v: Array) -> Flags:
 
 
 def _inside(point: Array, polygon: Array) -> Flags:
-    """Whether points (…, 2) lie inside a polygon: a ray to the right meets its edges an odd number of times."""
+    """Whether points (…, 2) lie inside: a ray to the right meets an odd number of edges."""
     u, v = edges(polygon)
     x, z = point[..., 0, None], point[..., 1, None]
     spans = (u[:, 1] > z) != (v[:, 1] > z)

@@ -1,10 +1,15 @@
 """What a requirement is: one record, evaluated on designs, judged on a machine, or conceded.
 
-To add one, say a largest rod speed: (1) its key with its default in
-``machine.requirements_schema.RequirementsSection``; (2) in the file of its family here, which the key belongs
-to, a field ``number(key, unit)`` and (3) a function that yields its ``Evaluation`` on a
-``Candidate``. Check, constraints, slacks, rounding, conflicts and reports take it from there.
-A new family is one more base class in ``settings.py`` and one more line of ``evaluations``.
+To add one, say a largest rod speed (two files, about fifteen lines):
+
+1. ``machine/requirements_schema.py``: its key with its default, ``rod_speed_mm_per_s = None``.
+2. The file of its family here (``speeds.py``): a field with its meaning,
+   ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
+3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a
+   ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit bends.
+
+Check, constraints with gradients, slacks, rounding, prices, conflicts and reports follow. A new
+family is one more base class of ``Requirements`` and one more line of ``evaluations``.
 """
 
 from __future__ import annotations
@@ -124,9 +129,9 @@ class Check(Requirement):
         return cls(**evaluation.identity, value=value, slack=float(slack[worst]))
 
     def sentence(self, worth: float, at_margin: float, units: Units) -> str:
-        """That it binds, and the relative gain in frequency that relaxing it by 1 % would buy, ``worth``.
+        """That it binds, and the relative gain in frequency per 1 % of relaxation, ``worth``.
 
-        And what the first of that would buy per 1 %, ``at_margin``, where that is clearly more.
+        And the gain ``at_margin``, of the first of that 1 %, where that is clearly more.
         """
         bound, eased = ("at least", "1 % less") if self.at_least else ("at most", "1 % more")
         limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)

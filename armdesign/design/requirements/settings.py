@@ -1,4 +1,4 @@
-"""Requirements: what a new design must keep of today's machine, and what else its designer asks of it.
+"""Requirements: what a new design must keep of today's machine, and what else it must do.
 
 Settings and their meaning stand together in a file for each family; here they are one:
 ``Requirements`` has the settings of all, ``evaluations`` evaluates all on a candidate. How to add
@@ -44,7 +44,10 @@ class Requirements(
     Holding,
     Frozen,
 ):
-    """Limits of a new design, shares of what today's machine has, and absolute ones where they are given."""
+    """Limits of a new design: shares of what today's machine has, or absolute.
+
+    The attributes are those of its bases, a family of requirements each.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,7 +72,7 @@ class Requirements(
         return {field.name: field.metadata["stated"] for field in fields(cls)}
 
     def _field(self, path: str) -> tuple[str, Stated, str]:
-        """The field whose key a key path begins with, how it is stated, and the rest of the path."""
+        """The field whose key a path begins with, how it is stated, and the rest of the path."""
         found = [
             (name, how, rest)
             for name, how in self._stated().items()
@@ -103,7 +106,7 @@ class Requirements(
         return changed
 
     def refuse_unknown(self, machine: Machine) -> None:
-        """Raise where a requirement names a cylinder, joint or link that the machine does not have.
+        """Raise where a cylinder, joint or link is named that the machine does not have.
 
         Raises:
             ArmDesignError: such a name.
@@ -117,7 +120,7 @@ class Requirements(
 
 
 def evaluations(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:
-    """Every requirement that a design can miss, on a candidate with its static forces (b, k, nc) [N]."""
+    """Every requirement that a design can miss, with its static forces (b, k, nc) [N]."""
     yield from oil(new, reference)
     yield from strength(new, reference)
     yield from leverage(new, reference)

@@ -1,4 +1,4 @@
-"""How a machine file states the settings of requirements: each field says its key under ``[requirements]``.
+"""How a machine file states requirements: each field knows its key under ``[requirements]``.
 
 By it a field is read from the file, asked for and changed in the key's own unit, and checked.
 """
@@ -169,7 +169,7 @@ def cylinders(machine: Machine) -> list[str]:
 
 
 def at_work(machine: Machine, cylinder: str) -> bool:
-    """Whether a cylinder of the file moves a joint; so does one that the file does not have, a fault."""
+    """Whether a cylinder moves a joint; true of one that the file does not have, a fault."""
     return cylinder not in machine.idle
 
 

@@ -36,7 +36,7 @@ class Buckling:
 
     Attributes:
         buckling_share: Euler safety of each rod, at least.
-        buckling_factor: buckling load over the thrust of one cylinder, at least; None: no such limit.
+        buckling_factor: buckling load over the thrust of one cylinder, at least; None: no limit.
         buckling_column: what buckles then: "rod", all of the open cylinder as thick as the rod
             (Euler); "stepped", barrel and rod.
     """
@@ -148,5 +148,5 @@ def _buckling_safety(new: Candidate, i: int, pressure: float, column: str) -> Ar
 
 
 def rod_area_factor(cylinder_count: int, pressure: float, safety: float) -> float:
-    """The c in rod area ≥ L √(c A1), which gives a safety π E (A1 − A2)²/(4 n L² p A1) of n cylinders."""
+    """The c in rod area ≥ L √(c A1) for a safety π E (A1 − A2)²/(4 n L² p A1) of n cylinders."""
     return safety * 4 * cylinder_count * pressure / (math.pi * STEEL_MODULUS)

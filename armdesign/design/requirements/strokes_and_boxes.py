@@ -1,4 +1,4 @@
-"""What the optimiser keeps by how it makes designs, and a machine may miss: strokes and pin boxes."""
+"""Strokes and pin boxes: kept by how the optimiser makes designs, but a machine may miss them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class PinBoxes:
 def strokes_and_boxes(
     new: MachineCandidate, reference: Reference, box: float
 ) -> Iterator[Evaluation]:
-    """Strokes that cover their joint's range, and places within their boxes; ``box`` is common [m].
+    """Strokes that cover their joint's range, places within their boxes; ``box`` is common [m].
 
     The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``;
     ``test_constraints_of_the_optimiser_are_the_requirements`` ties them.

@@ -1,4 +1,4 @@
-"""Equally good designs: of all that differ by nothing that counts, the one that moves the pins least.
+"""Canonical pins: of all designs that are equally good, the one that moves the pins least.
 
 Turn all pins of a cylinder together about the joint that it drives, each in its own link, and its
 length, moment arm and stroke stay what they are at every pose: the four pin coordinates make three
@@ -16,7 +16,7 @@ ANGLES = 400  # tried between the pins as found and the least move, where the bo
 
 
 def least_moved_pins(problem: Problem, x: Array) -> Array:
-    """The design of the same lengths and moment arms as x whose pins lie as near to today's as the box allows.
+    """The design of the same lengths and moment arms whose pins move least within the box.
 
     A cylinder keeps its pins where not all of them may move in the plane in which their joint
     turns; all do where something else feels the turning: own masses, outlines, clearances, boxes
@@ -39,7 +39,10 @@ def least_moved_pins(problem: Problem, x: Array) -> Array:
 
 
 def _turned_towards(levers: Array, today: Array, box: float) -> Array:
-    """Levers (as complex numbers) turned together to the least sum of squared moves, or towards it within the box."""
+    """Levers, as complex numbers, turned together to the least sum of squared moves.
+
+    Or towards it, as far as the box allows.
+    """
     angle = np.angle(np.sum(np.conj(levers) * today))
     turned = levers * np.exp(1j * np.linspace(0.0, angle, ANGLES))[:, None]
     moved = turned - today
@@ -49,7 +52,9 @@ def _turned_towards(levers: Array, today: Array, box: float) -> Array:
 
 
 def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
-    """Entries of x of a cylinder's pins (pins, 2), the joint's place in their links, and which see it from behind.
+    """Entries of x of a cylinder's pins (pins, 2), and where their links see the joint.
+
+    The last tells which links see it from behind.
 
     Empty where they cannot turn.
     """

@@ -24,7 +24,7 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
 
 
 def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
-    """What an entry of x that is an area may be where its bore or rod lies on the grid, the nearer first.
+    """Values of an area of x at which its bore or rod lies on the grid, the nearer first.
 
     The annulus takes the bore as it stands at x. Empty where that size does not vary.
     """

@@ -1,4 +1,4 @@
-"""Changes to a machine file that make a design of it: pins, bars, strokes, sizes and masses on the grid of a drawing."""
+"""Changes to a machine file that make a design of it, on the grid of a drawing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def changes_of(
 
 
 def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
-    """Rounded pins and bars that vary, with strokes and closed lengths that cover the joint ranges."""
+    """Rounded pins and bars, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
     linkages = list(problem.vector.linkages(x))
     today, requirements = problem.machine, problem.requirements

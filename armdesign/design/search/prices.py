@@ -30,7 +30,12 @@ LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price
 
 @dataclass(frozen=True)
 class Price:
-    """Relative gain in the worst frequency from relaxing a requirement by 1 %: if the first of it counts, and all."""
+    """Relative gain in the worst frequency from relaxing a requirement by 1 %.
+
+    Attributes:
+        at_margin: what the first of it buys, per 1 %.
+        gain: what all of it buys.
+    """
 
     at_margin: float
     gain: float
@@ -102,7 +107,7 @@ def _pin_boxes(problem: Problem) -> list[str]:
 
 
 def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
-    """Relative gain in frequency that is found from an optimum with requirements relaxed by 1 %."""
+    """Relative gain in frequency from an optimum with requirements relaxed by 1 %."""
     low, high = optimum.bounds
     more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
     problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))

@@ -125,7 +125,7 @@ def nearest_misses(search: Search) -> list[Check]:
 
 
 def worst_on_poses(machine: Machine, problem: Problem) -> float:
-    """Lowest coupled frequency over the workspace's poses and all load cases, and within the problem's bands [Hz]."""
+    """Lowest coupled frequency over poses, load cases and the problem's bands [Hz]."""
     workspace = problem.workspace
     if problem.dynamics.bands != Bands():
         return worst_within(machine, workspace, problem.dynamics.bands).frequency
@@ -133,7 +133,10 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
 
 
 def _hardly_gained(search: Search) -> bool:
-    """Whether today's machine is allowed and the optimum less than 1 % above it, which rounding may eat up."""
+    """Whether today's machine is allowed and the optimum less than 1 % above it.
+
+    Rounding may cost as much.
+    """
     problem = search.problem
     if problem.sizes:  # today's machine need not be in the catalogue
         return False
@@ -142,7 +145,7 @@ def _hardly_gained(search: Search) -> bool:
     return CheckedMachine.of(problem.machine, problem).allowed
 
 
-# ------------------------------------------------------------------ sizes first, then pins for them
+# ----------------------------------------------------------------- sizes first, then pins for them
 
 
 def _retuned(search: Search) -> Iterator[Machine]:
@@ -176,7 +179,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
 
 
 def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Array]]]:
-    """Bores and rods on the grid that promise most: in a row [mm], as x, and as bounds that hold them.
+    """Bores and rods on the grid that promise most: in a row [mm], as x, and as bounds.
 
     From the nearest each size in turn goes to what promises most beside the others, until none
     moves.
@@ -221,7 +224,7 @@ def _near_sizes(search: Search) -> CheckedMachine | None:
 
 
 def _candidates(search: Search) -> Iterator[dict[str, Any]]:
-    """Changes to the machine file for roundings of the bores and rods that pass a first check, best first."""
+    """Changes to the file for rounded bores and rods that pass a first check, best first."""
     problem = search.problem
     today, light, limits = problem.machine, _light_workspace(search), _with_box(problem)
     placed, loads = _placed(search, light)
@@ -271,11 +274,11 @@ def _light_workspace(search: Search) -> Workspace:
     return search.problem.workspace.subset(np.unique(rows))
 
 
-# ------------------------------------------------------------------------------------ sizes in rows
+# ----------------------------------------------------------------------------------- sizes in rows
 
 
 def _options(search: Search) -> tuple[list[list[float]], list[float]]:
-    """For bore and rod of every cylinder in a row what it may be, up or down where it varies, and what it is [mm].
+    """What bore and rod of every cylinder, in a row, may be, and what they are [mm].
 
     Sizes of a catalogue stay what they are.
     """
@@ -303,7 +306,7 @@ def _nearest_sizes(search: Search, count: int) -> list[SizesInRow]:
 
 
 def _on_grid(problem: Problem, x: Array) -> list[float]:
-    """Bores and rods in a row [mm] of a design that has them on the grid, without the arithmetic's last digits."""
+    """Bores and rods in a row [mm] of a design that has them on the grid."""
     return [
         round(size, 6)
         for i in range(len(problem.machine.cylinders))

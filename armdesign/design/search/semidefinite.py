@@ -18,13 +18,13 @@ from armdesign.arrays import Array
 from armdesign.errors import InfeasibleError
 
 PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
-# share by which a bound may lie below a design that misses requirements by as little as a search may
+# share by which a bound may lie below a design that misses requirements by as little as is allowed
 MISSED_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Answer of one programme: change of x, λ foreseen, multipliers of the constraints and matrix inequalities."""
+    """Answer of one programme: change of x, λ foreseen, and multipliers."""
 
     change: Array  # (nx,)
     value: float
@@ -36,7 +36,7 @@ class Step:
 
 
 class StepProgramme:
-    """The programme with n poses, m constraints and nx variables, set up once and solved for many data.
+    """The programme with n poses, m constraints and nx variables, set up once for many data.
 
     Constraints may be violated at a price, so that a step from an infeasible x exists.
     """
@@ -69,7 +69,7 @@ class StepProgramme:
     def solve(
         self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
     ) -> Step:
-        """Solve with matrices ``base`` (n, nq, nq), ``slopes`` (nx, n, nq, nq), constraints ``value``, ``jacobian``.
+        """Solve with matrices ``base`` (n, nq, nq) and ``slopes`` (nx, n, nq, nq).
 
         Raises:
             InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
@@ -110,7 +110,10 @@ def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
 
 
 def _levelled(base: Array) -> Array:
-    """A congruence T for each matrix A, so that T A Tᵀ has no large entries: stiff modes may be 10⁵ × the lowest."""
+    """A congruence T for each matrix A, so that T A Tᵀ has no large entries.
+
+    Stiff modes may be 10⁵ × the lowest.
+    """
     size, vectors = np.linalg.eigh(base)
     return np.asarray(
         np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2)
@@ -118,19 +121,22 @@ def _levelled(base: Array) -> Array:
 
 
 def padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Constraints filled up to a multiple of 40 by some that always hold, so that one programme serves many times."""
+    """Constraints filled up to a multiple of 40 by some that always hold.
+
+    So one programme serves many times.
+    """
     more = -len(value) % 40
     return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
 
 def positive_part(weights: Array) -> Array:
-    """The solver's multipliers of the matrix inequalities without what its tolerance left negative: Z_j ⪰ 0."""
+    """Multipliers of the matrix inequalities without what the solver's tolerance left negative."""
     size, vectors = np.linalg.eigh((weights + np.swapaxes(weights, 1, 2)) / 2)
     return np.asarray(vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2)))
 
 
 def certificate(step: Step) -> Array:
-    """Multipliers of the matrix inequalities as weak duality asks for them: Z_j ⪰ 0, Σ tr Z_j = 1."""
+    """Multipliers of the matrix inequalities for weak duality: Z_j ⪰ 0, Σ tr Z_j = 1."""
     weights = positive_part(step.weights)
     return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
 
@@ -151,7 +157,7 @@ def dual_bound(
 
 
 def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Array) -> float:
-    """An upper bound on λ where M depends on x too, from one on its stand-in near a λ that is ``reached``.
+    """An upper bound on λ where M depends on x too, from one near a λ that is ``reached``.
 
     Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``bound`` ≥ Σ ⟨Z_j,
     that⟩ for all x. Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ bound − reached − (λ −
@@ -162,7 +168,10 @@ def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Ar
 
 
 def contradicted(bound: float, reached: float) -> bool:
-    """Whether a bound is none: not a number, or below what an allowed design reaches, both in Hz or both as ω²."""
+    """Whether a bound is not a number, or below what an allowed design reaches.
+
+    Both in Hz or both as ω².
+    """
     return not bound >= reached - MISSED_SHARE * abs(reached)
 
 

@@ -47,7 +47,7 @@ class Trial:
 class Linearised:
     """The design problem near a trial: stiffness over the reference of some rows, and limits.
 
-    ``kept`` numbers the limits; ``value`` and ``jacobian`` are padded with limits that always hold.
+    ``kept`` numbers the limits; ``value`` and ``jacobian`` are padded with some that always hold.
     """
 
     rows: Array
@@ -70,7 +70,7 @@ class Linearised:
 
 @dataclass(eq=False, kw_only=True)
 class Search:
-    """One run from one start: the design reached so far, and the rows of the problem that are watched.
+    """One run from one start: the design reached so far, and the watched rows.
 
     Attributes:
         problem: what is searched.
@@ -104,7 +104,7 @@ class Search:
 
     @property
     def merit(self) -> float:
-        """Lowest ω² over the problem's scale, less the penalty of missed requirements: for comparing searches."""
+        """Lowest ω² over the problem's scale, less the penalty of missed requirements."""
         return self._merit(self.squared, self.limits, self.problem.dynamics.omega_squared_scale)
 
     @property
@@ -114,7 +114,7 @@ class Search:
 
     @property
     def missed(self) -> list[str]:
-        """Requirements that are missed by more than a search may miss them on its way, the worst first."""
+        """Requirements that are missed by more than ``NEARLY``, the worst first."""
         amounts = _missed(self.limits)
         order = np.argsort(-amounts, kind="stable")[: int((amounts > NEARLY).sum())]
         return list(dict.fromkeys(self.limits.names[k] for k in order))
@@ -123,7 +123,7 @@ class Search:
 
     @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
-        """Improve ``x`` until a step promises less than ``tolerance`` of ω² and the whole workspace agrees."""
+        """Improve ``x`` until a step promises less than ``tolerance`` on the whole workspace."""
         self.look()
         for _ in range(looks):
             # prices keep pace with what is gained
@@ -164,7 +164,7 @@ class Search:
         return replace(self, x=x, strictness=strictness).look()
 
     def of(self, problem: Problem, x: Array, within: tuple[Array, Array] | None = None) -> Search:
-        """A search of a problem much like this one, not yet looked at, with the rows watched so far."""
+        """A search of a similar problem, not yet looked at, with the rows watched so far."""
         return replace(self, problem=problem, x=x, within=within or self.within)
 
     # --------------------------------------------------------------------------------------- steps
@@ -191,7 +191,10 @@ class Search:
         )
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
-        """Rows for the next programme: the lowest, but no two that nearly coincide, and those that spoilt a step."""
+        """Rows for the next programme: the lowest, and those that spoilt a step.
+
+        But no two that nearly coincide.
+        """
         place = self.problem.dynamics.row_coordinates(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
         for spacing in (0.05, 0.0):
@@ -205,7 +208,7 @@ class Search:
         return self.rows[chosen]
 
     def foreseen_merit(self, given: slice) -> Callable[[Array], float]:
-        """Function of a design near ``x``: the merit that one step promises if its ``given`` entries are to stay."""
+        """Function of a design: the merit that one step to its ``given`` entries promises."""
         trial = self.trial()
         low, high = box_around(self.x, self.bounds, AHEAD)
         model = self.linearised(trial, self.active(trial.squared), (low, high))
@@ -242,7 +245,7 @@ class Search:
 
         If it disappoints, also the step corrected by what it met there.
 
-        Constraints and stiffness bend: the programme is solved again with their values at the trial
+        Limits and stiffness bend: the programme is solved again with their values at the trial
         (second-order correction), without which steps along a bent limit would have to be tiny.
         """
         none = replace(start, merit=-math.inf)

@@ -1,4 +1,4 @@
-"""Trust region: steps of a linearised programme, each within a box that grows and shrinks with what they keep.
+"""Trust region: steps of linearised programmes, in a box that grows and shrinks with success.
 
 A step is taken if it gains a tenth of what it promises. The box then grows where the programme
 foresaw well; it shrinks after a step that is refused, or where the solver gave up.

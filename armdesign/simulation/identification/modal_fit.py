@@ -42,8 +42,8 @@ class ModalFit:
     Attributes:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
-        frequency_deviations: standard deviations of the frequencies (m,) [Hz], by noise and by what
-            the modes outside the band leave open. Errors by nonlinearity are not in them.
+        frequency_deviations: standard deviations of the frequencies (m,) [Hz], by noise and by
+            what the modes outside the band leave open. Errors by nonlinearity are not in them.
         damping_deviations: standard deviations of the damping ratios (m,).
         frequency_remainders: part of the frequencies' deviations due to modes outside the band
             (m,) [Hz]: what neighbours and residual terms leave of them. Its square adds to the

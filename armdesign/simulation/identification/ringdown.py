@@ -347,7 +347,7 @@ def _eliminated(target: Array, roots: Array, colour: Array) -> _Eliminated:
 
 
 def _slopes(roots: Array, now: _Eliminated, colour: Array) -> Array:
-    """Change of all filtered outputs by Re λ and Im λ, beyond what shapes make up for (outputs n, 2m)."""
+    """Change of all filtered outputs (outputs n, 2m) by Re λ and Im λ, shapes eliminated."""
     instants = np.arange(len(now.left))[:, None]
     powers, found = instants * np.exp(roots * instants), []
     for shape in now.shapes.T:

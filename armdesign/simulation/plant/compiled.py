@@ -74,7 +74,7 @@ def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Recor
 
 
 class _Kept(NullCache):
-    """Compiled code of one function in files, which numba reads before it compiles and writes after.
+    """Compiled code of one function in files: read before it is compiled, written afterwards.
 
     It stands in for numba's own cache, which ends the program where it finds no folder to write
     into or a damaged file, mixes up what two processes compile at once, and does not see that a

@@ -58,7 +58,7 @@ class ForwardDynamics:
         return acceleration
 
     def energy(self, q: Array, velocity: Array) -> Array:
-        """Kinetic and potential energy [J] of links, payload and bars at states (m, nq) of one arm."""
+        """Kinetic and potential energy (m,) [J] of links, payload and bars of one arm."""
         (model, data), library = self._pairs[0], self._library
         total = np.zeros(len(q))
         for row, (at, speed) in enumerate(

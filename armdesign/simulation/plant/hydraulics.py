@@ -204,7 +204,7 @@ def actuate(
 def capacity(
     actuator: Record, system: Record, side: int, extension: float, pressure: float
 ) -> float:
-    """Capacity C of a chamber [m³/Pa] at a piston position [m] and pressure [Pa], with its hose."""
+    """Capacity C of a chamber and its hose [m³/Pa] at a piston position [m] and pressure [Pa]."""
     volume = max(actuator.volumes[side] + actuator.sweep[side] * extension, actuator.least[side])
     modulus = bulk_modulus(pressure, system.bulk_modulus, system.air)
     if pressure < VAPOUR_PRESSURE + 40 * VAPOUR_WIDTH:
@@ -294,7 +294,7 @@ def pressed(actuator: Record, beyond: float) -> float:
 
 @compiled
 def stop_force(actuator: Record, beyond: float, speed: float) -> float:
-    """Force of the end stops [N, + pushes out] at a rate of the pin-to-pin length [m/s], no pull."""
+    """Force of the end stops [N, + pushes out] at a pin-to-pin rate [m/s]; they never pull."""
     outwards = speed if beyond > 0 else -speed
     return -actuator.stop * beyond * max(1 + STOP_DAMPING * outwards, 0.0)
 

@@ -4,8 +4,8 @@ The same geometry as ``linkage``, of one pose at a time and without what a simul
 need. All is seen from the world. A joint j moves a point P on a link behind it by ∂P/∂q_j = a_j ×
 (P − o_j), its axis if it slides. With joint speeds q̇ and no joint acceleration, P has the Coriolis
 and centrifugal acceleration Σ_j q̇_j ω_j × (∂P/∂q_j q̇_j + 2 Σ_k ∂P/∂q_k q̇_k), k the joints
-between j and P. A moment arm is r_j = d · (∂E/∂q_j − ∂B/∂q_j) with the cylinder's direction d, B its base pin and E
-its rod end: what moves both alike does not count.
+between j and P. A moment arm is r_j = d · (∂E/∂q_j − ∂B/∂q_j) with the cylinder's direction d, B
+its base pin and E its rod end: what moves both alike does not count.
 
 The plane of a four-bar has the coordinates right and up. From pivot to lug (a, c), e = a² + c²,
 the knee is at x (a, c) + y (−c, a),  x = ½ + (rocker² − coupler²)/2e,  y = ± √(rocker²/e − x²).
@@ -312,7 +312,7 @@ def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving
 def place_drive(
     drive: Record, joints: Records, frames: Frames, speed: Array, pins: PinMotion
 ) -> tuple[float, Vector]:
-    """Length of a cylinder and its vector from base pin to rod end; its ``PinMotion`` is written."""
+    """Length of a cylinder and vector from base pin to rod end; its ``PinMotion`` is written."""
     slope, coriolis = pins.slope, pins.coriolis
     at, frame = _position(drive.base_pin, frames), drive.base_pin.frame
     base = _moved(joints, frames, speed, frame, at, True, slope[BASE])
@@ -369,7 +369,7 @@ def add_bars(
     mass: Array,
     force: Array,
 ) -> None:
-    """Add what barrel, rod, rocker and coupler of a placed cylinder give to M (nq, nq) and h (nq,).
+    """Add barrel, rod, rocker and coupler of a placed cylinder to M (nq, nq) and h (nq,).
 
     Barrel and rod are as long as the closed cylinder: their inner ends stand at ± ℓ_closed S/ℓ
     from base pin and rod end, S from the one to the other.
@@ -406,7 +406,7 @@ def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vec
 def _add_bar(
     weight: float, one: int, other: int, pins: PinMotion, mass: Array, force: Array
 ) -> None:
-    """Add a uniform slender bar between X and Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so to h."""
+    """Add a slender bar from X to Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so to h."""
     if weight == 0.0:
         return
     slope, upwards = pins.slope, (0.0, 0.0, GRAVITY)

@@ -1,4 +1,4 @@
-"""The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases side by side.
+"""The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases at once.
 
     M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)      joints: ``forward_dynamics``
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ                      chambers: ``hydraulics``
@@ -264,40 +264,40 @@ def _evaluate(
             pressures[i] = y[layout.chambers + i] * bar
         for i in range(nc):
             actuator, drive = parameters.actuators[m, i], parameters.drives[m, i]
-            output, speed = evaluation.outputs[case, i], 0.0
+            output = evaluation.outputs[case, i]
+            spool, spool_speed = layout.spools + i, layout.spools + nc + i
             length = _place_actuator(case, drive, parameters.joints[m], y, frames, pins, bars)
-            for j in range(nq):
-                speed += pins.arm[j] * y[nq + j]
+            moving = length, _sum_product(pins.arm, y[nq:])
+            both = pressures[i], pressures[nc + i]
             force, cap_rate, annulus_rate = actuate(
-                actuator,
-                system,
-                (length, speed),
-                (pressures[i], pressures[nc + i]),
-                y[layout.spools + i],
-                supply,
-                output,
+                actuator, system, moving, both, y[spool], supply, output
             )
             for j in range(nq):
                 torque[case, j] += pins.arm[j] * force
-            spool, spool_speed = layout.spools + i, layout.spools + nc + i
             rates[layout.chambers + i] = cap_rate / bar
             rates[layout.chambers + nc + i] = annulus_rate / bar
             rates[spool] = y[spool_speed]
-            rates[spool_speed] = spool_acceleration(
-                actuator, y[spool], y[spool_speed], command[case, i]
-            )
+            demand = command[case, i]
+            rates[spool_speed] = spool_acceleration(actuator, y[spool], y[spool_speed], demand)
             taken = taken + output.supplied[0] + output.supplied[1]
-        pump = pump_flow(system, supply) if has_line else taken
+        pump = taken
         if has_line:
+            pump = pump_flow(system, supply)
             rates[layout.line] = (pump - taken) / system.line_capacity / bar
+        actuators, outputs = parameters.actuators[m], evaluation.outputs[case]
+        flows = supply, pump, taken
         evaluation.springs[case] = book_powers(
-            parameters.actuators[m],
-            system,
-            pressures,
-            evaluation.outputs[case],
-            (supply, pump, taken),
-            evaluation.powers[case],
+            actuators, system, pressures, outputs, flows, evaluation.powers[case]
         )
+
+
+@compiled
+def _sum_product(a: Array, b: Array) -> float:
+    """Scalar product of short arrays."""
+    total = 0.0
+    for j in range(len(a)):  # b may be longer
+        total += a[j] * b[j]
+    return total
 
 
 @compiled

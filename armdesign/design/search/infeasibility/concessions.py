@@ -1,4 +1,4 @@
-"""Concessions: by how much requirements in conflict are to be relaxed, the settings that grant it, and the words."""
+"""Concessions: by how much to relax requirements in conflict, and the settings that do."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def concessions(
 
 
 def _falls(c: Requirement) -> bool:
-    """Whether its setting falls when it is relaxed: a lower limit, or a factor on the value."""
+    """Whether its setting falls when it is relaxed: a lower limit, or a factor."""
     return c.at_least or c.inverse
 
 
@@ -71,7 +71,7 @@ def conflict_error(
     settled: bool = True,
     otherwise: str = "",
 ) -> InfeasibleError:
-    """The error that says a conflict in one line, and in a table where several requirements are in it.
+    """The error that says a conflict in one line, and several requirements in a table.
 
     Args:
         machine: its name.
@@ -105,14 +105,17 @@ def nearest_error(
     otherwise: str = "",
     kind: type[InfeasibleError] = InfeasibleError,
 ) -> InfeasibleError:
-    """The error that says by what the nearest of some designs misses requirements, if that is known."""
+    """The error that says by what the nearest of some designs misses requirements."""
     words = " and ".join(f"{_with_limit(c)} by {_amount(c)}" for c in missed)
     problem = f"{none_meets}{f': the nearest misses {words}' if words else ''}"
     return kind(machine, problem, f"relax them{_settings(missed)}{otherwise}", tuple(missed))
 
 
 def conflict_rows(conflict: Sequence[Concession]) -> list[tuple[str, ...]]:
-    """A row for each requirement of a conflict, in the order of ``HEADS``; the last column only if one alone helps."""
+    """A row for each requirement of a conflict, in the order of ``HEADS``.
+
+    The last column is there only if relaxing one requirement alone helps.
+    """
     rows: list[tuple[str, ...]] = []
     for c in conflict:
         sign = -1 if c.at_least else 1
@@ -130,7 +133,7 @@ def conflict_rows(conflict: Sequence[Concession]) -> list[tuple[str, ...]]:
 
 
 def conflict_table(conflict: Sequence[Concession]) -> str:
-    """The rows of a conflict as plain text, a blank line between subsets that have nothing in common."""
+    """The rows of a conflict as plain text, with a blank line between subsets."""
     rows = conflict_rows(conflict)
     heads = HEADS[: len(rows[0])]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
@@ -174,6 +177,6 @@ def _given(c: Concession, amount: float) -> str:
     """An amount in its unit and as a share, both rounded up, so that what is read is enough."""
     percent = 100 * amount / abs(c.limit) if c.limit else 0.0
     digits = max(2, len(str(int(percent))))
-    share = f" ({outward(percent, digits, True):.{digits}g} %)" if c.limit else ""
+    share = f" ({outward(percent, digits, True):g} %)" if c.limit else ""
     factor = WORKSHOP.table[c.unit][0]
     return f"{WORKSHOP.short(outward(amount / factor, 4, True) * factor, c.unit)}{share}"

@@ -42,7 +42,7 @@ Bounds: TypeAlias = tuple[Array, Array]  # of x
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """Requirements that may give, in groups of a common largest share, and those that must hold."""
+    """Requirements that may give, in groups of one largest share, and those that must hold."""
 
     soft: Groups
     hard: Collection[str]
@@ -60,7 +60,14 @@ class Roles:
 
 @dataclass(frozen=True, eq=False)
 class ElasticSolution:
-    """The design that misses least: shares given, what is missed besides, and requirements that mattered."""
+    """The design that misses least.
+
+    Attributes:
+        x: the design.
+        given: shares of their limits that requirements give.
+        missed: shares that the others are missed by.
+        tight: requirements that mattered.
+    """
 
     x: Array
     given: float
@@ -80,7 +87,7 @@ class ElasticSolution:
 
 @dataclass(frozen=True, eq=False)
 class _Rooms:
-    """A design's requirements: room as a share of each limit, its Jacobian, the requirement of each row, and cost."""
+    """Room of a design's requirements, as a share of each limit, and its Jacobian."""
 
     x: Array
     names: list[str]
@@ -128,7 +135,7 @@ class ElasticProgramme:
 
     @np.errstate(invalid="ignore", divide="ignore")
     def amounts(self, x: Array) -> dict[str, tuple[Evaluation, float]]:
-        """Each requirement's condition at x, and by how much of its unit it is missed, drawn in as it is."""
+        """Each requirement evaluated at x, and by how much of its unit it is missed."""
         amounts = {}
         for c in evaluations_at(self.problem, x, holding_rows(self.problem, x)):
             missed = (c.limit - c.value[0].real) * (1 if c.at_least else -1)
@@ -141,7 +148,7 @@ class ElasticProgramme:
     def solve(
         self, roles: Roles, tolerance: float = FINE, starts: int = STARTS
     ) -> ElasticSolution:
-        """The design that meets all that must hold and of whose groups the largest shares missed are least in sum.
+        """The design that meets what must hold and misses the groups least.
 
         Each start is followed until a step promises less than a share ``tolerance`` of what is
         missed.
@@ -190,7 +197,7 @@ class ElasticProgramme:
     def _solve_from(
         self, x: Array, roles: Roles, bounds: Bounds, trust: float, tolerance: float
     ) -> ElasticSolution:
-        """The solution near x, at which no pose of the workspace is loaded more than the watched ones."""
+        """The solution near x; no pose of the workspace is loaded more than the watched ones."""
         with np.errstate(invalid="ignore", divide="ignore"):
             for _ in range(LOOKS):
                 solution = self._descend(x, roles, bounds, trust, tolerance)
@@ -253,7 +260,10 @@ def _constraint_per_slack(evaluation: Evaluation) -> Array:
 
 
 def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:
-    """What the groups give: their largest shares in sum, and a little of every share; and what the others miss."""
+    """What the groups give, and what the others miss.
+
+    Groups give the sum of their largest shares, and a little of every share.
+    """
     group = roles.groups(names)
     short = np.where(np.isfinite(room), np.maximum(-room, 0.0), UNKNOWN)
     largest = sum(float(short[group == g].max(initial=0.0)) for g in range(len(roles.soft)))

@@ -1,4 +1,4 @@
-"""Irreducible infeasible subsets: requirements that no design meets together, but would without any one of them.
+"""Irreducible infeasible subsets of the requirements: without any one, the rest can be met.
 
 A requirement without which the others can be met belongs to the subset (deletion filter, Chinneck
 and Dravnieks 1991). A subset that was found is set aside and the rest is searched on, so that all
@@ -27,7 +27,7 @@ SUBSETS = 8  # that are looked for
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """By how much requirements give, in their units, and a design that then meets all, as the limits are drawn in."""
+    """By how much requirements give, in their units, and a design that then meets all."""
 
     conditions: dict[str, Evaluation]
     amounts: dict[str, float]
@@ -72,7 +72,7 @@ class ConflictSearch(ElasticProgramme):
         return tuple(sorted(subset, key=everything.index))
 
     def disjoint_subsets(self) -> tuple[tuple[str, ...], ...]:
-        """Irreducible subsets that have no requirement in common, until what they leave can be met."""
+        """Irreducible subsets without a common requirement, until what they leave can be met."""
         subsets: list[tuple[str, ...]] = []
         left = self.names
         while len(subsets) < SUBSETS and (names := self.irreducible_subset(left)):
@@ -83,7 +83,10 @@ class ConflictSearch(ElasticProgramme):
     def _deletion_filter(
         self, suspects: Sequence[str], missed: Collection[str]
     ) -> tuple[str, ...]:
-        """What is left when everything goes without which the rest still conflicts; what is missed goes last."""
+        """What is left when all goes without which the rest still conflicts.
+
+        What is missed goes last.
+        """
         kept = list(suspects)
         for name in sorted(suspects, key=lambda n: n in missed):
             others = [n for n in kept if n != name]

@@ -1,4 +1,4 @@
-"""Refusals: why no design can be written, and amounts by which requirements give enough, tried before they are said.
+"""Refusals: why no design can be written, and what relaxation is enough, tried before it is said.
 
 Conflicts are looked for with limits drawn in by what rounding takes. What they must give is
 granted, a design is sought and rounded near the one that misses least; where that fails, a little
@@ -67,7 +67,7 @@ def not_written(search: Search) -> InfeasibleError:
 
 @dataclass(frozen=True, eq=False)
 class _Conflict:
-    """What conflicts near a search, and the least by which it is to be relaxed, None if that does not help."""
+    """What conflicts near a search, and its least relaxation; None if none helps."""
 
     search: Search
     subsets: tuple[tuple[str, ...], ...]

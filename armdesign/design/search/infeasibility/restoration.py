@@ -1,4 +1,4 @@
-"""Restoration of feasibility: back to designs that meet all requirements, and on from there within them."""
+"""Restoration of feasibility: back to designs that meet all requirements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STRICT = (
 
 
 def restore_feasibility(search: Search) -> Search:
-    """The search, on from where all requirements are met if it ended where one is missed and a way is found."""
+    """The search, on from where all requirements are met, if a way there is found."""
     if search.violation <= MISSED:
         return search
     programme = ElasticProgramme(search.problem, search.x, search.holding)

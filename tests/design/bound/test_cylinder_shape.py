@@ -1,0 +1,55 @@
+"""Shapes of cylinders hold what they say, against samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.mechanism.joint_ranges import sweep
+from tests.design.bound.test_intervals import (
+    CYLINDERS,
+    ROUNDING,
+    box_around,
+    box_shares,
+    cylinder,
+    designs,
+    some_design,
+)
+
+
+@pytest.mark.parametrize("name", CYLINDERS)
+@settings(max_examples=80)
+@given(seed=designs, width=box_shares, place=box_shares)
+def test_shapes_hold_lengths_arms_and_bends(
+    name: str, seed: int, width: list[float], place: list[float]
+) -> None:
+    """ℓ, r and H by ``Linkage.actuation`` at random pins lie within the enclosures of boxes around
+    them.
+    """
+    problem, i, angles, shape = cylinder(name)
+    x = some_design(problem, seed)
+    joint = problem.machine.linkages[i].joints[0]
+    exact = problem.vector.linkages(x)[i].actuation(sweep(problem.machine.arm, joint, angles))
+    length, arm = exact.length, exact.moment_arm[:, joint]
+    if (arm * shape.sign).min() < 1e-3:
+        return  # not a cylinder that works
+    at = coordinates(problem, i, shape, x)
+    assert np.all(at >= shape.region[0] - ROUNDING)
+    assert np.all(at <= shape.region[1] + ROUNDING)
+    low, high = box_around(at, shape, np.array(width) * 0.2, np.array(place))
+    e, scale = shape.enclose(low[:, :2], high[:, :2]), at[2]
+    stroke = np.ptp(length)
+    for part, value in (
+        (e.wide.arm[:, 2:], arm / scale),
+        (e.wide.closed, length[[length.argmin()]] / scale),
+        (e.wide.open, length[[length.argmax()]] / scale),
+        (e.stroke, np.array([stroke / scale])),
+        (e.place[:, 2:], (length - length.min()) / stroke),
+        (e.rate[:, 2:], arm / stroke),
+        (e.bend[:, 2:], exact.moment_arm_derivative[:, joint, joint] / arm),
+    ):
+        slack = ROUNDING * np.maximum(1.0, np.abs(value))
+        assert np.all(part.low <= value + slack)
+        assert np.all(part.high >= value - slack)

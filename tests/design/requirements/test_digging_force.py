@@ -1,0 +1,23 @@
+"""Digging forces by the independent planar reference."""
+
+from __future__ import annotations
+
+import pytest
+
+from armdesign.design.requirements.check import digging_forces
+from tests.design.designs import MACHINES
+from tests.design.requirements.shared import own, reference
+
+
+def test_digging_force_by_the_independent_reference() -> None:
+    """ISO 6015 at the tool, the bucket standing where it digs best; 1e-5 for sampling (20 001
+    poses there).
+    """
+    old = reference()
+    found = own(digging_force={"stick": 100e3, "bucket": 125e3})
+    for name, (force, _) in old.digging(["stick", "bucket"], old.ranges).items():
+        assert found[f"digging_force.{name}"].value == pytest.approx(force, rel=1e-5)
+        assert digging_forces(MACHINES["excavator"]())[name] == pytest.approx(force, rel=1e-5)
+    assert found["digging_force.stick"].slack == pytest.approx(
+        found["digging_force.stick"].value / 100e3 - 1
+    )

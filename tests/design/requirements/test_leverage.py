@@ -1,0 +1,59 @@
+"""Moment arms, digging torque and transmission angles by the independent planar reference."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armdesign.design.requirements.check import check
+from tests.design.designs import problem_of
+from tests.design.requirements.shared import PRESSURE, by_name, shipped_reference
+from tests.reference_planar import Reference
+
+
+@pytest.mark.parametrize("cylinder", ["boom", "stick", "bucket"])
+def test_moment_arm_digging_and_transmission_by_the_independent_reference(
+    cylinder: str, tmp_path: Path
+) -> None:
+    """Values of the planar reference (complex step of the length, 20 001 poses); 1e-3 for 181
+    poses here.
+    """
+    problem = problem_of("excavator", moment_arm_share=1.0, transmission=math.radians(40))
+    today = problem.machine
+    changes = {
+        "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5]},
+        "stick": {
+            "cylinder.stick.rod_end.at_mm": [-780.0, 0, 346.5],
+            "cylinder.stick.bore_mm": 130.0,
+        },
+        "bucket": {"cylinder.bucket.four_bar.coupler_mm": 575.0, "cylinder.bucket.bore_mm": 115.0},
+    }[cylinder]
+    machine = today.replace(changes)
+    new, old = Reference.load(machine.save(tmp_path / "new.toml")), shipped_reference(today)
+    checks = by_name(check(machine, today, problem.workspace, problem.requirements))
+    part, before = ({c.name: c for c in m.cylinders}[cylinder] for m in (new, old))
+    (q, _, arm), (_, _, arm_before) = (
+        new.joint_scan(part, old.ranges),
+        old.joint_scan(before, old.ranges),
+    )
+    assert checks[f"moment_arm.{cylinder}"].value == pytest.approx(np.abs(arm).min(), rel=1e-3)
+    assert checks[f"moment_arm.{cylinder}"].limit == pytest.approx(
+        np.abs(arm_before).min(), rel=1e-3
+    )
+    if cylinder != "boom":
+        found = checks[f"digging.{cylinder}"]
+        torque = [
+            PRESSURE * c.bore_area * np.abs(a).max()
+            for c, a in ((part, arm), (before, arm_before))
+        ]
+        assert [found.value, found.limit] == pytest.approx([torque[0], 0.95 * torque[1]], rel=1e-3)
+        assert found.slack < 0
+    if cylinder == "bucket":
+        angles = [m.transmission_angles(q, c).min() for m, c in ((new, part), (old, before))]
+        found = checks["transmission.bucket"]
+        assert found.value == pytest.approx(angles[0], rel=1e-3)
+        # or today's, if lower
+        assert found.limit == pytest.approx(min(math.radians(40), angles[1]), rel=1e-3)

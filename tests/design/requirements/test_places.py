@@ -1,0 +1,66 @@
+"""Outlines and clearances: by hand, and against the independent planar reference."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from armdesign.design.requirements.places import Outline
+from armdesign.hydraulics.barrel import barrel_ratio
+from tests.design.requirements.shared import EVERYTHING, PRESSURE, STICK_PLATE, own, reference
+
+
+def test_pins_within_the_outline() -> None:
+    """Stick base pin at (3416.5, 1147.5) on the boom: 152.5 mm below a lid at 1300, in a box; the
+    other pin by hand.
+    """
+    box = ((0.0, 0.0), (5.0, 0.0), (5.0, 1.3), (0.0, 1.3))
+    found = own(outlines=(Outline(link="boom", points=box, pin_radius=0.16),))
+    assert {n for n in found if n.startswith("outline")} == {
+        "outline.boom.rod_end",
+        "outline.stick.base",
+    }
+    assert found["outline.stick.base"].value == pytest.approx(0.1525, rel=1e-12)
+    assert found["outline.stick.base"].slack == pytest.approx((0.1525 - 0.16) / 5.0, rel=1e-9)
+    assert found["outline.boom.rod_end"].value == pytest.approx(1.3 - 0.9505, rel=1e-12)
+
+
+def test_clearance_against_the_reference() -> None:
+    """Stick barrel from a plate on the stick: points along it against points along the plate's
+    edges, at 241 poses by
+    the reference; 6 mm for all three samplings."""
+    old, found = reference(), own(clearances=EVERYTHING["clearances"])
+    stick = old.cylinders[1]
+    q = old.along(1, np.linspace(*old.ranges[1], 241))
+    frames = old.frames(q)
+    base = np.stack([frames["boom"][0], frames["boom"][1]]) + _turn(
+        frames["boom"][2], stick.base.x, stick.base.z
+    )
+    end = np.stack([frames["stick"][0], frames["stick"][1]]) + _turn(
+        frames["stick"][2], stick.rod_end.x, stick.rod_end.z
+    )
+    origin, angle = np.stack([frames["stick"][0], frames["stick"][1]]), frames["stick"][2]
+    seen = [np.stack(_turn_back(angle, *(point - origin))) for point in (base, end)]
+    along = (seen[1] - seen[0]) / np.linalg.norm(seen[1] - seen[0], axis=0)
+    bars = seen[0][..., None] + along[..., None] * np.linspace(0, (1.8 + 1.504) / 2, 400)
+    corners = np.array([*STICK_PLATE, STICK_PLATE[0]])
+    edge = np.concatenate(
+        [a + np.linspace(0, 1, 1200)[:, None] * (b - a) for a, b in pairwise(corners)]
+    )
+    least = min(
+        np.linalg.norm(bar.T[:, None] - edge[None, ::8], axis=2).min()
+        for bar in bars.transpose(1, 0, 2)
+    )
+    radius = 0.14 * barrel_ratio(PRESSURE) / 2
+    assert found["clearance.plate.stick"].value == pytest.approx(least - radius, abs=6e-3)
+    assert found["clearance.plate.stick"].limit == 0.15
+
+
+def _turn(angle: np.ndarray, x: float, z: float) -> np.ndarray:
+    return np.stack([x * np.cos(angle) - z * np.sin(angle), x * np.sin(angle) + z * np.cos(angle)])
+
+
+def _turn_back(angle: np.ndarray, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return x * np.cos(angle) + z * np.sin(angle), -x * np.sin(angle) + z * np.cos(angle)

@@ -1,0 +1,38 @@
+"""Buckling by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from armdesign.hydraulics.barrel import barrel_ratio
+from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
+from tests.design.designs import MACHINES
+from tests.design.requirements.shared import PRESSURE, judged, own
+
+
+@pytest.mark.parametrize("column", ["rod", "stepped"])
+def test_buckling_factor_by_hand(column: str) -> None:
+    """π² E I/(L² p A) of the stick's rod, open 3.304 m; as two columns each half of it, the
+    barrel's wall by Lamé.
+    """
+    thrust = PRESSURE * math.pi / 4 * 0.14**2
+    rod, barrel = second_moment(0.1), second_moment(0.14 * barrel_ratio(PRESSURE), 0.14)
+    load = (
+        euler_load(rod, 3.304)
+        if column == "rod"
+        else float(stepped_load(barrel, rod, 1.652, 1.652))
+    )
+    found = own(buckling_factor=3.0, buckling_column=column)["buckling_factor.stick"]
+    assert found.value == pytest.approx(load / thrust, rel=1e-9)
+    assert (found.limit, found.at_least) == (3.0, True)
+
+
+def test_wall_of_the_barrel_from_the_file() -> None:
+    machine = MACHINES["excavator"]().replace({"cylinder.stick.barrel_wall_mm": 20.0})
+    found = judged(machine, machine, buckling_factor=3.0, buckling_column="stepped")[
+        "buckling_factor.stick"
+    ]
+    load = float(stepped_load(second_moment(0.18, 0.14), second_moment(0.1), 1.652, 1.652))
+    assert found.value == pytest.approx(load / (PRESSURE * math.pi / 4 * 0.14**2), rel=1e-9)
