@@ -134,7 +134,9 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
 def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str, ...]) -> None:
     """Slides, skew axes, air, four-bars: a size that varies alone, with pins."""
     pairs = zip(named(name).cylinders, named(name).linkages, strict=True)
-    cylinder = next(c for c, linkage in pairs if linkage.pin("rod_end") and len(linkage.joints) == 1)
+    cylinder = next(
+        c for c, linkage in pairs if linkage.pin("rod_end") and len(linkage.joints) == 1
+    )
     holds(posed(name, tuple(word.format(cylinder.name) for word in vary)))
 
 
