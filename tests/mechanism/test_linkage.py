@@ -21,6 +21,7 @@ from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
 from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.linkage.kinds import KINDS
+from armdesign.simulation.plant.kinematics import DIRECT, FOUR_BAR, drives_of
 from tests.checks import assert_same
 from tests.machines import inner_poses, named
 
@@ -115,6 +116,13 @@ def test_a_design_moves_the_places_of_another_kind() -> None:
     assert moved == [("foot", 0), ("foot", 2), ("arm_length", 0)]
     assert problem.vector.moves_within
     assert constraints_at(problem, problem.vector.start).values.min() > -1e-9
+
+
+def test_a_kind_without_a_compiled_rod_end_is_not_simulated() -> None:
+    with pytest.raises(NotImplementedError, match="Bracket: no compiled rod end"):
+        drives_of(bracketed(named("excavator_20t"), 1))
+    for kind in KINDS:
+        assert kind.number in (DIRECT, FOUR_BAR)
 
 
 def test_kinds_have_names_and_numbers_of_their_own() -> None:

@@ -23,6 +23,7 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.four_bar import FourBar
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
@@ -41,7 +42,7 @@ JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine 
     align=True,
 )
 PIN = np.dtype([("frame", "i8"), ("at", "f8", 3)], align=True)  # of a joint; −1: the world
-GEAR, FOUR_BAR = Gear.number, FourBar.number
+GEAR, DIRECT, FOUR_BAR = Gear.number, Direct.number, FourBar.number
 DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that it turns
     [
         ("kind", "i8"),  # the ``number`` of its class
@@ -131,6 +132,8 @@ def drives_of(machine: Machine) -> Records:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
     records = new_records(len(machine.actuators), DRIVE)
     for row, actuator, drive in zip(records, machine.actuators, machine.drives, strict=True):
+        if drive.number not in (GEAR, DIRECT, FOUR_BAR):
+            raise NotImplementedError(f"{type(drive).__name__}: no compiled rod end")
         for field, value in drive.record().items():
             if isinstance(value, Pin):
                 row[f"{field}_pin"] = _pin(machine.arm, value)
