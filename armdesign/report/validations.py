@@ -66,9 +66,9 @@ def _note(friction: bool) -> str:
         "valve: mean opening in the sweep, which adds damping: ζ falls with it; remark: agrees"
         f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with"
         " the amplitude), leaks (they change pressures, and damp), creep (no spool position makes"
-        " up for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply + return"
-        " or less where a relief would open: its frequency does not depend on pressure; oil with"
-        " air under the static pressures, as printed by check and map"
+        " up for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply +"
+        " return or less where a relief would open: its frequency does not depend on pressure;"
+        " oil with air under the static pressures, as printed by check and map"
     )
     if friction:
         note += (

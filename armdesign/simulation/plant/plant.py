@@ -136,6 +136,7 @@ class Plant:
         )
         self.nq, self.nc = nq, nc = len(self.machine.joints), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
+        self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
         self._kernel: Any = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
@@ -220,8 +221,9 @@ class Plant:
         evaluation = Evaluation(
             np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
-        torque, weighed = np.empty((n, nq)), n if self._weighs else 0
-        bars = BarLoads(np.zeros((weighed, nq, nq)), np.zeros((weighed, nq)))
+        torque, bars = np.empty((n, nq)), self._no_bars
+        if self._weighs:
+            bars = BarLoads(np.zeros((n, nq, nq)), np.zeros((n, nq)))
         arguments = state, command, self.parameters, self._layout, evaluation, torque, bars
         if self._kernel is None:
             self._kernel = resolved(_evaluate, *arguments)
