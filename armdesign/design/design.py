@@ -193,9 +193,8 @@ class Design:
         or own masses with the sizes: what no sizes at all exceed, so none of the catalogue either.
         Refused where this design exceeds it.
         """
-        if (
-            self.selection is not None and self.problem.vector.moving_masses is None
-        ):  # else sizes were chosen with masses held
+        # else sizes were chosen with masses held
+        if self.selection is not None and self.problem.vector.moving_masses is None:
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
             refused = (
                 ""

@@ -238,9 +238,8 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         / sum(getattr(c, area) * c.stroke for _, c in pairs)
         for area in ("bore_area", "annulus_area")
     )
-    digging = [
-        c.slack for c in design.checks if c.name.startswith("digging.")
-    ]  # of today's torque
+    # of today's torque
+    digging = [c.slack for c in design.checks if c.name.startswith("digging.")]
     moved = np.abs(design.x[[v.pin is not None for v in design.problem.vector.variables]]).max(
         initial=0.0
     )

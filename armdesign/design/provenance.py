@@ -29,9 +29,8 @@ from armdesign.machine.toml_writing import edit
 NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
 WAS = "# was "
 WIDTH = 98  # columns of the head's lines
-_STORY = re.compile(
-    rf'{WAS}(?:"(?:\\.|[^"\\])*"|[^":])*(?:: (.*))?'
-)  # what was, and what the comment said before
+# what was, and what the comment said before
+_STORY = re.compile(rf'{WAS}(?:"(?:\\.|[^"\\])*"|[^":])*(?:: (.*))?')
 _TABLE = "requirements."
 
 
@@ -95,9 +94,8 @@ def _with_old_values(text: str, before: str, paths: Iterable[str]) -> str:
         trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
         trivia.comment = f"{WAS}{', '.join(words)}{origin and f': {origin}'}"
         longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
-        trivia.comment_ws = " " * max(
-            len(trivia.comment_ws) - longer, 2
-        )  # comments stay in their column
+        # comments stay in their column
+        trivia.comment_ws = " " * max(len(trivia.comment_ws) - longer, 2)
     return tomlkit.dumps(document)
 
 

@@ -47,13 +47,8 @@ USUAL = {
     "mass_kg": (0.0, 500_000.0),
     "damping_ratio": (0.05, 2.0),
 }
-SHARES = (
-    "_share",
-    "share",
-    "end_margin",
-    "damping_ratio",
-    "pilot_ratio",
-)  # ends of keys of numbers without a unit
+# ends of keys of numbers without a unit
+SHARES = "_share", "share", "end_margin", "damping_ratio", "pilot_ratio"
 
 
 @dataclass(frozen=True)

@@ -22,15 +22,8 @@ BORES_AND_RODS = ((40, 22), (50, 28), (63, 36), (80, 45), (100, 56), (125, 70)) 
 STROKES = (200, 400, 600, 800)  # [mm]
 DEAD_VOLUMES = (0.1, 0.3, 1.0)  # of each chamber [l]
 BULK_MODULI = (800, 1200)  # [MPa]
-LOADS = (
-    (25, 200),
-    (50, 400),
-    (100, 450),
-    (100, 800),
-    (200, 1600),
-    (250, 600),
-    (500, 1200),
-)  # first and last [kg]
+# first and last [kg]
+LOADS = (25, 200), (50, 400), (100, 450), (100, 800), (200, 1600), (250, 600), (500, 1200)
 REACHES = ((0.5, 1.5), (0.25, 0.75), (0.5, 1.0), (1.0, 2.0), (1.0, 3.0))  # first and last [m]
 HELD = 0.87  # largest share of supply pressure × area for a load that counts as held
 

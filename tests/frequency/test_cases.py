@@ -23,7 +23,7 @@ def test_a_load_case_exists_only_where_it_is_held() -> None:
 
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing"])
 def test_the_loop_is_with_payload_and_holds(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By definition, load case by load case; the same in chunks of a workspace that is not kept."""
+    """By definition, load case by load case; also in chunks of a workspace that is not kept."""
     machine, space = machines.named(name), workspace(name)
     cases = list(load_cases(machine, space))
     assert [case.name for case in cases] == [payload.name for payload in machine.payloads]

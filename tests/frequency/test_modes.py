@@ -1,4 +1,4 @@
-"""Natural frequencies of every machine, each checked by a method that shares no formula with the code.
+"""Natural frequencies of every machine, each checked by a method of other formulas.
 
 Sources: a general eigenvalue solver, the definition of a locked cylinder, theorems (interlacing,
 Dunkerley), scaling laws, symmetries.

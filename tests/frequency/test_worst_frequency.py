@@ -1,4 +1,4 @@
-"""The worst pose: refined off the grid, inside the workspace, found by an independent search too."""
+"""The worst pose: refined off the grid, in the workspace, found by an independent search too."""
 
 from __future__ import annotations
 

@@ -28,6 +28,5 @@ def spring(area: float, volume: float, other: float, other_volume: float) -> flo
 
 
 BOTH = spring(A1, V1, A2, V2)
-RIGHT = (
-    MASS * G * PIN * (1 + LENGTH * BASE / SPAN2)
-)  # what gravity takes from the stiffness [N m/rad]
+# what gravity takes from the stiffness [N m/rad]
+RIGHT = MASS * G * PIN * (1 + LENGTH * BASE / SPAN2)

@@ -24,7 +24,7 @@ def exact(frequency: float, zeta: float, lines: np.ndarray) -> np.ndarray:
 
 
 def multisine(time: np.ndarray, period: float, lines: np.ndarray) -> np.ndarray:
-    """Sines of lines k/T [Hz] with phases that keep the peaks low (Schroeder 1970), mean square 1/2."""
+    """Sines of lines k/T [Hz] with phases of low peaks (Schroeder 1970), mean square 1/2."""
     number = np.arange(1, len(lines) + 1)
     phases = -math.pi * number * (number - 1) / len(lines)
     angles = 2 * math.pi * lines * (np.asarray(time)[..., None] % period) + phases

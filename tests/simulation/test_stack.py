@@ -70,8 +70,8 @@ def test_error_falls_with_the_tolerance() -> None:
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
         found = alone(
-            Linear(np.array([oscillator(2.0, 0.1)])), np.array([[1.0, 0.0]]), np.array([5.0]), np.array([10]),
-            np.zeros(1), tolerance, 10_000,
+            Linear(np.array([oscillator(2.0, 0.1)])), np.array([[1.0, 0.0]]), np.array([5.0]),
+            np.array([10]), np.zeros(1), tolerance, 10_000,
         )[0]  # fmt: skip
         wd = 2.0 * math.sqrt(1 - 0.01)
         exact = math.exp(-1.0) * (math.cos(5 * wd) + 0.2 / wd * math.sin(5 * wd))

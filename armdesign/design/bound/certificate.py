@@ -30,10 +30,8 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 
-ROUNDS, AIRY = (
-    6,
-    2,
-)  # of branching, without and with air in the oil, which makes two more numbers of every cylinder
+# of branching, without and with air in the oil, which makes two more numbers of every cylinder
+ROUNDS, AIRY = 6, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 ROUNDING = (

@@ -75,9 +75,8 @@ class CylinderConstraints:
         scale = self._long_enough(e, scale[kept])
         least = self._least_volumes(e, scale)
         most = np.minimum(self.volume, self.area[1] * (e.stroke.high * scale.high)[:, None])
-        slender = e.wide.open.low * np.sqrt(
-            e.stroke.low * self.buckling
-        )  # at scale 1; grows with its 3/2th power
+        # at scale 1; grows with its 3/2th power
+        slender = e.wide.open.low * np.sqrt(e.stroke.low * self.buckling)
         scale = self._buildable(e, scale, least, most, slender)
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
         if low.shape[1] > 3:

@@ -87,10 +87,8 @@ class CylinderTerm:
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
     air: Air | None = None
-    own: Sequence[float] = (
-        0.0,
-        0.0,
-    )  # what barrel and rod add per bore and rod area, at most [1/m²]
+    # what barrel and rod add per bore and rod area, at most [1/m²]
+    own: Sequence[float] = 0.0, 0.0
 
     def upper(self, low: Array, high: Array) -> Cells:
         """Upper bounds over cells, infinite where not known.
@@ -230,9 +228,8 @@ class CylinderTerm:
             volumes, (place, 1 - place), dead_volumes, stiffening, strict=True
         ):
             filled = share * v + dead
-            known = known & np.all(
-                filled.low[..., 2:] > dead[..., 2:] / 2, axis=2
-            )  # also for a piston beyond its ends
+            # also for a piston beyond its ends
+            known = known & np.all(filled.low[..., 2:] > dead[..., 2:] / 2, axis=2)
             emptiness = filled.above(dead / 2 + TINY).reciprocal()
             springs.append(emptiness * (stiff * v**2))
             changes.append((emptiness * v).square() * (stiff * v))

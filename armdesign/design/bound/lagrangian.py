@@ -250,9 +250,8 @@ class LagrangianDual:
         if fluid.air == 0:
             return None
         machine, turned = self.problem.machine, gravity * sign
-        back = machine.cylinders[drive.cylinder].preload(
-            machine.supply.return_pressure
-        )  # reliefs make it but less
+        # reliefs make it but less
+        back = machine.cylinders[drive.cylinder].preload(machine.supply.return_pressure)
         return Air(
             fluid=fluid,
             back=back,
@@ -323,10 +322,8 @@ class LagrangianDual:
             if air := self._air(
                 d, Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
             ):
-                angles, back = (
-                    d.angle[multipliers.rows[own]],
-                    np.arange(len(own)),
-                )  # of one angle, other loads
+                # of one angle, other loads
+                angles, back = d.angle[multipliers.rows[own]], np.arange(len(own))
             weight, least, most = np.zeros((3, len(angles) + 2))
             np.add.at(weight, back + 2, beta * given)
             np.add.at(least, back + 2, given * torque.low)

@@ -31,11 +31,8 @@ from armdesign.units import GRAVITY
 
 TINY = 1e-6  # [m]
 CUTS = 2  # of every pin coordinate into small boxes
-POINTS = (
-    (0.0, 1 / 6),
-    (0.5, 2 / 3),
-    (1.0, 1 / 6),
-)  # of a uniform bar (Simpson), see ``arm.points_of_bar``
+# of a uniform bar (Simpson), see ``arm.points_of_bar``
+POINTS = (0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)
 
 
 @dataclass(frozen=True, eq=False)

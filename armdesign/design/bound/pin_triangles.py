@@ -32,9 +32,8 @@ class PinBoxes:
         points = (
             np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.array(ratios)[:, None, None]
         )
-        margin = ratios[1] * (
-            1 - np.cos((high[0] - low[0]) / 1440)
-        )  # how far an arc rises over its chords
+        # how far an arc rises over its chords
+        margin = ratios[1] * (1 - np.cos((high[0] - low[0]) / 1440))
         return points.min(axis=(0, 1)) - margin, points.max(axis=(0, 1)) + margin, scale
 
     def scales(self, low: Array, high: Array, scale: Interval) -> Interval:
@@ -116,9 +115,8 @@ def _directions_meet(low: Array, high: Array, centre: float, first: Array, last:
     )
     angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)
     least, most = angle.min(axis=0), angle.max(axis=0)
-    everywhere = np.all((low <= 0) & (high >= 0), axis=1) | (
-        most - least > np.pi
-    )  # at the joint, or on both sides of ±π
+    # at the joint, or on both sides of ±π
+    everywhere = np.all((low <= 0) & (high >= 0), axis=1) | (most - least > np.pi)
     everywhere |= (first < -np.pi) | (last > np.pi)
     return np.asarray((first <= last) & (everywhere | ((least <= last) & (most >= first))))
 

@@ -21,10 +21,8 @@ from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.machine.machine import Machine
 
-FIRST_DEPTH, DEEPER = (
-    0.01,
-    3,
-)  # share below the bound that is looked at first, and times more each time
+# share below the bound that is looked at first, and times more each time
+FIRST_DEPTH, DEEPER = 0.01, 3
 LIMIT = 50_000  # combinations kept at a time
 BATCH = 2_000  # combinations evaluated at a time
 CHUNK = 100_000  # of their poses

@@ -59,9 +59,8 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
     between root and tool are left out.
     """
     arm, ranges = reference.today.arm, reference.today.ranges
-    best: dict[
-        int, tuple[str, Array, Array]
-    ] = {}  # by joint: cylinder, its best position, torque there
+    # by joint: cylinder, its best position, torque there
+    best: dict[int, tuple[str, Array, Array]] = {}
     for i, (cylinder, swept) in enumerate(zip(reference.today.cylinders, new.sweeps, strict=True)):
         joint = reference.today.linkages[i].joints[0]
         if swept is None or not arm.joints[joint].revolute:

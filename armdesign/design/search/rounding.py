@@ -287,9 +287,8 @@ def _options(search: Search) -> tuple[list[list[float]], list[float]]:
         chosen = [size_in_mm(size) for pair in problem.sizes if pair for size in pair]
         return [[size] for size in chosen], chosen
     options, wanted = [], []
-    for i, free in enumerate(
-        problem.vector.resized[: len(problem.machine.cylinders)]
-    ):  # motors stay
+    # motors stay
+    for i, free in enumerate(problem.vector.resized[: len(problem.machine.cylinders)]):
         real = diameters(problem, search.x, i)
         wanted += real
         options += [

@@ -34,10 +34,8 @@ from armdesign.arrays import Array
 DEGREE = 14  # of the polynomials
 REACH = 1.3  # ϱ: where poles outside begin, in half widths of the band on a logarithmic scale
 DECADES = (-2, 12)  # of λ
-USUAL, SPREAD = (
-    0.3,
-    1.5,
-)  # g relative to the median response, and the standard deviation of its logarithm
+# g relative to the median response, and the standard deviation of its logarithm
+USUAL, SPREAD = 0.3, 1.5
 COARSE = (1e1, 1e3, 1e6)  # λ at which the search starts
 # power of the evidence that weighs: neighbours are no random draw, so one choice alone is not
 # trusted
@@ -248,9 +246,8 @@ class _Eliminated:
     def numerators(self) -> Array:
         """Of the columns of size one."""
         diagonal = np.diag(self.triangle)
-        repaired = self.triangle + np.diag(
-            1e-13 * (np.abs(diagonal) < 1e-13)
-        )  # columns that are as good as one
+        # columns that are as good as one
+        repaired = self.triangle + np.diag(1e-13 * (np.abs(diagonal) < 1e-13))
         return np.linalg.solve(repaired, self.share)
 
 
@@ -260,9 +257,8 @@ class _Regression:
     def __init__(self, lines: Lines, ratio: float, modes: int) -> None:
         u, size, _ = lines.residual_terms
         self.lines, self.ratio, self.modes = lines, ratio, modes
-        self.inflation = np.log1p(
-            ratio * size**2
-        ).sum()  # logarithm of the covariance's determinant
+        # logarithm of the covariance's determinant
+        self.inflation = np.log1p(ratio * size**2).sum()
         self.u, self.shrunk = u, u * (1 - 1 / np.sqrt(1 + ratio * size**2))
         self.y = self.white(lines.observed)
 

@@ -195,9 +195,8 @@ def _starts(signals: Array, modes: int) -> tuple[list[Array], Array, int]:
 
 def _realised(signals: Array, order: int, rows: int) -> tuple[Array, Array]:
     """Factors z by which the modes grow per sample (order,), complex, and all singular values."""
-    windows = np.lib.stride_tricks.sliding_window_view(
-        signals, len(signals) - rows, axis=0
-    )  # (rows + 1, outputs, ·)
+    # (rows + 1, outputs, ·)
+    windows = np.lib.stride_tricks.sliding_window_view(signals, len(signals) - rows, axis=0)
     first, second = (part.reshape(-1, windows.shape[-1]) for part in (windows[:-1], windows[1:]))
     u, singular, v = np.linalg.svd(first, full_matrices=False)
     root = np.sqrt(np.maximum(singular[:order], 1e-14 * singular[0]))

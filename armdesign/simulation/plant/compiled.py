@@ -111,9 +111,8 @@ class _Kept(NullCache):
             return
         key = _key(signature, result.codegen)
         data = cast(Any, dumps)((key, result._reduce()))
-        with contextlib.suppress(
-            OSError
-        ):  # a full disk, or another process that keeps the same at this moment
+        # a full disk, or another process that keeps the same at this moment
+        with contextlib.suppress(OSError):
             file = self._file(folder, key)
             file.unlink(missing_ok=True)
             with file.open("xb") as written:

@@ -372,9 +372,8 @@ def test_pins_follow_the_chosen_sizes() -> None:
     assert not free.catalogue
     assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
     assert both.bound >= free.unrounded
-    assert not any(
-        gain for name, gain in both.prices.items() if name.startswith("thrust")
-    )  # of sizes that do not move
+    # of sizes that do not move
+    assert not any(gain for name, gain in both.prices.items() if name.startswith("thrust"))
 
 
 # -------------------------------------------------------------------------------------- what fails

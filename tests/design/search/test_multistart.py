@@ -140,7 +140,7 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
     [("excavator_20t", ("linkages",)), ("mini_excavator_2t", ("cylinder.bucket",))],
 )
 def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) -> None:
-    """An optimum stays where it is: searched along what bends once more, a four-bar gains nothing."""
+    """An optimum stays where it is: searched once more along what bends, it gains nothing."""
     problem = coarse(name, vary)
     search = Search(problem=problem, x=problem.vector.start).run(
         trust=0.2, tolerance=2e-3, looks=3

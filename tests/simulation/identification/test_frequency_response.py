@@ -19,9 +19,8 @@ def test_settled_multisine_gives_the_exact_response() -> None:
     late = time >= 80
     found = frequency_response(time[late], u[late], y[late], BAND, 20.0, periodic=True)
     np.testing.assert_allclose(found.frequency, lines)
-    np.testing.assert_allclose(
-        found.response, exact(1.03, 0.05, lines), rtol=2e-3
-    )  # lsim's straight lines
+    # lsim's straight lines
+    np.testing.assert_allclose(found.response, exact(1.03, 0.05, lines), rtol=2e-3)
     np.testing.assert_allclose(found.coherence, 1, atol=1e-9)
     fit = found.fit()
     assert fit.natural_frequencies == pytest.approx([1.03], rel=1e-4)
@@ -38,9 +37,8 @@ def test_coherence_is_the_share_explained() -> None:
     y = 2 * u + 2 * random.normal(size=len(time))
     found = frequency_response(time, u, y, (5.0, 45.0), 2.0)
     assert found.coherence.mean() == pytest.approx(0.5, abs=0.02)
-    spread = np.sqrt(
-        np.mean(np.abs(found.response - 2) ** 2) / 2
-    )  # of each of both parts, and of the modulus
+    # of each of both parts, and of the modulus
+    spread = np.sqrt(np.mean(np.abs(found.response - 2) ** 2) / 2)
     assert np.median(found.deviations) == pytest.approx(spread, rel=0.1)
     with pytest.raises(SimulationError, match="less than two segments"):
         frequency_response(time, u, y, (5.0, 45.0), 300.0)

@@ -1,4 +1,4 @@
-"""Modes of free decays: closed forms, Monte Carlo, and struck machines against the linear modes."""
+"""Modes of free decays: closed forms, Monte Carlo, struck machines against linear modes."""
 
 from __future__ import annotations
 
@@ -145,9 +145,8 @@ def test_plant_rings_in_its_linear_modes(
 ) -> None:
     """All modes from one pulse of one valve, without damping: oil shut in."""
     one, run = rung[name]
-    late = (
-        run.time > 2 / 10 + 0.2 / one.frequencies.max()
-    )  # the spools are shut again: 10 Hz, ζ = 0.8
+    # the spools are shut again: 10 Hz, ζ = 0.8
+    late = run.time > 2 / 10 + 0.2 / one.frequencies.max()
     found = identify_ringdown(run.time[late], run.speeds[late], modes=modes)
     linear = linearize(one.machine, one.pose)
     assert found.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)
