@@ -18,7 +18,7 @@ PATIENCE = 2.0  # [s] before a progress bar appears
 
 
 @cache
-def _console() -> Console:
+def console() -> Console:
     """The console of all who show progress, so that status and bars leave each other's lines."""
     from rich.console import Console
 
@@ -30,7 +30,7 @@ def progress(text: str) -> Iterator[Callable[[str], None]]:
     """Show a status line; yields a function that changes its text."""
     from rich.text import Text
 
-    with _console().status(Text(printable(text))) as status:
+    with console().status(Text(printable(text))) as status:
         yield lambda changed_text: status.update(Text(printable(changed_text)))
 
 
@@ -43,7 +43,7 @@ def with_bar(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:
                 from rich.markup import escape
                 from rich.progress import Progress
 
-                bar = Progress(console=_console(), transient=True)
+                bar = Progress(console=console(), transient=True)
                 task = bar.add_task(escape(printable(what)), total=count)
                 bar.start()
             if bar is not None:

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign import arrays
-from armdesign.arrays import chunks, percentiles, shown
+from armdesign import progress
+from armdesign.arrays import chunks, percentiles
 from armdesign.frequency.modes import energy_shares
 from tests import machines
 from tests.frequency.cached import mapped
@@ -87,10 +87,10 @@ def test_chunks_leave_no_trace(name: str, monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_progress_bar_shows_on_a_terminal_only(
     terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("armdesign.arrays.PATIENCE", -1.0)
+    monkeypatch.setattr("armdesign.progress.PATIENCE", -1.0)
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
-    arrays.terminal.cache_clear()  # another test's console has looked at another stderr
-    assert list(shown(chunks(40_000), 40_000, "poses")) == list(chunks(40_000))
+    progress.console.cache_clear()  # another test's console has looked at another stderr
+    assert list(progress.with_bar(chunks(40_000), 40_000, "poses")) == list(chunks(40_000))
     written = capsys.readouterr()
     assert written.out == ""
     assert ("poses" in written.err) == terminal

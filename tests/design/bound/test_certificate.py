@@ -278,7 +278,9 @@ def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> N
     for share, drive in zip(
         dual.terms(dual.multipliers()), sole_drives(problem_of("double", **change)), strict=True
     ):
-        region = {name: getattr(drive.shape, name) for name in ("low", "high", "scale", "boxes")}
+        region = {
+            name: getattr(drive.shape, name) for name in ("low", "high", "scale", "pin_boxes")
+        }
         narrow = replace(share, limits=drive.limits, shape=replace(share.shape, **region))
         tight, loose = (maximum(s, COARSE, 50_000) for s in (narrow, share))
         assert loose.upper - loose.value <= COARSE
