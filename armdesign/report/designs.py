@@ -53,7 +53,7 @@ def _gain(design: Design, units: Units) -> Sheet:
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
         rows=(*rows, ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", "")),
-        note="; ".join(notes) + _bound(design) + _starts(design),
+        note="; ".join(notes) + _bound(design) + notes_on_starts(design),
         bold=(2,),
     )
 
@@ -89,7 +89,7 @@ def _least(below: float | None) -> str:
     return "; no smaller amount is feasible"
 
 
-def _starts(design: Design) -> str:
+def notes_on_starts(design: Design) -> str:
     """Frequencies that the starts of the search reached, and failures; empty for one start."""
     count = len(design.starts) + len(design.failed_starts)
     if count < 2:

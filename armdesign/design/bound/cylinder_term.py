@@ -130,7 +130,7 @@ class CylinderTerm:
         Also what b adds to the mean value form, and whether it holds.
         """
         stiffening = self._stiffening(e, volume)
-        slopes, known = self._slopes(e, volume, stiffening)
+        slopes, known = self.slopes(e, volume, stiffening)
         spread = slopes * e.reach[:, None]
         mean_value = np.where(
             known, self._value(e.centre, volume, costs, stiffening) + spread.sum(axis=2), np.inf
@@ -216,7 +216,7 @@ class CylinderTerm:
         whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
-    def _slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
+    def slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
         """Largest absolute derivatives by b (m, 5, 2) over the cells, at swept volumes (m, 5, 2).
 
         Where they hold.

@@ -155,7 +155,7 @@ class LagrangianDual:
 
     def multipliers(self) -> Multipliers:
         """Solve the programme over the rows and columns at hand."""
-        inverse, base = self._frames(self.rows)
+        inverse, base = self.scaled_bases(self.rows)
         step = self._step(inverse, base)
         z = positive_part(step.weights)
         trace = np.trace(z, axis1=1, axis2=2)
@@ -206,7 +206,7 @@ class LagrangianDual:
         joints = np.array([d.joint for d in self.drives])
         return np.ix_(rows, joints, joints)
 
-    def _frames(self, rows: Array) -> tuple[Array, Array]:
+    def scaled_bases(self, rows: Array) -> tuple[Array, Array]:
         """L⁻¹ over the drives' joints (n, nd, nd) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
         inverse = inverse_cholesky(self.loads.mass[pick])
@@ -281,7 +281,7 @@ class LagrangianDual:
 
         And how low that is.
         """
-        inverse, base = self._frames(self.watched)
+        inverse, base = self.scaled_bases(self.watched)
         mixed = base + np.einsum(
             "c,cnij->nij", multipliers.mixture, self._matrices(inverse, self.watched)
         )

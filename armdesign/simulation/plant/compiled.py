@@ -88,7 +88,7 @@ class _Kept(NullCache):
         """The function for some argument types, or None where it must be compiled."""
         context.refresh()
         key = _key(signature, context.codegen())
-        for folder in _folders()[0]:
+        for folder in cache_folders()[0]:
             try:
                 sealed = self._file(folder, key).read_bytes()
                 digest, data = sealed[:32], sealed[32:]
@@ -102,7 +102,7 @@ class _Kept(NullCache):
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep what was compiled for some argument types, if there is a place for it."""
-        folder = _folders()[1]
+        folder = cache_folders()[1]
         if (
             folder is None
             or result.library.has_dynamic_globals
@@ -128,7 +128,7 @@ def _key(signature: Any, codegen: Any) -> tuple[object, ...]:
 
 
 @cache
-def _folders() -> tuple[tuple[Path, ...], Path | None]:
+def cache_folders() -> tuple[tuple[Path, ...], Path | None]:
     """Where kept code may be read, and where it may be written (None: nowhere).
 
     Their name says all that may be compiled, so that what is in them cannot be older than any of

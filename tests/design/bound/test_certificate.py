@@ -200,7 +200,7 @@ def test_any_prices_give_a_bound(seed: int) -> None:
     search = finished("double")
     problem, random = search.problem, np.random.default_rng(seed)
     dual = LagrangianDual.start(problem, sole_drives(problem), search.x, search.rows)
-    inverse, base = dual._frames(dual.rows)
+    inverse, base = dual.scaled_bases(dual.rows)
     root = random.normal(size=base.shape)
     z = root @ np.swapaxes(root, 1, 2)
     z /= np.trace(z, axis1=1, axis2=2).sum()

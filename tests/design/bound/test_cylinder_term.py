@@ -106,5 +106,5 @@ def test_slopes_of_a_term_are_its_derivatives(name: str) -> None:
 
     steps = 1e-5 * (shape.high - shape.low)
     slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
-    found = share._slopes(shape.enclose(at[None], at[None]), volume, (1.0, 1.0))[0][0]
+    found = share.slopes(shape.enclose(at[None], at[None]), volume, (1.0, 1.0))[0][0]
     np.testing.assert_allclose(found, np.abs(slopes).T, atol=1e-6 * np.abs(found).max())

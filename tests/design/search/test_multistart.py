@@ -23,7 +23,7 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
-from armdesign.report.designs import _starts, design_sheets
+from armdesign.report.designs import design_sheets, notes_on_starts
 from tests.design.designs import problem_of
 from tests.machines import named
 
@@ -86,9 +86,9 @@ def test_failed_starts_are_printed_once_for_every_reason() -> None:
     some = replace(design, starts=(7.5, 7.4), failed_starts=(why, why, "the arm gives way"))
     words = f"starts reached 7.500, 7.400 Hz; 3 of 5 starts failed: {why}; the arm gives way"
     assert design_sheets(some)[0].note.endswith(words)
-    assert _starts(design) == ""
+    assert notes_on_starts(design) == ""
     assert (
-        _starts(replace(design, starts=(), failed_starts=(why, why)))
+        notes_on_starts(replace(design, starts=(), failed_starts=(why, why)))
         == f"; 2 of 2 starts failed: {why}"
     )
 

@@ -36,7 +36,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def started(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(door, "_folders", door._folders.__wrapped__)
+    monkeypatch.setattr(door, "cache_folders", door.cache_folders.__wrapped__)
 
 
 def called() -> bool:
@@ -110,7 +110,7 @@ def test_without_any_place_nothing_is_kept(
         folders, "of_user", lambda: iter([Path("/dev/null/a"), Path("/proc/none")])
     )
     started(monkeypatch)
-    assert door._folders() == ((), None)
+    assert door.cache_folders() == ((), None)
     assert [called(), called()] == [False, False]
 
 
@@ -233,7 +233,7 @@ function = door.compiled(twice)
 for made in types:
     value = (0, 1, 1.0, 1j)[made]
     assert function(value) == 2 * value
-print(sum(function.stats.cache_hits.values()), door._folders()[1])
+print(sum(function.stats.cache_hits.values()), door.cache_folders()[1])
 """
 
 
