@@ -311,7 +311,7 @@ def new(
     They can be mapped at once. Every number in them is a placeholder, to be replaced.
     """
     from armdesign.machine import scaffold
-    from armdesign.machine.json_schema import json_schema
+    from armdesign.machine.file.json_schema import json_schema
 
     text, urdf = scaffold.new(name, links)
     folder = Path(name) if out is None else out

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from armdesign import ArmDesignError, Machine, load
-from armdesign.machine import toml_writing
+from armdesign.machine.file import toml_writing
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.mechanism.linkage.direct import Direct

@@ -21,10 +21,10 @@ from tomlkit.items import InlineTable
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import printable
 from armdesign.frequency.bands import Bands
-from armdesign.machine import machine_file, saving
+from armdesign.machine.file import machine_file, saving
+from armdesign.machine.file.schema_types import NAME_LENGTH
+from armdesign.machine.file.toml_writing import edit
 from armdesign.machine.machine import Machine
-from armdesign.machine.schema_types import NAME_LENGTH
-from armdesign.machine.toml_writing import edit
 
 NEW_NAME, NEW_TITLE = "_optimized", ", optimized"
 WAS = "# was "

@@ -9,16 +9,16 @@ from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.frequency.workspace import Workspace
-from armdesign.machine import machine_file
 from armdesign.machine.assembly_faults import assembly_faults
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.key_lines import Places, tell_line
+from armdesign.machine.file.schema import MachineSection
+from armdesign.machine.file.toml_writing import dump
+from armdesign.machine.file.urdf_names import unknown_joints, unknown_links
 from armdesign.machine.from_urdf import FLUID, SUPPLY
-from armdesign.machine.key_lines import Places, tell_line
 from armdesign.machine.loading import find
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import linkage
-from armdesign.machine.schema import MachineSection
-from armdesign.machine.toml_writing import dump
-from armdesign.machine.urdf_names import unknown_joints, unknown_links
 from armdesign.mechanism import urdf_faults
 from armdesign.mechanism.arm import Arm
 

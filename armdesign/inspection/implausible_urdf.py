@@ -10,7 +10,7 @@ import numpy as np
 from armdesign.inspection.finding import Finding
 from armdesign.inspection.reference import Reference
 from armdesign.machine.assembly_faults import place_in_urdf
-from armdesign.machine.likely_values import rounded
+from armdesign.machine.file.likely_values import rounded
 from armdesign.machine.range_causes import TURN, cause_of
 from armdesign.mechanism.urdf_faults import line_of, numbers
 from armdesign.units import deg

@@ -9,7 +9,7 @@ from typing import Any
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.inspection.finding import Finding
 from armdesign.inspection.reference import Reference
-from armdesign.machine.likely_values import USUAL, meant, rounded, usual
+from armdesign.machine.file.likely_values import USUAL, meant, rounded, usual
 from armdesign.mechanism.urdf_faults import numbers
 from armdesign.units import deg, mm
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.inspection.finding import Finding
-from armdesign.machine import machine_file
-from armdesign.machine.key_paths import unit_of
-from armdesign.machine.likely_values import meant, rounded
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.key_paths import unit_of
+from armdesign.machine.file.likely_values import meant, rounded
 from armdesign.machine.machine import Machine
 from armdesign.machine.range_causes import LARGEST_ARM, TURN, Cause
 from armdesign.mechanism.joint_ranges import over, sweep

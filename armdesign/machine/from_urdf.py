@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.errors import MachineFileError
-from armdesign.machine import machine_file
-from armdesign.machine.schema_types import NAME_LENGTH, NAME_PATTERN
-from armdesign.machine.toml_writing import dump
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.schema_types import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE
 

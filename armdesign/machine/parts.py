@@ -10,8 +10,7 @@ from armdesign.hydraulics.fluid import Fluid
 from armdesign.hydraulics.friction import Friction
 from armdesign.hydraulics.supply import Supply
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
-from armdesign.machine.load_case import LoadCase
-from armdesign.machine.schema import (
+from armdesign.machine.file.schema import (
     CylinderSection,
     FluidSection,
     LoadHoldingSection,
@@ -22,7 +21,8 @@ from armdesign.machine.schema import (
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.schema_types import Section
+from armdesign.machine.file.schema_types import Section
+from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS

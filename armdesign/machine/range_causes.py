@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.machine.likely_values import MISTAKEN, rounded
+from armdesign.machine.file.likely_values import MISTAKEN, rounded
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.joint_ranges import joint_ranges, over, sweep
 from armdesign.mechanism.linkage.base import Linkage

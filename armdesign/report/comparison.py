@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
-from armdesign.machine import machine_file
+from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet

@@ -13,7 +13,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.machine import scaffold
-from armdesign.machine.machine_file import flat
+from armdesign.machine.file.machine_file import flat
 from tests import machines
 
 COARSE = (3, 3, 5)

@@ -18,7 +18,8 @@ import pytest
 import armdesign as ad
 from armdesign.inspection.finding import Finding
 from armdesign.inspection.inspection import inspect
-from armdesign.machine import machine_file, scaffold, toml_writing
+from armdesign.machine import scaffold
+from armdesign.machine.file import machine_file, toml_writing
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from armdesign.units import deg

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import inspect
-from armdesign.machine import toml_writing
+from armdesign.machine.file import toml_writing
 from armdesign.machine.machine import Machine
 from tests import machines
 from tests.commands import main

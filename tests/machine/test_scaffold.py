@@ -17,7 +17,7 @@ import armdesign as ad
 from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import inspect
 from armdesign.machine import scaffold
-from armdesign.machine.json_schema import DESCRIPTIONS, json_schema
+from armdesign.machine.file.json_schema import DESCRIPTIONS, json_schema
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 

@@ -134,7 +134,7 @@ def test_kinds_have_names_and_numbers_of_their_own() -> None:
 # May name a pin, a bar or the key of one kind: its own module, its table and that table's
 # descriptions for editors, its compiled rod end.
 OF_ONE_KIND = {
-    *("mechanism.linkage.four_bar", "machine.schema", "machine.json_schema"),
+    *("mechanism.linkage.four_bar", "machine.file.schema", "machine.file.json_schema"),
     "simulation.plant.kinematics",
 }
 

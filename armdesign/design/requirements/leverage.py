@@ -12,8 +12,8 @@ import numpy as np
 from armdesign.design.requirements.candidate import Candidate, Reference, peak
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Stated, at_work, cylinders, number, stated
+from armdesign.machine.file.requirements_schema import DiggingSection
 from armdesign.machine.machine import Machine
-from armdesign.machine.requirements_schema import DiggingSection
 from armdesign.units import deg
 
 SHARE: float = DiggingSection.model_fields["share"].default

@@ -14,9 +14,9 @@ from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.chamber_pressures import holding_force
+from armdesign.machine.file.requirements_schema import LiftSection
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
-from armdesign.machine.requirements_schema import LiftSection
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.units import GRAVITY, mm

@@ -16,8 +16,8 @@ from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Frozen, Names, at_work, cylinders, entries
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.barrel import barrel_outer
+from armdesign.machine.file.requirements_schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
-from armdesign.machine.requirements_schema import ClearanceSection, OutlineSection
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.units import mm

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.machine.file.requirements_schema import RequirementsSection
 from armdesign.machine.machine import Machine
-from armdesign.machine.requirements_schema import RequirementsSection
 from armdesign.units import deg, mm
 
 Names = Iterator[tuple[str, str, Collection[str], Collection[str]]]  # where, of what, names, known

@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import ValidationError
 
 from armdesign.errors import MachineFileError
-from armdesign.machine.key_lines import Places
-from armdesign.machine.key_paths import (
+from armdesign.machine.file.key_lines import Places
+from armdesign.machine.file.key_paths import (
     Location,
     allowed,
     annotation,
@@ -21,8 +21,8 @@ from armdesign.machine.key_paths import (
     lengths,
     unit_of,
 )
-from armdesign.machine.likely_values import USUAL, meant, usual
-from armdesign.machine.number_writing import list_meant, number_meant
+from armdesign.machine.file.likely_values import USUAL, meant, usual
+from armdesign.machine.file.number_writing import list_meant, number_meant
 
 
 def first_fault(error: ValidationError, source: str, places: Places) -> MachineFileError:

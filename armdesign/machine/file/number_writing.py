@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 
-from armdesign.machine.key_paths import UNIT_END, UNITS
+from armdesign.machine.file.key_paths import UNIT_END, UNITS
 
 _COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
 _THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")

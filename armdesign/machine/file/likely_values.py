@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from armdesign.machine.key_paths import unit_of
+from armdesign.machine.file.key_paths import unit_of
 from armdesign.units import deg
 
 PSI = 6894.757  # [Pa]

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from armdesign import transaction
 from armdesign.errors import MachineFileError
-from armdesign.machine import machine_file
-from armdesign.machine.json_schema import json_schema
-from armdesign.machine.toml_writing import edit
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.json_schema import json_schema
+from armdesign.machine.file.toml_writing import edit
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from armdesign.errors import MachineFileError, choose
+from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.parts import pin_sections
-from armdesign.machine.schema import MachineSection
 
 
 def unknown_links(

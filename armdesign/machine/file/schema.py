@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from armdesign.machine.requirements_schema import RequirementsSection
-from armdesign.machine.schema_types import (
+from armdesign.machine.file.requirements_schema import RequirementsSection
+from armdesign.machine.file.schema_types import (
     Angle,
     Flow,
     Length,

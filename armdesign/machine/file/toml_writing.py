@@ -9,7 +9,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
-from armdesign.machine.key_paths import annotation, is_table
+from armdesign.machine.file.key_paths import annotation, is_table
 
 ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # keys of tables written in one line
 

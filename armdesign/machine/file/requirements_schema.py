@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from armdesign.machine.schema_types import (
+from armdesign.machine.file.schema_types import (
     Angle,
     Coordinate,
     Distance,

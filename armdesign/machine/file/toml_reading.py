@@ -7,7 +7,7 @@ import tomllib
 from typing import Any
 
 from armdesign.errors import MachineFileError
-from armdesign.machine.number_writing import fault_of_line
+from armdesign.machine.file.number_writing import fault_of_line
 
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 

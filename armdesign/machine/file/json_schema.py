@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from armdesign.machine.key_paths import named_unit, unwrap
-from armdesign.machine.schema import MachineSection
-from armdesign.machine.schema_types import Section
+from armdesign.machine.file.key_paths import named_unit, unwrap
+from armdesign.machine.file.schema import MachineSection
+from armdesign.machine.file.schema_types import Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.valve import RELIEF_SHARE
-from armdesign.machine.likely_values import meant, usual
-from armdesign.machine.requirements_schema import LiftSection, RequirementsSection
-from armdesign.machine.schema import (
+from armdesign.machine.file.likely_values import meant, usual
+from armdesign.machine.file.requirements_schema import LiftSection, RequirementsSection
+from armdesign.machine.file.schema import (
     CylinderSection,
     MachineSection,
     PayloadSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.schema_types import Section
+from armdesign.machine.file.schema_types import Section
 from armdesign.mechanism.linkage.kinds import KINDS
 
 COLUMNS = {  # of the CSV files, beside those of joints

@@ -1,0 +1,1 @@
+"""The machine file: its schema, its text, its faults, and how it is written."""
