@@ -21,7 +21,7 @@ from armdesign.report.inspections import check_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import main
-from tests.machine.test_bad_input import URDF, damaged
+from tests.machine.file.test_bad_input import URDF, damaged
 
 EXCAVATOR = machines.named("excavator_20t")
 
