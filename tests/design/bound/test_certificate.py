@@ -20,6 +20,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
+from tests.design.brute_force import zoomed_best
 from tests.design.designs import as_machine, problem_of, solved, workspace_of
 from tests.machines import BOOM, FOLD, LIFT, STICK, build, named, redundant
 
@@ -145,16 +146,8 @@ def brute_force(problem: Problem) -> float:
             allowed, ((beta * oil * arm**2 + slope - force * curve) / inertia).min(axis=1), -np.inf
         )
 
-    centre, reach, best = at_rest, problem.vector.pin_box, -np.inf
-    for _ in range(12):
-        axes = [np.linspace(m - reach, m + reach, 13) for m in centre]
-        pins = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
-        pins = np.clip(pins, at_rest - problem.vector.pin_box, at_rest + problem.vector.pin_box)
-        values = np.concatenate([worst(part) for part in np.array_split(pins, 20)])
-        if values.max() > best:
-            best, centre = float(values.max()), pins[values.argmax()]
-        reach *= 0.6
-    return hertz(best)
+    low, high = at_rest - problem.vector.pin_box, at_rest + problem.vector.pin_box
+    return hertz(zoomed_best(worst, low, high, points=13, levels=12, shrink=0.6)[0])
 
 
 def test_one_cylinder_against_brute_force() -> None:

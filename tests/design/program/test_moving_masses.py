@@ -26,6 +26,7 @@ from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
+from tests.design.brute_force import where_allowed, zoomed_best
 from tests.design.designs import as_machine, solved, some_x
 from tests.design.program.test_dynamics import slopes, true_frequencies
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, Function, Joint, build, named
@@ -266,7 +267,7 @@ def brute_force(problem: Problem) -> float:
     Inertia, gravity and its slope are affine in each bar's mass: what a kilogram adds is read off
     machines with it.
     """
-    machine, r = problem.machine, problem.requirements
+    machine = problem.machine
     keys = [f"cylinder.{c.name}.{bar}_kg" for c in machine.cylinders for bar in ("barrel", "rod")]
     light = dict.fromkeys(keys, 0.0)
     bare = machine.replace(light).at(problem.workspace.q)
@@ -276,19 +277,6 @@ def brute_force(problem: Problem) -> float:
     weights = np.array([[c.barrel_mass, c.rod_mass] for c in machine.cylinders])
     outer = np.einsum("nci,ncj->cnij", bare.moment_arms, bare.moment_arms)
     s = bare.lengths - np.array([c.closed_length for c in machine.cylinders])
-
-    def allowed(x: np.ndarray) -> np.ndarray:
-        a = x.reshape(-1, 2, 2) * today
-        volume, before = a * strokes[:, None], today * strokes[:, None]
-        good = np.all(volume <= r.oil_each_share * before, axis=(1, 2))
-        good &= np.all(volume.sum(axis=1) <= r.oil_total_share * before.sum(axis=0), axis=1)
-        good &= np.all(a[:, :, 0] <= r.thrust_share * today[:, 0], axis=1)
-        rod, rod_today = a[:, :, 0] - a[:, :, 1], today[:, 0] - today[:, 1]
-        return (
-            good
-            & np.all(rod**2 / a[:, :, 0] >= rod_today**2 / today[:, 0], axis=1)
-            & (rod > 0).all(axis=1)
-        )
 
     def worst(x: np.ndarray) -> np.ndarray:
         a = x.reshape(-1, 2, 2)
@@ -320,19 +308,9 @@ def brute_force(problem: Problem) -> float:
             np.linalg.eigvalsh(lower @ stiffness @ np.swapaxes(lower, 2, 3))[..., 0].min(axis=1)
         )
 
-    low, high, best, centre = np.full(4, 0.7), np.full(4, 1.1), -math.inf, np.ones(4)
-    for _ in range(9):
-        axes = [np.linspace(a, b, 9) for a, b in zip(low, high, strict=True)]
-        x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
-        x = x[allowed(x)]
-        values = np.concatenate(
-            [worst(part) for part in np.array_split(x, max(1, len(x) // 1000))]
-        )
-        if values.max() > best:
-            best, centre = float(values.max()), x[values.argmax()]
-        reach = 0.4 * (high - low) / 2
-        low, high = np.maximum(centre - reach, 0.2), np.minimum(centre + reach, 1.1)
-    return hertz(best)
+    low, high = np.full(4, 0.6), np.full(4, 1.1)
+    value = where_allowed(problem, worst)
+    return hertz(zoomed_best(value, low, high, points=9, levels=9, shrink=0.4)[0])
 
 
 @pytest.mark.parametrize("share", [1.0, 0.95])

@@ -319,7 +319,7 @@ def test_an_open_four_bar_is_no_step() -> None:
 
 
 @cache
-def twins() -> Machine:
+def arms_apart() -> Machine:
     """Two arms on one root that do not feel each other, a cylinder each: two modes, one for each
     arm.
     """
@@ -333,7 +333,7 @@ def twins() -> Machine:
 
 
 def twin_problem() -> Problem:
-    machine = twins()
+    machine = arms_apart()
     requirements = Requirements(oil_each_share=1.6, thrust_share=1.6, holding_share=5.0)
     space = Workspace.grid(machine, points=5)
     return Problem.of(machine=machine, workspace=space, requirements=requirements, vary=("areas",))
@@ -353,7 +353,7 @@ def test_modes_that_coincide_at_the_optimum() -> None:
     lowest = frequencies[frequencies[:, 1].argmin()]  # where both arms stand worst
     assert lowest[1] == pytest.approx(lowest[0], rel=1e-4)
     assert hertz(search.squared) == pytest.approx(lowest[0], rel=1e-9)
-    today = ad.natural_modes(twins().evaluate(problem.workspace.rigid)).frequencies
+    today = ad.natural_modes(arms_apart().evaluate(problem.workspace.rigid)).frequencies
     assert today[:, 1].min() > 1.05 * today[:, 0].min()  # and they did not coincide before
     best = best_on_grid(problem, search.holding, np.linspace(0.8, 1.3, 31))
     assert best > 1.02 * problem.dynamics.omega_squared(problem.vector.start).min()

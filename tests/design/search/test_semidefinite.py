@@ -22,6 +22,7 @@ from armdesign.design.search.sequential_sdp import Linearised, Search, Trial
 from armdesign.design.search.trust_region import Box
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
+from tests.design.brute_force import where_allowed, zoomed_best
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
 from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
@@ -42,7 +43,7 @@ def brute_force(
     and Euler limits. Only for one or two joints with one cylinder each, one load case and no other
     limit near.
     """
-    machine, r = problem.machine, problem.requirements
+    machine = problem.machine
     poses = machine.at(problem.workspace.q)
     cylinders, nc = machine.cylinders, len(machine.cylinders)
     rest = poses.gravity_stiffness + poses.geometric_stiffness
@@ -51,21 +52,6 @@ def brute_force(
     today = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
     strokes = np.array([c.stroke for c in cylinders])
     inverse = np.linalg.inv(np.linalg.cholesky(poses.mass_matrix))
-
-    def allowed(x: np.ndarray) -> np.ndarray:
-        a = x.reshape(-1, nc, 2) * today
-        volume, before = a * strokes[:, None], today * strokes[:, None]
-        good = np.all(volume <= r.oil_each_share * before * (1 + 1e-12), axis=(1, 2))
-        good &= np.all(
-            volume.sum(axis=1) <= r.oil_total_share * before.sum(axis=0) * (1 + 1e-12), axis=1
-        )
-        good &= np.all(a[:, :, 0] <= r.thrust_share * today[:, 0] * (1 + 1e-12), axis=1)
-        rod, rod_today = a[:, :, 0] - a[:, :, 1], today[:, 0] - today[:, 1]
-        return (
-            good
-            & np.all(rod**2 / a[:, :, 0] >= rod_today**2 / today[:, 0] * (1 - 1e-12), axis=1)
-            & (rod > 0).all(1)
-        )
 
     def worst(x: np.ndarray) -> np.ndarray:
         a = x.reshape(-1, nc, 2) * today
@@ -89,20 +75,11 @@ def brute_force(
         )
         return (mean - np.hypot(half, scaled[..., 0, 1])).min(axis=1)
 
-    low, high = np.full(2 * nc, 0.7), np.full(2 * nc, 1.1)
-    best, centre = -math.inf, np.ones(2 * nc)
-    for _ in range(levels):
-        axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
-        x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2 * nc)
-        x = x[allowed(x)]
-        values = np.concatenate(
-            [worst(part) for part in np.array_split(x, max(1, len(x) // 4000))]
-        )
-        if values.max() > best:
-            best, centre = float(values.max()), x[values.argmax()]
-        reach = 0.35 * (high - low) / 2
-        low, high = np.maximum(centre - reach, 0.2), np.minimum(centre + reach, 1.1)
-    return hertz(best), float((high - low).max() / (points - 1))
+    low, high = np.full(2 * nc, 0.6), np.full(2 * nc, 1.1)
+    best, step = zoomed_best(
+        where_allowed(problem, worst), low, high, points=points, levels=levels, shrink=0.35
+    )
+    return hertz(best), step
 
 
 def test_one_actuator_closed_form() -> None:
