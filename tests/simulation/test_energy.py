@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 import armdesign as ad
-from armdesign import Machine
+from armdesign import Machine, Step
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.hydraulics.friction import Friction
 from armdesign.simulation.plant.equilibrium import find_equilibrium
@@ -24,8 +24,9 @@ from tests.simulation import valves as helpers
 WORST = (1.154, -1.199, -2.191)
 
 
-def pulse(size: float, until: float = 0.3):  # type: ignore[no-untyped-def]
-    return lambda time: size if time < until else 0.0
+def pulse(size: float, until: float = 0.3) -> Step:
+    """A command that says when it jumps, so that the tolerance alone sets the steps between."""
+    return Step(size=size, end=until)
 
 
 @pytest.mark.parametrize(
