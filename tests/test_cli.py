@@ -97,7 +97,7 @@ def test_optimize_from_a_catalogue_file(
         (0.14, 0.1),
         (0.115, 0.085),
     }
-    assert "combination of the catalogue" in " ".join(capsys.readouterr().out.split())
+    assert "all combinations of the catalogue" in " ".join(capsys.readouterr().out.split())
     assert main([*words, "--catalogue", "din"], monkeypatch) == 2
     assert 'catalogue: "din" is not known' in capsys.readouterr().err
 

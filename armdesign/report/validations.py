@@ -100,6 +100,6 @@ def verdict(validations: Sequence[Validation]) -> str:
     ]
     deviation = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
     return (
-        f"{agree} of {agree + remarks.total()} sweeps agree (every cylinder at the worst, the"
-        f" median and the best pose){others}{deviation}"
+        f"{agree} of {agree + remarks.total()} sweeps agree{others} (every cylinder at the worst,"
+        f" the median and the best pose){deviation}"
     )

@@ -231,7 +231,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs
     # two poses before, one in either of its runs
-    assert verdict([nothing]).endswith("agree, 4 failed")
+    assert verdict([nothing]).startswith("0 of 4 sweeps agree, 4 failed")
     assert len(nothing.plot().axes) == 1
     with pytest.raises(
         SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"
