@@ -71,6 +71,7 @@ def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Pat
     assert "results/here" in done.stdout
 
 
+@pytest.mark.slow
 def test_optimize_from_a_catalogue_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,6 +103,7 @@ def test_optimize_from_a_catalogue_file(
     assert 'catalogue: "din" is not known' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_least_oil_for_a_frequency(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +146,7 @@ def stated(folder: Path, more: str = BANDED) -> str:
     return str(folder / "own.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "more", [[], ["--catalogue", "5mm"], ["--least", "oil", "--frequency", "0.7"]]
 )
@@ -249,6 +252,7 @@ def test_help(
         assert word in printed
 
 
+@pytest.mark.slow
 def test_tables_in_si(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -539,6 +543,7 @@ cli.main()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("where", [("maps", "frequency_map"), ("plots", "save")])
 def test_ended_in_the_middle(
@@ -656,6 +661,7 @@ def test_what_is_installed_as_a_script() -> None:
     assert project["project"]["scripts"] == {"armdesign": "armdesign.cli:main"}
 
 
+@pytest.mark.slow
 def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One pin alone, by the path that it has in the file: nothing else moves, but the stroke
     follows.

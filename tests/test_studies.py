@@ -67,6 +67,7 @@ def test_which_formula_finds_its_headline() -> None:
     assert locked["median"].min() >= 1 - 1e-9, "interlacing"
 
 
+@pytest.mark.slow
 def test_pins_and_areas_finds_its_headline() -> None:
     module = study("04_pins_and_areas")
     printed = [float(n) / 100 for n in re.findall(r"\+([\d.]+) %", module.__doc__ or "")]
@@ -76,6 +77,7 @@ def test_pins_and_areas_finds_its_headline() -> None:
     assert gains[["sizes", "pins", "both"]].to_list() == pytest.approx(printed, abs=0.015)
 
 
+@pytest.mark.slow
 def test_areas_only_finds_its_headline() -> None:
     module = study("03_areas_only")
     printed = [float(n) for n in re.findall(r"([\d.]+) %", module.__doc__ or "")]
@@ -88,6 +90,7 @@ def test_areas_only_finds_its_headline() -> None:
     assert 100 * table["gap"].max() <= printed[2]
 
 
+@pytest.mark.slow
 def test_robust_finds_its_headline() -> None:
     module = study("06_robust")
     words = module.__doc__ or ""
@@ -105,6 +108,7 @@ def test_robust_finds_its_headline() -> None:
     assert least["for the file"] / least["today"] - 1 < 0.16
 
 
+@pytest.mark.slow
 def test_speed_frequency_finds_its_headline() -> None:
     module = study("07_speed_frequency")
     words = module.__doc__ or ""
@@ -120,6 +124,7 @@ def test_speed_frequency_finds_its_headline() -> None:
     assert found == pytest.approx(printed, abs=0.02)
 
 
+@pytest.mark.slow
 def test_nonlinear_proof_finds_its_headline() -> None:
     """The coarse grid of the fast run has other median and best poses, whose deviations differ by
     a few 0.01 %.

@@ -106,6 +106,7 @@ def test_tighter_never_helps(seed: int, setting: str) -> None:
     assert np.all(np.diff(reached) <= 1e-5 * reached[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_better_neighbour(seed: int) -> None:
     """Random moves and the gradients of the lowest modes, that keep all requirements, gain less

@@ -48,6 +48,7 @@ def test_one_actuator_closed_form(of: str, field: str) -> None:
     assert min(design.slacks.values()) >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "vary"), [("double", ("areas",)), ("double", ("areas", "pins"))])
 def test_forth_and_back(name: str, vary: tuple[str, ...]) -> None:
     """The best frequency with 97 % of the oil needs 97 % of the oil; less with pins, where another
@@ -66,6 +67,7 @@ def test_forth_and_back(name: str, vary: tuple[str, ...]) -> None:
     assert back.after.frame["f1_hz"].min() >= reached
 
 
+@pytest.mark.slow
 def test_no_random_design_is_lighter() -> None:
     """Least mass against designs drawn all over what is allowed, and around the answer: no lighter
     one is enough.
@@ -98,6 +100,7 @@ def test_no_random_design_is_lighter() -> None:
     assert checked > 100
 
 
+@pytest.mark.slow
 def test_less_is_asked_less_is_needed() -> None:
     machine, space = double(), workspace_of("double")
     today = float(ad.frequency_map(machine, space).frame["f1_hz"].min())
@@ -151,6 +154,7 @@ def test_mass_limit_is_a_requirement_like_others() -> None:
 SIZES = [(bore * mm, rod * mm) for bore in (85, 90, 95, 100, 105, 110) for rod in (60, 63, 65, 70)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["oil", "flow", "mass"])
 @pytest.mark.parametrize("share", [0.93, 1.0, 1.04])
 def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
@@ -199,6 +203,7 @@ def test_amounts_by_hand() -> None:
     assert amount_of(machine, machine, "mass") == cylinder_mass(machine)
 
 
+@pytest.mark.slow
 def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
     """For each of nine combinations the pins that need least oil: none needs less; free sizes
     do.

@@ -20,6 +20,7 @@ from tests.design.catalogue.test_catalogue import enumerated
 from tests.design.designs import MACHINES, workspace_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "against", "vary"),
     [
@@ -87,6 +88,7 @@ def test_points_of_a_catalogue() -> None:
         )
 
 
+@pytest.mark.slow
 def test_points_of_a_catalogue_with_pins() -> None:
     """Each starts with its tighter neighbour's sizes and pins too, so it cannot be worse."""
     machine, workspace = MACHINES["double"](), workspace_of("double")

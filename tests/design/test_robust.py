@@ -53,6 +53,7 @@ def test_requirements_are_judged_at_the_values_of_the_file(name: str) -> None:
     assert_allclose(one.jacobian, other.jacobian, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_exact_bands_change_nothing() -> None:
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
     one, other = (
@@ -62,6 +63,7 @@ def test_exact_bands_change_nothing() -> None:
     assert one.unrounded == other.unrounded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
 @pytest.mark.parametrize(
     ("name", "vary"),
@@ -88,6 +90,7 @@ def test_the_worst_case_is_not_below_that_of_the_nominal_optimum(
     assert robust.band_after.low.frequency == pytest.approx(robust.unrounded, rel=rounding)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double", "odd", "excavator"])
 def test_sizes_for_bands_are_those_of_optimize(name: str) -> None:
     """Two doors, one answer, and a bound that holds for the worst within the bands."""
@@ -100,6 +103,7 @@ def test_sizes_for_bands_are_those_of_optimize(name: str) -> None:
     assert one.bound is None or one.bound >= one.unrounded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bands", [BANDS, AIRY], ids=["masses", "air"])
 @pytest.mark.parametrize("name", ["single", "double", "crossing", "excavator"])
 def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
@@ -137,6 +141,7 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands) -> None:
     assert design.band_after.low.frequency == pytest.approx(wanted, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     """Better in the worst of the bands than sizes alone, and than the sizes and pins that bands
     were not asked for.
@@ -170,6 +175,7 @@ def test_trade_off_for_bands() -> None:
     assert "worst within the bands" in [line.get_label() for line in found.plot().lines][2]
 
 
+@pytest.mark.slow
 def test_no_sample_within_the_bands_is_worse() -> None:
     """Monte Carlo through the file: other oil, volumes and loads by key path, links by their own
     masses.

@@ -82,6 +82,7 @@ def test_poles_of_the_right_hand_side(name: str) -> None:
         np.testing.assert_allclose(found.real, 0, atol=1e-9 * np.abs(found).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["patu_boom", "direct_bucket"])
 def test_poles_with_viscous_friction(name: str) -> None:
     """Damped poles of both plants: friction that damps one mode by a percent or so, and more."""
@@ -138,6 +139,7 @@ def test_free_vibration(name: str, tolerance: float) -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOOPS)
 def test_free_vibration_of_a_closed_loop(name: str) -> None:
     """Loops closed by constraints, so the implicit trapezoidal rule integrates.

@@ -66,6 +66,7 @@ def valves(machine: Machine, steps: Sequence[float]) -> Valves:
     return openings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
 def test_difference_falls_at_second_order(name: str) -> None:
     """Step halved, difference quartered; extrapolated to step zero, half a second goes alike to a

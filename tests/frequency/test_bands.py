@@ -53,6 +53,7 @@ def test_one_joint_by_hand() -> None:
         assert_allclose(extreme.frequency, math.sqrt(squared) / (2 * math.pi), rtol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     shares=st.tuples(

@@ -25,6 +25,7 @@ def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
     assert np.nanmin(reach.frequency) == pytest.approx(found.frame["f1_hz"].min(), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "branched"])
 def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
     """Brute force: random poses, a third on faces of the joint box and a third turned onto pitch

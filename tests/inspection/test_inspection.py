@@ -490,6 +490,7 @@ def test_no_problems(name: str) -> None:
     assert faults(name) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["toml", "urdf"])
 def test_whatever_is_refused_has_a_problem_and_the_other_way_round(
     what: str, tmp_path: Path

@@ -115,6 +115,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "unit"), CASES, ids=[f"{path} in {unit}" for path, unit in CASES]
 )
@@ -200,6 +201,7 @@ DRIVEN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joint"), DRIVEN)
 def test_limits_in_degrees(name: str, joint: str) -> None:
     machine = machines.named(name)

@@ -70,6 +70,7 @@ def test_check_says_so(
     assert "cylinder.bucket" in found
 
 
+@pytest.mark.slow
 def test_every_command_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     FROZEN.save(tmp_path / "a.toml")

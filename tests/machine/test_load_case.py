@@ -50,6 +50,7 @@ def test_a_design_is_made_for_it(loaded: ad.Machine) -> None:
     assert design.after.worst.frequency >= design.before.worst.frequency
 
 
+@pytest.mark.slow
 def test_a_design_takes_the_cylinders_own_masses_along() -> None:
     """What the search foresaw with bars moved along is what the saved machine has, but for
     rounding (below 0.5 %).

@@ -24,6 +24,7 @@ from tests.commands import Refused, assert_one_line, main
 SHIPPED = Path(ad.__file__).with_name("machine.schema.json")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
 def test_it_loads_maps_and_looks_sound(
     links: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -86,6 +86,7 @@ def test_frame_and_results_are_whole(corners: paper.Reproduction) -> None:
         corners.swept[0] = 0.0
 
 
+@pytest.mark.slow
 def test_command_in_two_processes(
     corners: paper.Reproduction,
     tmp_path: Path,

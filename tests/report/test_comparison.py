@@ -88,6 +88,7 @@ def test_a_machine_and_itself() -> None:
     assert "The files do not differ" in [sheet.title for sheet in found.sheets()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plane", ["joints", "reach"])
 def test_one_colour_scale(plane: str) -> None:
     found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
@@ -98,6 +99,7 @@ def test_one_colour_scale(plane: str) -> None:
     assert scales[0][0] <= min(m.frame["f1_hz"].min() for m in found.maps.values()) + 0.2
 
 
+@pytest.mark.slow
 def test_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

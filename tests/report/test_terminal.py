@@ -182,6 +182,7 @@ def test_powers_of_ten_on_an_axis_stay_formulas(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------- how many joints
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "words"), [("paper_1dof", "over the joint"), ("excavator_20t", "over two joints")]
 )

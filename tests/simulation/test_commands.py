@@ -46,6 +46,7 @@ def spool_after(machine: Machine, begin: float, width: float, time: np.ndarray) 
     return SIZE * (step(time - begin) - step(time - begin - width))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("width", "rate", "told"),
     [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)],

@@ -103,6 +103,7 @@ def test_response_is_kept_and_fitted(worst: Validation) -> None:
     np.testing.assert_allclose(fit.response, fit.fitted, atol=0.05 * np.abs(fit.fitted).max())
 
 
+@pytest.mark.slow
 def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
     """Worst, median and best by the map of the same workspace: the one place, half and all of its
     sorted column.
@@ -128,6 +129,7 @@ def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped())
 def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: str) -> None:
     """Issue: within 0.5 % of the linear plant's damped frequency, every cylinder at worst, median
@@ -239,6 +241,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
         validate(machine, [0.6])
 
 
+@pytest.mark.slow
 def test_machines_side_by_side_are_as_alone() -> None:
     """``validate_maps`` of two versions in one stack: the same sweeps and, to rounding, the same
     answers.
@@ -383,6 +386,7 @@ def test_a_spool_that_never_leaves_its_overlap(excavator: Machine) -> None:
         validate(excavator.replace(slow), WORST, cylinders=["boom"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["random_29", "branched", "random_35"])
 def test_odd_machines(name: str) -> None:
     """Soft small cylinders whose geometry changes fast; cylinders seen from behind, across a

@@ -119,6 +119,7 @@ def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lagrangian, "AIRY", 1000)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize("vary", VARY, ids="+".join)
 def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> None:

@@ -78,6 +78,7 @@ GAPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GAPS)
 def test_bound_of_every_shipped_machine(name: str) -> None:
     """Above the optimum on all its poses, and near it; no cylinder is left out."""
@@ -171,6 +172,7 @@ def test_one_cylinder_against_brute_force() -> None:
 # -------------------------------------------------------------------------------------- any design
 
 
+@pytest.mark.slow
 def test_no_random_design_exceeds_the_bound() -> None:
     """Two joints that share oil: allowed designs drawn in the boxes, by the package's front
     door.
@@ -185,6 +187,7 @@ def test_no_random_design_exceeds_the_bound() -> None:
     assert bound < hertz(search.squared) * 1.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_any_prices_give_a_bound(seed: int) -> None:
     """Random prices in place of the solver's: less tight, but nothing that is allowed exceeds
@@ -215,6 +218,7 @@ def test_any_prices_give_a_bound(seed: int) -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double", "excavator"])
 def test_branching_against_dense_sampling(name: str) -> None:
     """Each share, by ``Poses`` of sampled machines that meet the cylinder's own requirements,
@@ -280,6 +284,7 @@ def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> N
         assert tight.upper <= loose.upper + COARSE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change", [{"pin_box": 0.02}, {"oil_total_share": 0.97}], ids=lambda change: next(iter(change))
 )
@@ -292,6 +297,7 @@ def test_tighter_requirements_never_raise_the_bound(change: dict[str, float]) ->
 # ------------------------------------------------------------------------------- what is not known
 
 
+@pytest.mark.slow
 def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
     """A compliant cylinder is not bounded: its joint is held, which only stiffens; the bound says
     so and holds.
@@ -327,6 +333,7 @@ def test_no_bound_where_joints_are_shared() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("percent", [0.5, 2.0])
 @pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
 def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None:

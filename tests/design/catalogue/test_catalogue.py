@@ -90,6 +90,7 @@ SMALL = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("proportional", [False, True])
 def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> None:
@@ -210,6 +211,7 @@ def test_bounds_hold_for_every_combination() -> None:
     assert bounds.max() < 1.2 * max(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.6, 0.66])
 def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thinnest rod of all cylinders over their bores, a minimum, as enumeration judges it
@@ -298,6 +300,7 @@ def test_what_does_not_vary_stays() -> None:
 # ---------------------------------------------------------------------------------------- pins too
 
 
+@pytest.mark.slow
 def test_a_start_with_free_sizes_or_those_of_a_catalogue() -> None:
     """Whatever sizes it has, the answer's are of the catalogue; from its own answer no worse."""
     machine, space = double(), workspace_of("double")
@@ -310,6 +313,7 @@ def test_a_start_with_free_sizes_or_those_of_a_catalogue() -> None:
     assert found.unrounded >= start.unrounded * (1 - 1e-6)
 
 
+@pytest.mark.slow
 def test_no_size_of_one_cylinder_is_better() -> None:
     """Every neighbouring bore or rod of every cylinder, the pins tuned for it: none reaches
     more.
@@ -353,6 +357,7 @@ def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
         assert least <= one.together <= 1.001 * least
 
 
+@pytest.mark.slow
 def test_pins_follow_the_chosen_sizes() -> None:
     """Better than the same catalogue with today's pins, no better than free sizes, and in the
     catalogue.
@@ -476,6 +481,7 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
     assert max(c.together / c.limit for c in conflict) == pytest.approx(share, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_what_no_pins_meet_either_is_a_conflict() -> None:
     """No catalogue can give what free sizes cannot: less steel than nothing."""
     with pytest.raises(InfeasibleError, match="no design meets cylinder_mass") as error:

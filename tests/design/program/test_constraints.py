@@ -19,6 +19,7 @@ from tests.design.program.test_dynamics import slopes
 from tests.design.requirements.shared import EVERYTHING, NEW, by_name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("column", ["rod", "stepped"])
 def test_derivatives(column: str) -> None:
     """Every new limit by every variable against central differences of the value itself."""

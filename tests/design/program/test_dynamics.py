@@ -70,6 +70,7 @@ def test_rows_are_the_load_cases_where_they_exist() -> None:
     assert np.all((tilt[held] > 119.999) & (tilt[held] < 240.001))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["odd", "excavator"])
 @pytest.mark.parametrize("proportional", [False, True])
 def test_derivatives_of_stiffness(name: str, proportional: bool) -> None:
@@ -85,6 +86,7 @@ def test_derivatives_of_stiffness(name: str, proportional: bool) -> None:
         assert_same(actual[v], expected[v], 1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["single", "odd", "excavator"])
 @pytest.mark.parametrize("tightening", [0.0, 1e-3])
 def test_derivatives_of_limits(name: str, tightening: float) -> None:

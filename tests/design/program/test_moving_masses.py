@@ -103,6 +103,7 @@ def only_rocker() -> Machine:
     return replace(bars("triple"), cylinders=tuple(cylinders))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vary", [("areas",), ("areas", "linkages"), ("linkages",)])
 @pytest.mark.parametrize("machine", [bars("triple"), only_rocker()])
 def test_derivatives_of_stiffness_less_inertia(machine: Machine, vary: tuple[str, ...]) -> None:
@@ -135,6 +136,7 @@ def test_derivative_of_a_frequency(vary: tuple[str, ...]) -> None:
     assert_allclose(actual, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vary", [("areas",), ("cylinder.lift", "cylinder.tilt.four_bar")])
 def test_derivatives_of_limits(vary: tuple[str, ...]) -> None:
     """Holding and a lift carry the bars; by every variable against central differences."""
@@ -405,6 +407,7 @@ def test_light_bars_are_nearly_none() -> None:
     assert heavy.squared < 0.8 * found[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
 def test_no_better_neighbour(vary: tuple[str, ...]) -> None:
     """Moves in random directions that keep all requirements gain less than 1e-4."""
@@ -418,6 +421,7 @@ def test_no_better_neighbour(vary: tuple[str, ...]) -> None:
                 assert constraints_at(problem, x).values.min() < -1e-7
 
 
+@pytest.mark.slow
 def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
     """Masses to the gram from rounded bores, rods and lengths; the search and the file agree on
     the frequency.
@@ -494,6 +498,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     assert tried > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "gap"), [("single", 0.05), ("double", 0.12)])
 def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     """Allowed designs drawn in the boxes; ``gap``: measured and rounded up, bars here are half of
@@ -518,6 +523,7 @@ def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     assert tried > 5
 
 
+@pytest.mark.slow
 def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> None:
     """All of its four-bar moves and weighs; designs around the start and what a rough search
     finds, limits loose.

@@ -134,6 +134,7 @@ def test_bore_alone_leaves_the_rod() -> None:
     assert design.unrounded > 1.02 * design.before.frame["f1_hz"].min()
 
 
+@pytest.mark.slow
 def test_a_bore_and_a_coordinate_by_scan() -> None:
     """Brute force: no bore and base pin on a fine scan that meet all requirements are better.
 
@@ -203,6 +204,7 @@ def test_only_what_is_named_changes(path: str) -> None:
 EVERYTHING = ("areas", "linkages")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["odd", "excavator"])
 def test_derivatives_by_every_variable(name: str) -> None:
     """Stiffness and limits by areas, pins, rocker, coupler and lug, against central differences of
@@ -272,6 +274,7 @@ def free_four_bar() -> ad.design.optimum.Design:  # type: ignore[name-defined]
     )
 
 
+@pytest.mark.slow
 def test_a_free_four_bar_is_worth_more() -> None:
     """More freedom is never worse; the saved machine keeps range, transmission and boxes, and lies
     on the grid.
@@ -339,6 +342,7 @@ def twin_problem() -> Problem:
     return Problem.of(machine=machine, workspace=space, requirements=requirements, vary=("areas",))
 
 
+@pytest.mark.slow
 def test_modes_that_coincide_at_the_optimum() -> None:
     """Oil moves from one arm to the other until the two lowest modes are one: a kink where neither
     gradient is zero.
@@ -420,6 +424,7 @@ def test_keys_of_places() -> None:
     assert Direct.key_of("rod_end") == "rod_end.at_mm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double", "excavator_20t"])
 def test_workers_do_not_change_the_answer(name: str) -> None:
     """Same seed, same machine to the last digit, in one process or in two; what starts reach but

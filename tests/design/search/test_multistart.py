@@ -135,6 +135,7 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
 # ----------------------------------------------------------------------------------------- the end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "vary"),
     [("excavator_20t", ("linkages",)), ("mini_excavator_2t", ("cylinder.bucket",))],
@@ -149,6 +150,7 @@ def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) ->
     assert improve_by_slsqp(search).merit < search.merit + 1e-4
 
 
+@pytest.mark.slow
 def test_seeds_agree_where_four_bars_move() -> None:
     """20 t machine on a coarse grid: whatever is drawn, to 0.05 %."""
     problem = coarse("excavator_20t", ("cylinder.bucket",))

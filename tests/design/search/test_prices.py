@@ -19,6 +19,7 @@ from tests.design.designs import MACHINES, problem_of, solved, workspace_of
 from tests.design.requirements.shared import EVERYTHING
 
 
+@pytest.mark.slow
 def test_a_design_meets_everything_at_once() -> None:
     """Optimised, rounded, written, read and judged: all met, some bind, in words."""
     machine = MACHINES["excavator"]()
@@ -75,6 +76,7 @@ LEAST_PRICE = {  # settings with the limit relaxed by a factor k − 1, and wher
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_is_what_relaxing_buys(case: str) -> None:
     """The multiplier against solving again with the limit relaxed by 0.05 % (times 20): first
@@ -91,6 +93,7 @@ def test_worth_is_what_relaxing_buys(case: str) -> None:
     assert worth == pytest.approx(gain, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", LEAST_PRICE)
 def test_worth_of_all_of_one_percent(case: str) -> None:
     """Against solving again with 1 % more: limits and stiffness bend over it, 5 %; never above the

@@ -37,6 +37,7 @@ def changed(design: ad.design.optimum.Design) -> dict[str, Any]:  # type: ignore
     return {key: value for key, value in after.items() if value != before[key]}
 
 
+@pytest.mark.slow
 def test_only_sizes_and_pins_change_and_lie_on_the_grid() -> None:
     keys = {"bore_mm", "rod_mm", "stroke_mm", "closed_length_mm", "base.at_mm", "rod_end.at_mm"}
     found = changed(excavator_design())

@@ -72,6 +72,7 @@ def by_adaptation(problem: Problem, low: np.ndarray, high: np.ndarray, generatio
     return float(strategy.result.fbest)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [by_evolution, by_adaptation])
 @pytest.mark.parametrize(("name", "generations"), [("single", 40), ("double", 20)])
 def test_never_worse_than_a_global_method(
@@ -92,6 +93,7 @@ def test_never_worse_than_a_global_method(
     assert -found > 1.1  # it did find something
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "vary"),
     [
@@ -146,6 +148,7 @@ def test_excavator_gains_a_third() -> None:
     assert len(design.starts) == 3
 
 
+@pytest.mark.slow
 def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
     """tests/reference_planar.py reads the saved files itself: worst frequency to 1e-5, every
     requirement it knows.
@@ -169,6 +172,7 @@ def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
         assert value > limit - 0.02
 
 
+@pytest.mark.slow
 def test_same_seed_same_machine() -> None:
     machine = named("excavator_20t")
     again = ad.optimize(machine, Workspace.grid(machine, points=POINTS))
@@ -216,6 +220,7 @@ RELAXED: dict[
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RELAXED)
 def test_worth_is_what_solving_again_says(name: str) -> None:
     """Sizes and pins: the whole 1 %, 5 %; pins far apart are nearly as good, so the optimum moves
@@ -239,6 +244,7 @@ def test_worth_is_what_solving_again_says(name: str) -> None:
 # --------------------------------------------------------------------------------- sets of designs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -297,6 +303,7 @@ def test_optimum_is_that_of_the_machine_it_describes() -> None:
 # ------------------------------------------------------------------------------- bad and odd input
 
 
+@pytest.mark.slow
 def test_no_design() -> None:
     machine, space = MACHINES["excavator"](), workspace_of("excavator")
     for setting, word in (
@@ -329,6 +336,7 @@ def test_a_missed_requirement_is_repaired() -> None:
     assert design.slacks["holding.boom"] < 0.01
 
 
+@pytest.mark.slow
 def test_the_most_loaded_pose_is_found_wherever_it_is() -> None:
     """3 t in the bucket: holding binds at a corner of the workspace, which a regular share of its
     poses skips.
@@ -339,6 +347,7 @@ def test_the_most_loaded_pose_is_found_wherever_it_is() -> None:
     assert design.unrounded > 1.25 * design.before.frame["f1_hz"].min()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -231,6 +231,7 @@ def test_a_value_that_cannot_be_is_refused_with_its_key(path: str) -> None:
             assert re.search("give|add", message), message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", [path for path in DIFFERENT if isinstance(_kind(path), int | float)]
 )
@@ -251,6 +252,7 @@ def test_numbers_of_the_wrong_size(path: str) -> None:
             assert "give a number in" in message or "whole number in" in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [path for path in paths() if path.endswith("at_mm")])
 def test_pins_anywhere(path: str) -> None:
     for value in (
@@ -745,6 +747,7 @@ def asked(path: Path, use: str) -> str:
     return ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SMALL)
 @pytest.mark.parametrize("what", ["toml", "urdf"])
 def test_random_damage(
@@ -823,6 +826,7 @@ def test_a_link_of_no_length(joint: str) -> None:
     assert not message or re.search("never within|does not close|opens|dead centre", message)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ["1e30", "-1e30", "1e300", "1e-30", "1e-300"])
 def test_one_number_of_the_urdf_absurd(number: str) -> None:
     """Each number in its turn: too large a one is refused with joint or link and attribute, a

@@ -61,6 +61,7 @@ def check(errors: list[np.ndarray], deviations: list[np.ndarray]) -> None:
     assert np.all((relative > 0.4) & (relative < 1.9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("zeta", "neighbours", "drift", "noise"),
     [
@@ -91,6 +92,7 @@ def test_sweeps_with_a_mode_outside_the_band(
     check(errors, deviations)
 
 
+@pytest.mark.slow
 def test_a_narrow_band_beside_a_mode_as_damped() -> None:
     """0.75 to 1.2 Hz, ζ = 0.3, a neighbour at 1.3 Hz, noise of 10 %: one mode looks as likely as
     two.
@@ -142,6 +144,7 @@ def test_responses_with_a_mode_outside_the_lines() -> None:
     check(errors, deviations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", [0.0, 0.6])
 @pytest.mark.parametrize(("zeta", "noise"), [(0.01, 0.1), (0.1, 0.05), (0.3, 0.01)])
 def test_decays_under_white_and_coloured_noise(zeta: float, noise: float, colour: float) -> None:
@@ -162,6 +165,7 @@ def test_decays_under_white_and_coloured_noise(zeta: float, noise: float, colour
     check(errors, deviations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "noise", "colour"),
     [

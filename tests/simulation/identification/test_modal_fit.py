@@ -94,6 +94,7 @@ def test_faults() -> None:
         identify_forced_response(*record([(1.0, 8.0, 1.0)], 16), BAND, modes=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["record", "response"])
 def test_one_sigma_holds_68_percent(way: str) -> None:
     """Monte Carlo, 100 noisy records: within ± one deviation lies the normal law's share, ± 3

@@ -55,6 +55,7 @@ def test_faults_of_decays() -> None:
         identify_ringdown(time, np.exp(-time) + 0.2 * np.exp(-3 * time))
 
 
+@pytest.mark.slow
 def test_one_sigma_of_a_decay_holds_68_percent() -> None:
     """Monte Carlo, 300 records of two modes in two answers: the normal law's shares, ± 3 binomial
     deviations.
@@ -79,6 +80,7 @@ def test_one_sigma_of_a_decay_holds_68_percent() -> None:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "modes"), [("paper_1dof", 1), ("excavator_20t", 3), ("slewing", 4)]
 )

@@ -253,6 +253,7 @@ def said(process: subprocess.Popen[str]) -> list[str]:
     return out.split()
 
 
+@pytest.mark.slow
 def test_two_processes_compile_at_once(tmp_path: Path) -> None:
     """For different types, of which a later one finds both, each its own."""
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -343,6 +343,7 @@ def test_leakage_across_behind_a_load_holding_valve(excavator: Machine) -> None:
     assert np.ptp(run.q, axis=0).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["cap", "annulus"])
 @pytest.mark.parametrize("payload", ["full", "empty"])
 def test_underlap_with_a_load_holding_valve(excavator: Machine, side: str, payload: str) -> None:

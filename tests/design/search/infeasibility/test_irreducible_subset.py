@@ -153,6 +153,7 @@ def test_three_by_hand() -> None:
         assert found[name].alone == pytest.approx(share * found[name].limit, rel=0.02)
 
 
+@pytest.mark.slow
 def test_pins_in_a_conflict() -> None:
     """Areas and pins: with 2 % more than the oil alone must give there is a design, with 2 % less
     none.
@@ -258,6 +259,7 @@ def asked_at_random(machine: Machine, seed: int) -> Requirements:
     return replace(Requirements.of(machine), **found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "vary", "seed"), RANDOM)
 def test_granting_what_a_conflict_says_gives_a_design(
     name: str, vary: tuple[str, ...], seed: int
