@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # a core for each process, before numpy starts
+
 import signal
 from collections.abc import Sequence
 from pathlib import Path

@@ -68,6 +68,7 @@ def test_its_head_is_its_own_story(design: ad.Design) -> None:
     assert design.machine.text.startswith("#:schema ./machine.schema.json\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["crane", "excavator_20t"])
 def test_each_changed_line_says_what_it_was(name: str, design: ad.Design) -> None:
     """Lines that differ, read as TOML once more with what they say they were, give today's file

@@ -211,6 +211,7 @@ def test_no_sample_within_the_bands_is_worse() -> None:
     assert min(found) < 1.1 * low, "samples come near the worst, or this says nothing"
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_bands_of_the_file() -> None:
     """In the file or given; without either there is no such sheet."""
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")

@@ -134,6 +134,7 @@ def test_places_out_of_reach_are_blank() -> None:
     assert np.isfinite(cells).sum() == len(found.frame)
 
 
+@pytest.mark.slow
 def test_no_pose_with_all_joints_but_two_at_an_end_lies_below_its_cell() -> None:
     """Brute force on the faces of a box of four joints, where slivers of cells are lowest.
 

@@ -150,6 +150,7 @@ def test_keys_of_a_file(
         assert r"own.toml: \x1b[2J\x9b: unknown key" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bo_om^2", "$x", "$a_{$", "a$b$c", "[red]x[/red]", "x\x9by"])
 def test_names_of_joints_are_no_formulas(name: str, tmp_path: Path) -> None:
     """XML holds C1 characters; `$a_{$` is a formula that cannot be drawn."""

@@ -2,7 +2,7 @@
 
 To add one, say a largest rod speed (two files, about fifteen lines):
 
-1. ``machine/file/requirements_schema.py``: its key with its default, ``rod_speed_mm_per_s = None``.
+1. ``machine/file/requirements_schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
 2. The file of its family here (``speeds.py``): a field with its meaning,
    ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
 3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a

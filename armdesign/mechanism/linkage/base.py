@@ -85,8 +85,8 @@ class Linkage(Drive):
 
     1. A subclass in a file of its own: fields, class attributes, ``rod_end_from`` and, where they
        apply, ``observer``, ``closes``, ``fault``, ``transmission``; its name in ``kinds.py``.
-    2. Its table in ``machine/file/schema.py``, in ``CylinderSection`` under its ``key``: a pin for each
-       of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
+    2. Its table in ``machine/file/schema.py``, in ``CylinderSection`` under its ``key``: a pin for
+       each of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
        ``machine/file/json_schema.py`` describes them to editors.
     3. To simulate it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
     """

@@ -141,6 +141,7 @@ def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str,
     holds(posed(name, tuple(word.format(cylinder.name) for word in vary)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["bore", "rod"])
 def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     """The bore alone, its rod fixed, had a bound of 0 Hz: near what is found, and not above that

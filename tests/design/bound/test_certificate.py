@@ -151,6 +151,7 @@ def brute_force(problem: Problem) -> float:
     return hertz(zoomed_best(worst, low, high, points=13, levels=12, shrink=0.6)[0])
 
 
+@pytest.mark.slow
 def test_one_cylinder_against_brute_force() -> None:
     """The paper's mechanism: 13⁴ pins a level say where the global optimum is; the bound lies
     above it by < 0.6 %.
@@ -319,6 +320,7 @@ def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
     assert found.frequency >= hertz(search.squared)
 
 
+@pytest.mark.slow
 def test_no_bound_where_joints_are_shared() -> None:
     """Several cylinders on every joint share its load."""
     single, machine = problem_of("single"), redundant()

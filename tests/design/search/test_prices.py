@@ -109,6 +109,7 @@ def test_worth_of_all_of_one_percent(case: str) -> None:
     assert sum(worth.gain for worth in priced) == pytest.approx(gain, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [case for case in LEAST_PRICE if LEAST_PRICE[case][0] == ("areas",)]
 )

@@ -179,6 +179,7 @@ def test_same_seed_same_machine() -> None:
     assert again.machine.text == excavator_design().machine.text
 
 
+@pytest.mark.slow
 def test_gain_of_more_oil_is_its_worth() -> None:
     """Envelope theorem, against solving again with 0.2 % more oil (times five).
 
@@ -321,6 +322,7 @@ def test_unknown_freedom(vary: tuple[str, ...]) -> None:
         ad.optimize(MACHINES["double"](), workspace_of("double"), vary=vary)
 
 
+@pytest.mark.slow
 def test_a_missed_requirement_is_repaired() -> None:
     """Today's boom cylinders carry 53 % of what the supply holds; at most 52 % is asked: that
     comes first.

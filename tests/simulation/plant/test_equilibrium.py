@@ -426,6 +426,7 @@ def nearest_balance(machine: Machine, actuator: Actuator, index: int, force: flo
     return least / l_per_min
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["excavator_20t", "excavator_12t", "mini_excavator_2t", "loader_crane"]
 )
