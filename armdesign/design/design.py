@@ -257,14 +257,14 @@ class Design:
         names, (here, there) = slacks(
             self.machine, both, self.today, self.workspace, self.requirements, loads
         )
-        hang = {
+        dependent = {
             name for name, slack, other in zip(names, here, there, strict=True) if slack != other
         }
-        return sorted((c for c in self.checks if c.name in hang), key=lambda c: c.slack)
+        return sorted((c for c in self.checks if c.name in dependent), key=lambda c: c.slack)
 
     @property
     def sentences(self) -> list[str]:
-        """What binds and what relaxing it by 1 % would buy, in plain words, the dearest first."""
+        """Binding requirements and their prices as sentences, the dearest first."""
         return [
             c.sentence(self.prices[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding
         ]

@@ -133,7 +133,7 @@ class Check(Requirement):
 
         And the gain ``at_margin``, of the first of that 1 %, where that is clearly more.
         """
-        bound, eased = ("at least", "1 % less") if self.at_least else ("at most", "1 % more")
+        bound = "at least" if self.at_least else "at most"
         limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
         soon = (
             f" ({100 * at_margin:.2g} % at the margin: then another limit binds)"
@@ -142,7 +142,7 @@ class Check(Requirement):
         )
         return (
             f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
-            f"{eased} would buy {100 * worth:.2g} % of frequency{soon}"
+            f"relaxed by 1 % the frequency rises by {100 * worth:.2g} %{soon}"
         )
 
 

@@ -14,7 +14,7 @@ def test_sentence() -> None:
     )
     words = (
         "flow of up (speed.up) binds: it is 429 l/min, at most 429 l/min is allowed; "
-        "1 % more would buy 0.8 % of frequency"
+        "relaxed by 1 % the frequency rises by 0.8 %"
     )
     assert held.sentence(0.00801, 0.00802, WORKSHOP) == words
     assert (
@@ -22,4 +22,4 @@ def test_sentence() -> None:
         == words + " (2.1 % at the margin: then another limit binds)"
     )
     least = replace(held, at_least=True, unit="kg", value=500.0, limit=500.0)
-    assert "at least 500 kg is allowed; 1 % less would buy" in least.sentence(0.01, 0.01, WORKSHOP)
+    assert "at least 500 kg is allowed; relaxed by 1 %" in least.sentence(0.01, 0.01, WORKSHOP)
