@@ -35,7 +35,7 @@ def test_a_design_meets_everything_at_once() -> None:
     assert len(design.sentences) == len(design.binding) > 0
     first = design.binding[0]
     assert design.sentences[0].startswith(f"{first.words} ({first.name}) binds: it is ")
-    assert design.sentences[0].endswith("% of frequency")
+    assert design.sentences[0].endswith("%")
 
 
 def _square(size: float) -> tuple[tuple[float, float], ...]:
