@@ -72,8 +72,7 @@ class InfeasibleError(ArmDesignError):
     Attributes:
         conflict: requirements that cannot be met together, though without any one of them the
             others can; of several such sets that have nothing in common all, see
-            ``Concession.part``. What each gives ``together`` is enough for a design, if all of
-            them give it.
+            ``Concession.part``. If each is relaxed by its ``together``, there is a design.
     """
 
     def __init__(

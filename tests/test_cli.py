@@ -181,7 +181,7 @@ def test_robust_is_for_the_bands_of_the_file(
         made = ad.size_cylinders(machine, space, bands=bands, catalogue="5mm" if more else None)
         assert found.section == made.machine.section
     assert f"{worst:.3f} Hz" in printed
-    assert "the new machine was designed for the least" in printed
+    assert "the new machine was designed for the lowest" in printed
 
 
 @pytest.mark.parametrize("command", ["optimize", "design", "pareto"])

@@ -34,6 +34,7 @@ from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
+from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 from armdesign.units import WORKSHOP
 
@@ -53,8 +54,8 @@ class Design:
         prices: for each requirement, the relative gain in the worst frequency from relaxing it by
             1 %, solved again from the optimum; requirements that one setting states are relaxed
             together and share the gain.
-        at_margin: the gain per 1 % that the first of it buys (the multiplier), before another
-            limit is met.
+        at_margin: the gain per 1 % for a small relaxation (the multiplier), before another limit
+            is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within
             the bands that it was made for [Hz].
         starts: worst frequency that each start of the search reached [Hz], without those that
@@ -123,12 +124,12 @@ class Design:
 
     @property
     def worth(self) -> dict[str, float]:
-        """``prices``, by the name that they had."""
+        """Former name of ``prices``."""
         return self.prices
 
     @property
     def catalogue(self) -> bool:
-        """Whether bores and rods are those of a catalogue."""
+        """Whether bores and rods come from a catalogue."""
         return bool(self.problem.sizes)
 
     @cached_property
@@ -185,7 +186,7 @@ class Design:
 
     @cached_property
     def certificate(self) -> Bound | None:
-        """What no design of this kind can exceed, and what that assumes.
+        """Upper bound on the frequency of all designs of this kind, with its assumptions.
 
         Where pins vary it takes seconds to find.
 
@@ -247,12 +248,12 @@ class Design:
 
     @property
     def tightest(self) -> list[Check]:
-        """Requirements that depend on the areas, that of least slack first.
+        """Requirements that depend on the areas, the one with the least slack first.
 
         They count where sizes come in steps.
         """
         loads = static_loads(self.machine, self.workspace)
-        areas = np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
+        areas = areas_of(self.machine.actuators)
         both = np.stack([areas, SMALLER * areas])
         names, (here, there) = slacks(
             self.machine, both, self.today, self.workspace, self.requirements, loads
@@ -305,9 +306,9 @@ def optimize(
             any size on the 0.1 mm grid. From the best free sizes one cylinder after the other
             takes a size of the catalogue while the rest follows; then the best sizes for the pins
             and the best pins for the sizes are found in turn, and one size after the other is
-            taken anew, until nothing is better. ``bound`` is that of free sizes and pins; where no
-            pin varies, that of the catalogue. A bore or rod that does not vary stays: then only
-            pairs that have it are offered.
+            chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
+            pin varies, for sizes of the catalogue. A bore or rod that does not vary stays: then
+            only pairs that have it are offered.
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from

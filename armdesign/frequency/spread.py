@@ -23,8 +23,6 @@ from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 
-Ends = tuple[int | None, ...]  # of each joint 0 (lower end), 1 (upper end) or None (in between)
-
 
 def edge_poses(
     machine: Machine, ranges: Array, count: int

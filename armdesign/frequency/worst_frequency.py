@@ -1,7 +1,7 @@
-"""The worst frequency over all poses and load cases: on the poses of a workspace and between.
+"""The worst frequency over all poses and load cases, at the poses of a workspace and between them.
 
-``worst_frequency`` takes the lowest of the poses as they are; ``refined`` starts a local search
-from the lowest of them, and finds the worst pose off the grid too.
+``worst_frequency`` compares only the poses of the workspace; ``refined`` searches locally from the
+lowest of them too, so it may return a worse pose off the grid.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WorstPose:
-    """Where the lowest coupled natural frequency [Hz] of a map is, off the grid.
+    """The pose with the lowest coupled natural frequency [Hz] of a map, on the grid or off it.
 
     Attributes:
         q: joint positions (nq,) [rad, m].
@@ -83,11 +83,11 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
     machine, workspace, q = case.machine, case.workspace, case.workspace.q[case.exists]
     best_q, best = q[frequency.argmin()], float(frequency.min())
     for start in _distinct_minima(workspace, q, frequency):
-        found = _descend(machine, workspace, start)
-        if found is not None:
-            value = float(lowest_frequency(machine.at(found))[0])
+        minimum = _descend(machine, workspace, start)
+        if minimum is not None:
+            value = float(lowest_frequency(machine.at(minimum))[0])
             if value < best:
-                best_q, best = found, value
+                best_q, best = minimum, value
     poses = machine.at(best_q)
     share = energy_shares(poses, natural_modes(poses))[0, 0]
     return WorstPose(
@@ -112,7 +112,7 @@ def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[A
 
 
 def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | None:
-    """Local minimum of the lowest frequency in the workspace (SLSQP); None if it leaves it."""
+    """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace."""
     from scipy.optimize import minimize
 
     low, high = workspace.ranges.T
@@ -143,13 +143,13 @@ def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | No
         method="SLSQP",
         options={"maxiter": 60, "ftol": 1e-10},
     )
-    return _inside(machine, workspace, np.clip(low + result.x * span, low, high))
+    return _in_workspace(machine, workspace, np.clip(low + result.x * span, low, high))
 
 
-def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
-    """The pose, put back exactly onto a pitch limit that it oversteps by a hair.
+def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
+    """The pose if it lies in the workspace, else None.
 
-    None if it is not in the workspace.
+    A pose slightly beyond a pitch limit is first moved exactly onto it.
     """
     rigid = machine.arm.kinematics(q[None])
     payload = machine.payload
@@ -166,7 +166,7 @@ def _inside(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
         ]
         q = near[0] if near else q
     within = _in_box(q, workspace) and bool(machine.holds(q)[0])
-    # ends of stroke are those of the machine whose workspace it is
+    # end stops belong to the machine of the workspace, not to this one
     return (
         q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
     )

@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
+from armdesign.arrays import Array
 from armdesign.hydraulics.chamber_pressures import preloaded_pressures
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
@@ -221,3 +225,8 @@ class Motor(Actuator):
         """Oil trapped on either side [m³], the same at every angle."""
         any_angle = 0.0 * extension
         return self.cap_dead_volume + any_angle, self.annulus_dead_volume + any_angle
+
+
+def areas_of(actuators: Iterable[Actuator]) -> Array:
+    """Bore and annulus area of each actuator, all in parallel together (nc, 2) [m², m³/rad]."""
+    return np.array([[one.bore_area, one.annulus_area] for one in actuators])

@@ -1,1 +1,1 @@
-"""What ``armdesign check`` says of a machine file: faults, oddities, what it amounts to."""
+"""Output of ``armdesign check``: faults of a file, implausible values, machine properties."""

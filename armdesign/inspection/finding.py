@@ -1,4 +1,4 @@
-"""What an inspection finds: a part of a machine, and what looks odd about it."""
+"""A finding of an inspection: a part of a machine, and why its value is implausible."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something worth a second look: a key path or part, and what about it."""
+    """An implausible value: its key path or part, and the reason in words."""
 
     part: str
     words: str

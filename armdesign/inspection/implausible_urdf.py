@@ -22,7 +22,7 @@ def of_urdf(reference: Reference) -> Iterator[Finding]:
     """Lengths in mm, angles in degrees, masses and inertias that do not go together."""
     section, urdf = reference.machine.section, reference.urdf
     if reference.in_millimetres:
-        words = "its lengths look like millimetres beside those of the cylinders: divide them by"
+        words = "its lengths look like millimetres beside the cylinders' lengths: divide them by"
         yield Finding(part=section.urdf, words=f"{words} 1000")
     for element in (*urdf.findall("joint"), *urdf.findall("link")):
         for origin in element.iter("origin"):
@@ -55,8 +55,8 @@ def _of_inertias(reference: Reference) -> Iterator[Finding]:
             drawn = radius / 1e3 > 0.02 * size
             cause = "the inertia like kg mm²" if drawn else "the mass like t"
             words = (
-                f"an inertia of {largest:g} kg m² of {m:g} kg is that of a body of"
-                f" {2 * radius:.3g} m beside a link of {size:.3g} m; {cause}"
+                f"an inertia of {largest:g} kg m² at {m:g} kg fits a body of"
+                f" {2 * radius:.3g} m, but the link has {size:.3g} m; {cause}"
             )
             yield Finding(part=f"link {name}", words=f"{words} (line {line_of(inertia)})")
 

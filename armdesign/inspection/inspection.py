@@ -1,7 +1,7 @@
-"""What a machine file amounts to: ranges, reach, moment arms, pressures, and what looks odd.
+"""Properties of a machine: ranges, reach, moment arms, pressures, and implausible values.
 
-``inspect`` looks at a machine as a designer would. Findings are no errors: they are numbers worth
-a second look. What makes a file unusable is in ``file_faults``.
+``inspect`` looks at a machine as a designer would. Findings are not errors but numbers that should
+be checked. Faults that make a file unusable are in ``file_faults``.
 """
 
 from __future__ import annotations

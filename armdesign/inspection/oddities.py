@@ -1,4 +1,4 @@
-"""Numbers of a machine worth a second look: what a designer who looked at them would ask about."""
+"""Implausible results of a machine: numbers that a designer would question."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
 """Why a joint has no range, or only part of one: a wrong unit, axis or limit.
 
 Each cause is tried: the range is worked out again with the axis reversed, with limits taken as
-degrees, with one length or pin taken as metres. A cause is named where the strokes then fit the
-limits of the URDF, and do not as it stands.
+degrees, with one length or pin taken as metres. A cause is named if the strokes fit the limits of
+the URDF with this correction, and do not fit them without it.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,7 @@ from armdesign.units import deg, mm
 
 Own = list[tuple[Linkage, Cylinder]]  # what moves one joint alone
 MENDS = 0.3  # fit of strokes and limits that is enough for a cause of what cannot be used at all
-# and for lengths in centimetres or inches: so near to what stands there, that others may fit as
-# well
+# and for lengths in centimetres or inches, so near to millimetres that they may fit by chance
 BY_CHANCE = 0.8
 ODD, FITS = 0.85, 0.97  # the fit that is enough beside one below ODD
 ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
@@ -36,7 +35,7 @@ LENGTHS = {"stroke_mm": ("stroke",), "closed_length_mm": ("closed_length",)}
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """What would mend a joint, as it looks, and what to write.
+    """Likely cause of a missing or doubtful joint range, and what to write instead.
 
     ``path`` is a key path, or "axis", "limits", "urdf" of the URDF; ``least`` is the fit that it
     takes to be believed.
@@ -50,7 +49,7 @@ class Cause:
 
     @property
     def in_urdf(self) -> bool:
-        """Whether it is the URDF's."""
+        """Whether the fault is in the URDF."""
         return self.path in ("axis", "limits", "urdf")
 
 
@@ -117,7 +116,7 @@ def _of_all_lengths(arm: Arm, own: Own) -> Cause:
     places = [link.translation for link in arm.links.values()]
     places += [joint.translation for joint in arm.joints]
     if max(float(np.linalg.norm(place)) for place in places) > LARGEST_ARM:
-        words = "its lengths look like millimetres beside those of the cylinders"
+        words = "its lengths look like millimetres beside the cylinders' lengths"
         remedy = "a URDF is in metres: divide its lengths by 1000"
         return Cause(path="urdf", words=words, remedy=remedy)
     words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
@@ -154,6 +153,12 @@ def _scaled(
     return linkage, cylinder
 
 
+def _in_mm(values: list[float]) -> str:
+    """Lengths [m] as a file has them in mm: one number, or several in brackets."""
+    text = ", ".join(rounded(value / mm) for value in values)
+    return f"[{text}]" if len(values) > 1 else text
+
+
 def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -> Cause:
     """The cause that lengths or pins of cylinders are in another unit."""
     rewritten: list[tuple[str, str, str]] = []
@@ -165,8 +170,7 @@ def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -
             path = f"{path}.{name}"
         else:
             values, path = linkage.place(name) or (), f"{path}.{linkage.key_of(name)}"
-        show: Callable[[float], str] = lambda x: ", ".join(rounded(x * v / mm) for v in values)  # noqa: B023, E731
-        now, then = (f"[{show(x)}]" if len(values) > 1 else show(x) for x in (1.0, factor))
+        now, then = (_in_mm([x * value for value in values]) for x in (1.0, factor))
         rewritten.append((path, now, then))
     first = rewritten[0][0]
     looks = "looks" if len(rewritten) == 1 else "look"

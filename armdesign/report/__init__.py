@@ -1,1 +1,1 @@
-"""What a person reads: tables, in the terminal and on one page."""
+"""Tables for the reader, in the terminal and on one page."""

@@ -45,7 +45,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     robust = design.problem.dynamics.bands != Bands()
     notes = [
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
-        *(["in the worst case of the bands"] if robust else []),
+        *(["all that follows: in the worst case of the bands"] if robust else []),
         f"before rounding {design.unrounded:.3f} Hz",
     ]
     title = design.today.section.title or design.today.name
@@ -81,7 +81,7 @@ def _bound(design: Design) -> str:
 
 
 def _least(below: float | None) -> str:
-    """That a smaller amount is not enough; empty where that was not asked for or is not proved."""
+    """Note that no smaller amount is enough; empty if not asked for or not proved."""
     if below is None or math.isinf(below):
         return ""
     if below > 0:
@@ -120,10 +120,10 @@ def _bands(design: Design) -> Sheet:
         low, high = (100 * air for air in design.bands.air)
         notes.append(f"entrained air {low:g} to {high:g} %")
     robust = design.problem.dynamics.bands != Bands()
-    designed = "; the new machine was designed for the least" if robust else ""
+    designed = "; the new machine was designed for the lowest" if robust else ""
     return Sheet(
         title="Worst frequency within the bands of uncertainty",
-        columns=("", "least", "at file values", "greatest"),
+        columns=("", "lowest", "at file values", "highest"),
         rows=tuple(rows),
         note=f"{', '.join(notes)}; at the poses of the workspace{designed}",
         bold=(1,),
@@ -164,7 +164,7 @@ def _sizes(design: Design, units: Units) -> Sheet:
 
 
 def _pin(pin: Pin | None, units: Units) -> str:
-    """Its x and z; nothing where there is none."""
+    """Coordinates x and z of a pin; empty if there is none."""
     return f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else ""
 
 
@@ -185,7 +185,8 @@ def _binding(design: Design, units: Units) -> Sheet:
         rows=tuple(rows) or (("none", "", "", ""),),
         note=(
             f"all {len(design.checks)} requirements are met by the new machine as read from its"
-            f" file; requirements of one setting are relaxed together and share the gain{fixed}"
+            f" file; requirements with a common setting are relaxed together and share the"
+            f" gain{fixed}"
         ),
     )
 
@@ -243,7 +244,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
         *digs * ["digging"],
     ]
     quantities = "oil, largest thrust, least digging torque and f² × speed"
-    each = "; oil of one cylinder's side at most 1.1 × the limit" if front.against == "oil" else ""
+    each = "; oil of each cylinder side at most 1.1 × the limit" if front.against == "oil" else ""
     return Sheet(
         title=(
             f"{front.today.section.title or front.today.name}: worst natural frequency against"

@@ -86,7 +86,7 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
         else ""
     )
     return Sheet(
-        title="Masses", columns=("what", "mass [kg]", "where"), rows=tuple(rows), note=note
+        title="Masses", columns=("part", "mass [kg]", "where"), rows=tuple(rows), note=note
     )
 
 

@@ -80,7 +80,7 @@ def _rest_note(frequencies: FrequencyMap) -> str:
     if left and abs(modes[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""
     return (
-        "the stiffness of oil with air depends on pressure, here that of the static load; flow"
+        "the stiffness of oil with air depends on pressure, here the static pressure; flow"
         f" through valves that leak or have an underlap ({', '.join(leaking)}) changes it: the"
         " worst pose then " + (f"has {modes[0]:.3f} Hz" if left else "is overdamped")
     )

@@ -41,8 +41,8 @@ HELD = 4.0  # a case whose steps are held short is stiff when they are this much
 LANDING = 8  # steps that growing again after a breakpoint may take
 STABLE = 0.8  # ω h at which no undamped oscillation grows (the limit is 0.95), whatever its error
 NOT_FINITE = (
-    "the rates beyond are no numbers: a four-bar has opened, or numbers grew without bound, or a"
-    " command is none"
+    "the rates beyond are not finite: a four-bar has opened, a state grew without bound, or a"
+    " command is not a number"
 )
 NO_LIMIT = "the rates grow, or jump again and again, whatever the step"
 TOO_MANY = "more than"
@@ -213,7 +213,7 @@ class _Stepper:
             self._go_on()
 
     def _go_on(self) -> None:
-        """What has come to a breakpoint enters the next stretch, what is stuck gives up."""
+        """Let cases at a breakpoint enter their next stretch, and end those that are stuck."""
         at = self.rows
         halted = [row for row in self.under_way() if at.step[row] == 0]
         landed = [row for row in halted if at.time[row] == at.stop[row]]

@@ -1,4 +1,4 @@
-"""Sweeps of a validation: what each one is of, its result, and what to think of its deviation."""
+"""Sweeps of a validation: pose and mode, the result, and a remark on the cause of a deviation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armdesign.simulation.identification.modal_fit import ModalFit
 
 AGREES = 0.005  # relative deviation
 BALANCED = 1e-3  # relative error of a run's energy balance that its integration may leave
-SHRINKS = 0.75  # of a deviation at full amplitude: so much at most is left of it at half
+SHRINKS = 0.75  # largest deviation at half amplitude, over full, that counts as shrinking
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,24 +57,23 @@ class Run(Sweep):
 
     Attributes:
         fit: the response, measured and fitted.
-        found: which of the fit's modes it is.
-        peak: where the plain spectrum of the speed is highest near the mode [Hz]. It has the bias
-            of short sweeps, see ``sweep_bias``, and of the modes beside it: to be known, not to
-            be used.
+        fitted_mode: index of this mode among the modes of the fit.
+        peak: where the plain spectrum of the speed is highest near the mode [Hz]. For comparison
+            only: short sweeps (see ``sweep_bias``) and neighbouring modes bias it.
         mean: mean pose during the sweep (nq,).
         span: largest less smallest joint position during it (nq,).
         energy_error: of the run's energy balance, see ``Simulation.energy_error``.
-        remark: what to think of the deviation: "energy" if the run's balance does not close;
-            "agrees"; "creep" if oil leaks away that no spool position makes up for; "leaks" if
-            that from ``frequency_at_rest`` is small, or shrinks with the amplitude while this does
-            not; "amplitude" if this shrinks; else "fault"; "not repeated" if the other amplitude's
-            run failed.
+        remark: likely cause of the deviation: "energy" if the run's energy balance does not close;
+            "agrees" if it is small; "creep" if oil leaks away that no spool position makes up for;
+            "leaks" if the deviation from ``frequency_at_rest`` is small, or alone shrinks with the
+            amplitude; "amplitude" if the deviation shrinks with the amplitude; else "fault"; "not
+            repeated" if the other amplitude's run failed.
         with_friction: the same sweep of the machine with its dry friction, which no linear answer
             knows; None where it has none.
     """
 
     fit: ModalFit
-    found: int
+    fitted_mode: int
     peak: float
     mean: Array
     span: Array
@@ -85,12 +84,12 @@ class Run(Sweep):
     @property
     def identified_frequency(self) -> float:
         """Natural frequency of the fit [Hz]."""
-        return float(self.fit.natural_frequencies[self.found])
+        return float(self.fit.natural_frequencies[self.fitted_mode])
 
     @property
     def identified_damping(self) -> float:
         """Damping ratio of the fit."""
-        return float(self.fit.damping_ratios[self.found])
+        return float(self.fit.damping_ratios[self.fitted_mode])
 
     @property
     def deviation(self) -> float:
@@ -113,7 +112,8 @@ def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[R
     """Full and half amplitude with remarks on their deviations.
 
     Args:
-        group: full and half amplitude without dry friction; with it, if any, which are put beside.
+        group: full and half amplitude without dry friction; then both with it, if there is any,
+            which become ``with_friction``.
         creeps: oil leaks that no spool position makes up for.
     """
     smooth, rough = group[:2], group[2:] or (None, None)

@@ -112,8 +112,8 @@ class Validation:
         return {
             "peak_hz": run.peak,
             "energy_error": run.energy_error,
-            "identified_hz_sigma": float(run.fit.frequency_deviations[run.found]),
-            "identified_damping_sigma": float(run.fit.damping_deviations[run.found]),
+            "identified_hz_sigma": float(run.fit.frequency_deviations[run.fitted_mode]),
+            "identified_damping_sigma": float(run.fit.damping_deviations[run.fitted_mode]),
             **{f"{joint}_mean": mean for joint, mean in means},
             **{f"{joint}_span": span for joint, span in spans},
         }
@@ -280,7 +280,7 @@ class PlannedSweep:
         return Run(
             **sweep,
             fit=fit,
-            found=int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target))),
+            fitted_mode=int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target))),
             peak=peak,
             mean=motion.q.mean(axis=0),
             span=np.ptp(motion.q, axis=0),

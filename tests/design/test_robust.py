@@ -232,6 +232,6 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
     robust = design_sheets(
         ad.optimize(stated, workspace, vary=("areas",), bands=ad.Bands.of(stated))
     )
-    assert "; in the worst case of the bands; before rounding" in robust[0].note
-    assert robust[-1].note.endswith("; the new machine was designed for the least")
+    assert ": in the worst case of the bands; before rounding" in robust[0].note
+    assert robust[-1].note.endswith("; the new machine was designed for the lowest")
     assert "bands" not in design_sheets(ad.size_cylinders(machine, workspace))[-1].title

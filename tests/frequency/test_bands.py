@@ -121,7 +121,7 @@ def test_bands_are_read_from_the_file(excavator: ad.Machine) -> None:
 FAULTS = [
     (
         "bulk_modulus_share = [1.2, 0.8]",
-        r"bands\.bulk_modulus_share: \[1\.2, 0\.8\] is upside down; give \[lower, upper\]",
+        r"bands\.bulk_modulus_share: \[1\.2, 0\.8\] is in the wrong order; give \[lower, upper\]",
     ),
     (
         "payload_share = [0, 1]",

@@ -182,7 +182,7 @@ def test_a_urdf_in_millimetres(name: str) -> None:
             return
         message = f"{findings(made)[0].part}: {findings(made)[0].words}"
     assert message.startswith(
-        f"{machine.section.urdf}: its lengths look like millimetres beside those of the cylinders"
+        f"{machine.section.urdf}: its lengths look like millimetres beside the cylinders' lengths"
     )
 
 

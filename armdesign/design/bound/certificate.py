@@ -4,7 +4,7 @@ The lowest ω² of a design is at most a sum of terms, one per cylinder, for any
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
 enclosed from above by branch and bound on intervals (``branch_and_bound``), which no local optimum
 can fool. Every round of better multipliers gives a bound; the lowest counts. What remains of the
-gap is that of duality: between designs and their mixtures.
+gap is the duality gap between designs and their mixtures.
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
 at, and a stiffer arm.

@@ -40,7 +40,7 @@ class Cells:
     bound: Array
     volume: Array
     added: Array
-    source: Array  # (m,) index among the cells that were asked for
+    source: Array  # (m,) index among the cells passed to ``CylinderTerm.upper``
 
     def __getitem__(self, rows: Array) -> Cells:
         return Cells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
@@ -56,12 +56,12 @@ class Air:
     pull: Array
 
     def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
-        """Bulk moduli of cap and annulus over that of oil alone (m, 1, n), at most.
+        """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
 
         For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
         2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
         """
-        found = []
+        ratios = []
         for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
             volume = least[:, own, None]
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -71,13 +71,13 @@ class Air:
                 bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
                 / self.fluid.bulk_modulus
             )
-            found.append(beta[:, None])
-        return found[0], found[1]
+            ratios.append(beta[:, None])
+        return ratios[0], ratios[1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CylinderTerm:
-    """The function to be maximised: weights at the shape's angles, prices of the swept volumes."""
+    """The term to be maximised: weights at the shape's angles, prices of the swept volumes."""
 
     shape: Shape
     limits: CylinderConstraints
@@ -141,28 +141,28 @@ class CylinderTerm:
         """Largest bulk moduli of both chambers over oil's alone, over volumes (m, 5, 2)."""
         if self.air is None:
             return 1.0, 1.0
-        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
+        rate = _least_rate(e)
         return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
 
     def _by_volume(self, e: Enclosure, volume: Array) -> Array:
         """What the ends of each volume (m, 2) add through the pressure of air, roughly."""
         assert self.air is not None
-        rate = np.minimum(np.abs(e.rate.low), np.abs(e.rate.high))
+        rate = _least_rate(e)
         least, most = volume.min(axis=1), volume.max(axis=1)
-        square, found = (e.rate.high**2) @ self.weight, []
+        square, added = (e.rate.high**2) @ self.weight, []
         for side in (0, 1):
             soft, stiff = (
                 self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
             )
-            found.append(square * most[:, side] * (stiff - soft).max(axis=1))
-        return np.stack(found, axis=1)
+            added.append(square * most[:, side] * (stiff - soft).max(axis=1))
+        return np.stack(added, axis=1)
 
     def _added(
         self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags
     ) -> Array:
         """What each axis of a cell adds to its bound (m, 3), roughly.
 
-        B and scale also by what the limits leave to v.
+        Including how b and scale change the volumes that the limits allow.
         """
         value = np.abs(
             self._value(e.centre, volume[:, None], np.zeros_like(volume), (1.0, 1.0))[:, 0]
@@ -219,7 +219,7 @@ class CylinderTerm:
     def slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
         """Largest absolute derivatives by b (m, 5, 2) over the cells, at swept volumes (m, 5, 2).
 
-        Where they hold.
+        And where they hold.
         """
         place, rate = e.place[:, None], e.rate[:, None]
         springs, changes, known = [], [], e.wide.whole[:, None]
@@ -236,11 +236,16 @@ class CylinderTerm:
         by_rate = rate * (springs[0] + springs[1]) * (2 * self.weight)
         by_place = rate.square() * (changes[1] - changes[0]) * self.weight
         bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)  # whatever G is
-        found = []
+        by_b = []
         for k in (0, 1):
             oil = (
                 by_rate * e.wide.rate_slope[:, None, :, k]
                 + by_place * e.wide.place_slope[:, None, :, k]
             )
-            found.append((oil.sum(axis=2) - bend[:, None, k]).size)
-        return np.stack(found, axis=2), known
+            by_b.append((oil.sum(axis=2) - bend[:, None, k]).size)
+        return np.stack(by_b, axis=2), known
+
+
+def _least_rate(e: Enclosure) -> Array:
+    """Smallest |ρ| at the ends of the enclosed rates (m, n)."""
+    return np.asarray(np.minimum(np.abs(e.rate.low), np.abs(e.rate.high)))

@@ -9,6 +9,9 @@ Where a joint has a cylinder of its own, K_j is gravity's part, which no design 
 diagonal whose entry there, k r² − g H/r, depends on that cylinder alone. So the maximum over x
 falls apart.
 
+The budget is what ``requirements/oil.py`` allows of all cylinders;
+``test_no_random_design_exceeds_the_bound`` ties the two.
+
 Own masses that depend on x: let λ0 ≥ 0 and M_j0 be inertia without them, Y_j = L_j⁻ᵀ Z_j L_j⁻¹.
 Where λ(x) ≥ λ0,
 
@@ -134,7 +137,7 @@ class LagrangianDual:
         return cls(problem, some, bars, loads, near, watched, reference, rows, columns, pool)
 
     @cached_property
-    def _budget(self) -> tuple[float, Array]:
+    def budget(self) -> tuple[float, Array]:
         """Oil that may be swept, over today's; and today's (2,) [m³]."""
         strokes = np.array([c.stroke for c in self.problem.machine.cylinders])
         swept = strokes @ self.problem.vector.areas_today[: len(strokes)]
@@ -146,9 +149,9 @@ class LagrangianDual:
         """Multipliers at which no design of the pool and no watched row would change much."""
         for _ in range(ROUNDS):
             multipliers = self.multipliers()
-            worth, best = self._best_of_pool(multipliers)
+            of_pool, best = self._best_of_pool(multipliers)
             lowest = self._take_rows(multipliers)
-            if worth < multipliers.mixed + AGREED and lowest > multipliers.mixed - AGREED:
+            if of_pool < multipliers.mixed + AGREED and lowest > multipliers.mixed - AGREED:
                 break
             self._take(multipliers, best)
         return multipliers
@@ -162,7 +165,7 @@ class LagrangianDual:
         z[trace < NEGLIGIBLE * trace.sum()] = 0.0
         total = np.trace(z, axis1=1, axis2=2).sum()
         z, oil = z / total, step.multipliers[:2] / total
-        budget, today = self._budget
+        budget, today = self.budget
         weight = np.swapaxes(inverse, 1, 2) @ z @ inverse / self.reference
         pick = self._pick(self.rows)
         return Multipliers(
@@ -185,7 +188,7 @@ class LagrangianDual:
 
         Shares ≥ 0 sum to one for each drive.
         """
-        count, nd, (budget, today) = len(self.columns), len(self.drives), self._budget
+        count, nd, (budget, today) = len(self.columns), len(self.drives), self.budget
         slopes, whole, oil = (
             np.zeros((COLUMNS, *base.shape)),
             np.zeros((nd, COLUMNS)),
@@ -222,11 +225,11 @@ class LagrangianDual:
 
     def _diagonals(self, columns: Columns, rows: Array) -> Array:
         """Entry k r² − g H/r of K (c, n) that each column makes at rows, over the reference."""
-        found = np.empty((len(columns), len(rows)))
+        entries = np.empty((len(columns), len(rows)))
         for k, d in enumerate(self.drives):
-            mine = np.flatnonzero(columns.drive == k)
+            own = np.flatnonzero(columns.drive == k)
             angles, back = np.unique(d.angle[rows], return_inverse=True)
-            b, (cap, annulus) = columns.design[mine, :2], columns.volume[mine].T[:, :, None]
+            b, (cap, annulus) = columns.design[own, :2], columns.volume[own].T[:, :, None]
             e = d.shape.at(angles).enclose(b, b).centre
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
             beta, gravity = (
@@ -235,14 +238,14 @@ class LagrangianDual:
             )
             stiff: Stiffening = (1.0, 1.0)
             if air := self._air(d, interval(gravity)):
-                both = columns.volume[mine]
+                both = columns.volume[own]
                 cap_side, annulus_side = air.stiffening(np.abs(rate), both, both)
                 stiff = cap_side[:, 0], annulus_side[:, 0]
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
             filled = cap * place + dead[0], annulus * (1 - place) + dead[1]
             oil = stiff[0] * cap**2 / filled[0] + stiff[1] * annulus**2 / filled[1]
-            found[mine] = beta * rate**2 * oil - gravity * bend
-        return found / self.reference
+            entries[own] = beta * rate**2 * oil - gravity * bend
+        return entries / self.reference
 
     def _air(self, drive: SoleDrive, gravity: Interval) -> Air | None:
         """What air makes of a drive's oil under torques (n,) [N m]; None without air."""
@@ -277,9 +280,9 @@ class LagrangianDual:
         )
 
     def _take_rows(self, multipliers: Multipliers) -> float:
-        """Let the rows enter at which the mixture is lowest, for those of least weight.
+        """Replace rows of least weight by rows where the mixture is lowest.
 
-        And how low that is.
+        Returns the lowest ω² of the mixture over the reference.
         """
         inverse, base = self.scaled_bases(self.watched)
         mixed = base + np.einsum(
@@ -294,7 +297,7 @@ class LagrangianDual:
         return float(lowest.min())
 
     def _take(self, multipliers: Multipliers, new: Columns) -> None:
-        """New columns, for those of least share where there are too many."""
+        """Add columns; where there are too many, those of least share go."""
         kept = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - len(new)]
         self.columns = joined(self.columns[kept], new)
 
@@ -312,7 +315,7 @@ class LagrangianDual:
 
     def terms(self, multipliers: Multipliers) -> list[CylinderTerm]:
         """Each drive's part of the upper bound at these multipliers."""
-        found, beta = [], self.problem.machine.fluid.bulk_modulus
+        terms, beta = [], self.problem.machine.fluid.bulk_modulus
         gravity, mass_terms = self._gravity(multipliers.rows), dict(self._mass_terms(multipliers))
         for k, d in enumerate(self.drives):
             own = np.flatnonzero(multipliers.weight[:, k, k] > 0)
@@ -328,7 +331,7 @@ class LagrangianDual:
             np.add.at(weight, back + 2, beta * given)
             np.add.at(least, back + 2, given * torque.low)
             np.add.at(most, back + 2, given * torque.high)
-            found.append(
+            terms.append(
                 CylinderTerm(
                     shape=d.shape.at(angles),
                     limits=d.limits,
@@ -341,7 +344,7 @@ class LagrangianDual:
                     own=mass_terms.get(d.cylinder, (0.0, 0.0))[:2],
                 )
             )
-        return found
+        return terms
 
     def _gravity(self, rows: Array) -> Interval:
         """Gravity torques (n, nq) at rows, whatever the design [N m]."""
@@ -367,8 +370,8 @@ class LagrangianDual:
     def bound(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> float:
         """The upper bound on ω² over the reference by the maxima of all terms.
 
-        Infinite where a share has none, or no design at all: one is at hand, so something is not
-        known.
+        Infinite where a maximum is not finite. That no design of a cylinder is allowed (−∞) counts
+        as unknown too, since one allowed design is at hand.
         """
         driven = {d.cylinder for d in self.drives}
         mass_terms = [(i, added) for i, added in self._mass_terms(multipliers) if i not in driven]
@@ -378,8 +381,8 @@ class LagrangianDual:
             for i, added in mass_terms
             if i == bar.cylinder
         )
-        found = (multipliers.constant + held + sum(m.upper for m in maxima)) / multipliers.light
-        return max(self.near, found) if math.isfinite(found) else math.inf
+        squared = (multipliers.constant + held + sum(m.upper for m in maxima)) / multipliers.light
+        return max(self.near, squared) if math.isfinite(squared) else math.inf
 
     def maxima(self, multipliers: Multipliers, tolerance: float) -> list[Maximum]:
         """The most that each term can be, all together to within a tolerance."""

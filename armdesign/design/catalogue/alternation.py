@@ -53,7 +53,7 @@ def sizes_and_pins(
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
     Where no design was found that meets all requirements, with free sizes or without, the search
-    misses some: what they must give is then asked of sizes of the catalogue, which need more than
+    misses some: their relaxation is then sought with sizes of the catalogue, which need more than
     free ones.
 
     Raises:

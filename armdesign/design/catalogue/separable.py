@@ -1,4 +1,4 @@
-"""Sizes that each cylinder may have, and what they leave of every requirement.
+"""Sizes that each cylinder may have, and the slack that they leave in every requirement.
 
 With pins given and as many actuators as joints, static forces do not depend on the sizes. Then
 every requirement is of one cylinder (thrust, holding, buckling), or a sum over the cylinders
@@ -39,11 +39,11 @@ from armdesign.design.search.infeasibility.concessions import (
 )
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
 
 PROBES = 40  # random combinations on which requirements must be sums
-TOUCHED = 1e-12  # a slack that moves less depends on other things
+TOUCHED = 1e-12  # a slack that changes less does not depend on the sizes
 BATCH = 500  # combinations judged at a time
 OTHERWISE = " or offer other sizes"
 
@@ -60,13 +60,13 @@ class Judge:
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the requirements (m)."""
+        """Names of the requirements (m)."""
         return self._judged(self.own)[0]
 
     @cached_property
     def own(self) -> Array:
         """Areas of the placed machine (1, nc, 2) [m², of a motor m³/rad]."""
-        return np.array([[[f.bore_area, f.annulus_area] for f in self.placed.actuators]])
+        return areas_of(self.placed.actuators)[None]
 
     def slacks(self, areas: Array) -> Array:
         """Slack (b, m) of every requirement at areas (b, nc, 2).
@@ -83,10 +83,8 @@ class Judge:
 
     @cached_property
     def limits(self) -> Requirements:
-        """The requirements, the pin box that of today's workspace."""
-        return replace(
-            self.requirements, pin_box=self.requirements.box(self.today, self.workspace)
-        )
+        """The requirements with the pin box of today's workspace."""
+        return self.requirements.with_box(self.today, self.workspace)
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
@@ -103,8 +101,7 @@ class AllowedSizes:
             combination is allowed at ≥ 0.
         changes: of every actuator, what each of its cylinders changes on them (sizes, m).
         judge: of all requirements.
-        touched: requirements that depend on the sizes, by their number: those that ``meets``
-            looks at.
+        touched: indices of the requirements that depend on the sizes, which ``meets`` judges.
     """
 
     cylinders: tuple[tuple[Cylinder, ...], ...]
@@ -195,11 +192,11 @@ def allowed_sizes(
 
 def _areas(cylinders: Sequence[Cylinder]) -> Array:
     """Areas of cylinders (sizes, 2) [m²]."""
-    return np.array([[c.bore_area, c.annulus_area] for c in cylinders])
+    return areas_of(cylinders)
 
 
 def _allowed(judge: Judge, cylinders: list[list[Cylinder]]) -> AllowedSizes:
-    """What is left of the cylinders when each meets the requirements of its own."""
+    """The cylinders that meet all requirements of their own, and the shared requirements."""
     areas = [_areas(sizes) for sizes in cylinders]
     (slack,), changes = judge.slacks(judge.own), []
     for i, own in enumerate(areas):
@@ -245,7 +242,7 @@ def _not_sums(judge: Judge, slack: Array, areas: list[Array], changes: list[Arra
 def _refusal(
     judge: Judge, cylinders: Sequence[Sequence[Cylinder]], sums: SlackSums
 ) -> InfeasibleError:
-    """The error that names requirements that exclude each other, and what they must give."""
+    """The error that names requirements that exclude each other, and their least relaxation."""
     every = np.flatnonzero(sums.touched.any(axis=0))
     subsets = disjoint_subsets(sums, every)
     columns = np.concatenate(subsets)
@@ -282,5 +279,5 @@ def _checks(
 
 
 def _missed(c: Check) -> float:
-    """By how much, in its unit."""
+    """Amount by which a requirement is missed, in its unit; 0 if it is met."""
     return abs(c.value - c.limit) if c.slack < 0 else 0.0

@@ -1,6 +1,9 @@
 """The convex relaxation of the constraints on areas: what every allowed choice of areas meets.
 
-It bounds what any sizes can reach (``Search.upper_bound``).
+It bounds what any sizes can reach (``bound/given_pins.py``). Buckling, stated by
+``requirements/strength.py``, is not convex in the areas and is stated again here, as a chord;
+``tests/design/program/test_constraints.py`` and ``tests/design/search/test_semidefinite.py`` tie
+the two.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from armdesign.design.program.moving_masses import MovingMasses, masses, with_ma
 from armdesign.design.program.variables import Variable, variables
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.workspace import Workspace
+from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
@@ -134,7 +135,7 @@ class DesignVector:
     @cached_property
     def areas_today(self) -> Array:
         """Areas of today's machine (nc, 2) [m², of a motor m³/rad]."""
-        return np.array([[f.bore_area, f.annulus_area] for f in self.machine.actuators])
+        return areas_of(self.machine.actuators)
 
     def areas(self, x: Array) -> Array:
         """Bore and annulus area of all parallel actuators (nc, 2) [m², of a motor m³/rad]."""

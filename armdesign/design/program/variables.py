@@ -1,4 +1,4 @@
-"""What a design may vary: words and key paths of the machine file become the entries of x.
+"""Design variables: words and key paths of the machine file become the entries of x.
 
 ``areas`` are all bores and rods; ``pins`` the base and rod-end pins; ``linkages`` those and all of
 the four-bars. A key path names one thing or all below it: ``cylinder.boom``,

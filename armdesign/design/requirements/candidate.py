@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
@@ -76,7 +77,7 @@ class Candidate(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What requirements refer to: today's machine, its joint ranges at ``samples`` poses, limits.
+    """Reference of the requirements: today's machine, joint ranges at ``samples`` poses, limits.
 
     ``today`` has today's cylinders under the supply of the machine that is judged.
     """
@@ -113,7 +114,7 @@ class MachineCandidate:
     @cached_property
     def areas(self) -> Array:
         """Bore and annulus of every actuator (1, nc, 2) [m²]."""
-        return np.array([[[f.bore_area, f.annulus_area] for f in self.machine.actuators]])
+        return areas_of(self.machine.actuators)[None]
 
     @cached_property
     def closed(self) -> Array:

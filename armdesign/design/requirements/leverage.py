@@ -1,4 +1,4 @@
-"""What pins make of a cylinder's force: moment arms, digging torque, transmission angles."""
+"""Leverage of a cylinder by its pins: moment arms, digging torque, transmission angles."""
 
 from __future__ import annotations
 

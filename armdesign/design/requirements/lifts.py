@@ -13,6 +13,7 @@ from armdesign.design.requirements.candidate import Candidate, Reference, unload
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries
 from armdesign.errors import ArmDesignError
+from armdesign.hydraulics.actuator import areas_of
 from armdesign.hydraulics.chamber_pressures import holding_force
 from armdesign.machine.file.requirements_schema import LiftSection
 from armdesign.machine.machine import Machine
@@ -188,7 +189,7 @@ def _torque(machine: Machine, lift: Lift, rigid: RigidPoses) -> Array:
 
 def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) -> Array:
     """Mass (n,) [kg] that the weakest cylinder of a machine lifts."""
-    areas = np.array([[f.bore_area, f.annulus_area] for f in machine.actuators])
+    areas = areas_of(machine.actuators)
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     bare, per_mass = (
         static_forces(arms, load, areas[:, 0]) for load in (unloaded(machine, rigid), torque)

@@ -128,38 +128,38 @@ class Check(Requirement):
         value = float(evaluation.value[0, worst].real)
         return cls(**evaluation.identity, value=value, slack=float(slack[worst]))
 
-    def sentence(self, worth: float, at_margin: float, units: Units) -> str:
-        """That it binds, and the relative gain in frequency per 1 % of relaxation, ``worth``.
+    def sentence(self, gain: float, at_margin: float, units: Units) -> str:
+        """Statement that it binds, with the relative frequency ``gain`` of a 1 % relaxation.
 
-        And the gain ``at_margin``, of the first of that 1 %, where that is clearly more.
+        And the gain ``at_margin`` per 1 %, for a small relaxation, where it is clearly larger.
         """
         bound = "at least" if self.at_least else "at most"
         limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
         soon = (
             f" ({100 * at_margin:.2g} % at the margin: then another limit binds)"
-            if at_margin > 1.2 * worth
+            if at_margin > 1.2 * gain
             else ""
         )
         return (
             f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
-            f"relaxed by 1 % the frequency rises by {100 * worth:.2g} %{soon}"
+            f"relaxed by 1 % the frequency rises by {100 * gain:.2g} %{soon}"
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Concession(Requirement):
-    """What one requirement of a conflict must give, in its unit.
+    """Amount by which one requirement of a conflict must be relaxed, in its unit.
 
     Attributes:
-        together: what it gives where all of the conflict give so that the largest share is least,
-            with what rounding to a drawing's grid or a catalogue's sizes takes; 0 where it stands
-            in the way and need not, or cannot, give.
-        alone: what it gives where no other of its part does; None where that does not help.
-        part: which of several conflicts that have nothing in common it belongs to; all of them
-            must give.
-        value: of the setting that gives what is needed together, in the key's unit, as a factor
-            for speeds; None where it gives nothing. ``Requirements.granting`` makes requirements
-            of the values of a conflict.
+        together: amount if all requirements of the conflict are relaxed, so that the largest share
+            is least, rounding to a drawing's grid or a catalogue's sizes included; 0 where it is
+            in conflict but need not, or cannot, be relaxed.
+        alone: amount if no other of its part is relaxed; None where that does not help.
+        part: number of the conflict that it belongs to, of several without a common requirement;
+            each of them must be relaxed.
+        value: of the setting that relaxes it by ``together``, in the key's unit, as a factor for
+            speeds; None where it is not relaxed. ``Requirements.granting`` makes requirements of
+            the values of a conflict.
     """
 
     together: float

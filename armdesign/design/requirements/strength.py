@@ -1,4 +1,4 @@
-"""What a cylinder can be built and loaded for: thrust, dead length, buckling of its rod."""
+"""Strength and build of a cylinder: thrust, dead length, buckling of its rod."""
 
 from __future__ import annotations
 

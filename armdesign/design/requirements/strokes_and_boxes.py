@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -52,6 +52,10 @@ class PinBoxes:
         return float(
             0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max()
         )
+
+    def with_box(self, machine: Machine, workspace: Any) -> Self:
+        """The requirements with this workspace's pin box stated, whichever workspace is judged."""
+        return replace(self, pin_box=self.box(machine, workspace))
 
     def box_of(self, cylinder: str, pin: str, common: float) -> float:
         """How far the coordinates of one pin may move [m]; ``common`` where it has no own box."""

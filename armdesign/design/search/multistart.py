@@ -60,7 +60,7 @@ def formulate(
 
 @dataclass(frozen=True)
 class Starts:
-    """What the starts of a search came to.
+    """Results of all starts of a search.
 
     Attributes:
         reached: worst frequencies [Hz] where all requirements are met.
@@ -79,11 +79,11 @@ class Starts:
 
 
 def _failure(search: Search) -> str:
-    """Why a search ended in no design, in words; empty where it did in one."""
+    """Reason why a search ended without a design; empty if it found one."""
     if missed := search.missed:
         more = f" and {len(missed) - NAMED} more" if len(missed) > NAMED else ""
-        return f"no way found to meet {', '.join(missed[:NAMED])}{more}"
-    return "" if search.squared > 0 else "the arm gives way at its worst pose (ω² ≤ 0)"
+        return f"the search did not meet {', '.join(missed[:NAMED])}{more}"
+    return "" if search.squared > 0 else "the arm is unstable at its worst pose (ω² ≤ 0)"
 
 
 def multistart(
@@ -91,9 +91,9 @@ def multistart(
 ) -> tuple[Search, Starts]:
     """The best of several starts, run to its end; and what each start came to.
 
-    They are the one ``given``, if any, today's machine and random pins; as many as told, or more
-    where four-bars move. Every start is followed roughly; those that come near the best are run
-    to their end, along what bends too.
+    Starts are the design ``given``, if any, today's machine and random pins, ``starts`` in all
+    (None: ``STARTS``, or ``BENDING`` where four-bars move). Every start is searched roughly; those
+    that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
     searches = _follow_all(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
@@ -151,9 +151,9 @@ def _follow_all(searches: list[Search], workers: int, **settings: Any) -> list[S
 
 
 def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
-    """Run a search; first along what bends, if ``curved`` and nothing is in its way.
+    """Run a search; with SLSQP before it if ``curved`` and the requirements are nearly met.
 
-    In turn, where four-bars move.
+    Where four-bars move the two are repeated in turn.
     """
     for _ in range(CURVED_ROUNDS if curved and search.problem.vector.moves_within else 1):
         search.look()
@@ -169,6 +169,6 @@ def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 def _outcome(
     problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
 ) -> dict[str, Any]:
-    """What one process tells another of a search: all that changed, without the problem."""
+    """Result of ``follow`` to send between processes: the fields that changed, not the problem."""
     search = follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
     return {name: getattr(search, name) for name in ("x", "rows", "holding", "reference")}

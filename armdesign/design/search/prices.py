@@ -33,8 +33,8 @@ class Price:
     """Relative gain in the worst frequency from relaxing a requirement by 1 %.
 
     Attributes:
-        at_margin: what the first of it buys, per 1 %.
-        gain: what all of it buys.
+        at_margin: gain per 1 % for a small relaxation.
+        gain: of the whole 1 %.
     """
 
     at_margin: float

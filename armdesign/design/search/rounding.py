@@ -27,13 +27,13 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands, worst_within
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import worst_frequency
-from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
 
-COMBINATIONS = 128  # of rounded bores and rods that are tried,
-ENUMERATED = 20_000  # the nearest of so many,
-CHECKED = 5  # the best that pass a first check on the whole workspace
+COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
+ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
+CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
 RETUNED = 4  # times each, with more in reserve each time
@@ -110,7 +110,7 @@ def inmost_machine(search: Search) -> CheckedMachine | None:
 
 
 def nearest_misses(search: Search) -> list[Check]:
-    """The requirements that the sizes on the grid that miss least miss."""
+    """The requirements missed by the combination of sizes on the grid that misses least."""
     problem = search.problem
     placed, loads = _placed(search, problem.workspace)
     limits = _with_box(problem)
@@ -135,7 +135,7 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
 def _hardly_gained(search: Search) -> bool:
     """Whether today's machine is allowed and the optimum less than 1 % above it.
 
-    Rounding may cost as much.
+    Rounding may then cost more than the gain.
     """
     problem = search.problem
     if problem.sizes:  # today's machine need not be in the catalogue
@@ -149,12 +149,10 @@ def _hardly_gained(search: Search) -> bool:
 
 
 def _retuned(search: Search) -> Iterator[Machine]:
-    """Machines with bores and rods on the grid and pins tuned again for them.
+    """Machines with bores and rods on the grid and pins tuned for them, most promising first.
 
-    For the most promising sizes.
-
-    Sizes a little off cost next to nothing where the pins may follow. What pins and strokes on the
-    grid then miss a limit by is kept in reserve, and the pins are tuned once more.
+    Rounding the sizes costs almost nothing if the pins may follow. If pins and strokes on the grid
+    then miss a limit, that amount is kept in reserve and the pins are tuned once more.
     """
     problem = search.problem
     if not problem.vector.moving:
@@ -263,9 +261,8 @@ def _sized(problem: Problem, placed: Machine, sizes: Sequence[float]) -> Machine
 
 
 def _with_box(problem: Problem) -> Requirements:
-    """The requirements with the pin box of today's workspace, for any other."""
-    box = problem.requirements.box(problem.machine, problem.workspace)
-    return replace(problem.requirements, pin_box=box)
+    """The requirements with the pin box of today's workspace, for use on any other."""
+    return problem.requirements.with_box(problem.machine, problem.workspace)
 
 
 def _light_workspace(search: Search) -> Workspace:
@@ -278,9 +275,9 @@ def _light_workspace(search: Search) -> Workspace:
 
 
 def _options(search: Search) -> tuple[list[list[float]], list[float]]:
-    """What bore and rod of every cylinder, in a row, may be, and what they are [mm].
+    """Candidates for every bore and rod, in a row, and the sizes of the optimum [mm].
 
-    Sizes of a catalogue stay what they are.
+    Sizes of a catalogue are the only candidates.
     """
     problem = search.problem
     if problem.sizes:
@@ -321,6 +318,6 @@ def _resized(machine: Machine, sizes: Sequence[float]) -> tuple[Cylinder, ...]:
 
 def _with_sizes(problem: Problem, x: Array, cylinders: Sequence[Cylinder]) -> Array:
     """The design x with the areas of cylinders."""
-    areas = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
+    areas = areas_of(cylinders)
     areas = areas / problem.vector.areas_today[: len(cylinders)]
     return np.concatenate([areas.ravel(), x[areas.size :]])

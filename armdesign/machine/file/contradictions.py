@@ -56,7 +56,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
-            problem = f"[{band[0]:g}, {band[1]:g}] is upside down"
+            problem = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
             yield f"bands.{key}", problem, "give [lower, upper]"
     yield from _of_requirements(machine)
 
@@ -96,7 +96,7 @@ def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
             problem = f"[{low:g}, {high:g}] deg is empty"
             yield f"{path}.pitch_deg", problem, "give [lower, upper] within one turn"
         if payload.link is None:
-            yield f"{path}.link", "missing: the pitch is that of a link", "add link"
+            yield f"{path}.link", "missing: pitch_deg needs a link", "add link"
 
 
 def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:

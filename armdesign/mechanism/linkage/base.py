@@ -1,4 +1,4 @@
-"""What every linkage has: length, moment arm and its derivative, from the motion of its rod end.
+"""Base of all linkages: length, moment arm and its derivative, from the motion of the rod end.
 
 ℓ(q) is the distance between base pin B and rod end P; its derivatives are the moment arm
 r = ∂ℓ/∂q and the moment-arm derivative H = ∂²ℓ/∂q². All is seen from one link, the observer; any
@@ -76,7 +76,7 @@ class Drive(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Linkage(Drive):
-    """What joins a cylinder to the links: a base pin on a link, and a rod end somewhere.
+    """Connection of a cylinder to the links: a base pin on a link, and a rod end somewhere.
 
     What a design may move is named by a place: a pin with three coordinates in its link, or a bar
     with one, its length. A place is a field of that name.

@@ -129,10 +129,10 @@ class Answer:
         modes: number of modes.
         ratio: λ.
         covariance: of the modes' ω and ζ (2 modes, 2 modes).
-        noise: share of noise in it; what is missing are the residual terms.
+        noise: part of the covariance that noise causes; the residual terms cause the other part.
         evidence: its logarithm.
         numerators: of all poles (m, 4 or 2).
-        rest: what all poles leave of the output (2k,).
+        remainder: output less the response of all poles (2k,).
     """
 
     poles: Array
@@ -142,18 +142,18 @@ class Answer:
     noise: Array
     evidence: float
     numerators: Array
-    rest: Array
+    remainder: Array
 
     def spectra(self, lines: Lines, s: Array) -> tuple[Array, Array]:
         """Response and what the ends add (·,) at any s, with the likeliest residual terms."""
         _, size, v = lines.residual_terms
-        found = (
+        stacked = (
             self.ratio
             * size
             / (1 + self.ratio * size**2)
-            * (lines.residual_terms[0].T @ self.rest)
+            * (lines.residual_terms[0].T @ self.remainder)
         ) @ v
-        halves = np.split(found, 2)
+        halves = np.split(stacked, 2)
         coefficients = np.split(halves[0] + 1j * halves[1], 2 if lines.ends else 1)
         terms, fractions, b = lines.terms(s), _fractions(self.poles, s), self.numerators
         response = terms @ coefficients[0] + fractions @ b[:, 0] + s * (fractions @ b[:, 1])
@@ -176,22 +176,22 @@ def answers(lines: Lines, starts: Array) -> tuple[list[Answer], Array]:
         lines: spectra.
         starts: ω and ζ from which the search starts (·, modes, 2).
     """
-    modes, found = starts.shape[1], list[Answer]()
+    modes, likely = starts.shape[1], list[Answer]()
     low, high = lines.edges
     below, above = low / NEIGHBOUR, high * NEIGHBOUR
     for neighbours in ((), (above,), (below,), (below, above)):
         unknowns = (modes + len(neighbours)) * (2 + lines.inputs.shape[1])
         if neighbours and len(lines.observed) < EQUATIONS * unknowns:
             continue
-        if len(neighbours) == 2 and len(max(found, key=_evidence).poles) == modes:
-            continue  # two are of no use where one is of none
-        best = max(map(_evidence, found), default=-math.inf)
-        first = max(_coarse(lines, starts, neighbours, found), key=_evidence)
+        if len(neighbours) == 2 and len(max(likely, key=_evidence).poles) == modes:
+            continue  # where one neighbour does not help, two do not either
+        best = max(map(_evidence, likely), default=-math.inf)
+        first = max(_coarse(lines, starts, neighbours, likely), key=_evidence)
         if first.evidence > best - 2 * NEGLIGIBLE / TEMPER:
-            found += _ladder(lines, first, best)
-    evidence = TEMPER * np.array([one.evidence for one in found])
+            likely += _over_ratios(lines, first, best)
+    evidence = TEMPER * np.array([one.evidence for one in likely])
     weights = np.exp(evidence - evidence.max())
-    return found, weights / weights.sum()
+    return likely, weights / weights.sum()
 
 
 def _evidence(answer: Answer) -> float:
@@ -216,18 +216,18 @@ def _coarse(
     return coarse
 
 
-def _ladder(lines: Lines, first: Answer, best: float) -> list[Answer]:
-    """Answers for larger and smaller λ, until they are negligible."""
-    rung = min(max(round(math.log10(first.ratio)), DECADES[0]), DECADES[1])
-    found = [_Regression(lines, 10.0**rung, first.modes).answer(first.poles)]
-    for way in (range(rung + 1, DECADES[1] + 1), range(rung - 1, DECADES[0] - 1, -1)):
-        last = found[0]
+def _over_ratios(lines: Lines, first: Answer, best: float) -> list[Answer]:
+    """Answers for larger and smaller λ, decade by decade, until they are negligible."""
+    decade = min(max(round(math.log10(first.ratio)), DECADES[0]), DECADES[1])
+    fitted = [_Regression(lines, 10.0**decade, first.modes).answer(first.poles)]
+    for way in (range(decade + 1, DECADES[1] + 1), range(decade - 1, DECADES[0] - 1, -1)):
+        last = fitted[0]
         for k in way:
             last = _Regression(lines, 10.0**k, first.modes).answer(last.poles)
-            found.append(last)
-            if last.evidence < max(best, *map(_evidence, found)) - NEGLIGIBLE / TEMPER:
+            fitted.append(last)
+            if last.evidence < max(best, *map(_evidence, fitted)) - NEGLIGIBLE / TEMPER:
                 break
-    return found
+    return fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +244,9 @@ class _Eliminated:
 
     @cached_property
     def numerators(self) -> Array:
-        """Of the columns of size one."""
+        """Numerators for the columns scaled to size one."""
         diagonal = np.diag(self.triangle)
-        # columns that are as good as one
+        # columns that nearly coincide
         repaired = self.triangle + np.diag(1e-13 * (np.abs(diagonal) < 1e-13))
         return np.linalg.solve(repaired, self.share)
 
@@ -278,7 +278,7 @@ class _Regression:
         )
 
     def eliminated(self, poles: Array) -> _Eliminated:
-        """The numerators."""
+        """Numerators for given poles, and what they leave of the output."""
         q = _fractions(poles, self.lines.s)
         columns = (q[:, :, None] * self.lines.inputs[:, None, :]).reshape(len(q), -1)
         rows = real(columns)
@@ -353,7 +353,7 @@ class _Regression:
             noise=tails * (gain.T @ gain)[np.ix_(kept, kept)],
             evidence=self._likelihood(now, slopes, variance, spare),
             numerators=(now.numerators / now.sizes).reshape(len(poles), -1)[order],
-            rest=self.lines.observed - real(now.columns) @ now.numerators,
+            remainder=self.lines.observed - real(now.columns) @ now.numerators,
         )
 
     def _likelihood(self, now: _Eliminated, slopes: Array, variance: float, spare: int) -> float:

@@ -201,7 +201,7 @@ def test_any_prices_give_a_bound(seed: int) -> None:
     root = random.normal(size=base.shape)
     z = root @ np.swapaxes(root, 1, 2)
     z /= np.trace(z, axis1=1, axis2=2).sum()
-    oil, (budget, today) = random.uniform(0, 2, 2), dual._budget
+    oil, (budget, today) = random.uniform(0, 2, 2), dual.budget
     multipliers = Multipliers(
         rows=dual.rows,
         weight=np.swapaxes(inverse, 1, 2) @ z @ inverse / dual.reference,

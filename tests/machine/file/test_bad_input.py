@@ -307,7 +307,7 @@ CASES: list[tuple[str, Any, str]] = [
     (
         "payload.empty",
         {"mass_kg": 0, "pitch_deg": [0, 10]},
-        r"payload\.empty\.link: missing: the pitch is that of",
+        r"payload\.empty\.link: missing: pitch_deg needs a link",
     ),
     (
         "payload",

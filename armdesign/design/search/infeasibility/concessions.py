@@ -20,14 +20,14 @@ def concessions(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
 ) -> tuple[Concession, ...]:
-    """What the requirements of conflicts give, with the settings that grant it.
+    """Amounts by which requirements in conflict are relaxed, with the settings that do it.
 
     Args:
         requirements: that are in conflict.
         subsets: names of the requirements of every irreducible infeasible subset.
         of: the requirements by their names.
-        amounts: that they give together, where they give something.
-        alone: what each gives where no other of its subset does.
+        amounts: by which they are relaxed together, of those that are.
+        alone: amount of each where no other of its subset is relaxed.
     """
     values: dict[str, float] = {}
     for name, amount in amounts.items():
@@ -105,7 +105,7 @@ def nearest_error(
     otherwise: str = "",
     kind: type[InfeasibleError] = InfeasibleError,
 ) -> InfeasibleError:
-    """The error that says by what the nearest of some designs misses requirements."""
+    """The error with the amounts by which the nearest of some designs misses requirements."""
     words = " and ".join(f"{_with_limit(c)} by {_amount(c)}" for c in missed)
     problem = f"{none_meets}{f': the nearest misses {words}' if words else ''}"
     return kind(machine, problem, f"relax them{_settings(missed)}{otherwise}", tuple(missed))

@@ -27,7 +27,7 @@ SUBSETS = 8  # that are looked for
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """By how much requirements give, in their units, and a design that then meets all."""
+    """Amounts by which requirements are relaxed, in their units; a design that then meets all."""
 
     conditions: dict[str, Evaluation]
     amounts: dict[str, float]
@@ -97,9 +97,9 @@ class ConflictSearch(ElasticProgramme):
     def least_relaxation(
         self, subsets: Sequence[Sequence[str]], near: Array | None = None
     ) -> Relaxation | None:
-        """The least by which the requirements of subsets give, those of a subset alike.
+        """The least relaxation of the requirements of subsets, equal shares within a subset.
 
-        None if that does not help. What no setting states, like a dead length, gives nothing. It
+        None if that does not help. What no setting states, like a dead length, is not relaxed. It
         is sought from several starts, fewer if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}

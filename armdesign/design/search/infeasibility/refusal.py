@@ -1,8 +1,8 @@
-"""Refusals: why no design can be written, and what relaxation is enough, tried before it is said.
+"""Refusals: why no design can be written, and a relaxation that was tried and is enough.
 
-Conflicts are looked for with limits drawn in by what rounding takes. What they must give is
-granted, a design is sought and rounded near the one that misses least; where that fails, a little
-more is granted.
+Conflicts are sought with limits tightened by what rounding takes. The requirements are relaxed,
+and a design is sought and rounded near the one that misses least; where that fails, they are
+relaxed a little more.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class _Conflict:
 
     @property
     def exists(self) -> bool:
-        """Whether something must give."""
+        """Whether a requirement has to be relaxed."""
         return bool(self.subsets) and not (self.relaxation and self.relaxation.nothing)
 
     @property
@@ -101,7 +101,7 @@ class _Conflict:
         return self.relaxation.x if self.relaxation else self.among.x
 
     def error(self, none_meets: str) -> InfeasibleError:
-        """The error that names what conflicts and what it must give, together and alone."""
+        """The error that names the conflict and the least relaxation, together and alone."""
         search, amounts = self.search, self.among.amounts(self.among.x)
         of = {name: condition for name, (condition, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
@@ -122,7 +122,7 @@ class _Conflict:
     def _alone(
         self, of: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
     ) -> dict[str, float | None]:
-        """What each requirement of a subset gives where no other of its subset does.
+        """Relaxation of each requirement of a subset where no other of its subset is relaxed.
 
         None where that does not help.
         """
