@@ -288,7 +288,7 @@ def test_inertia_and_mass_that_do_not_go_together() -> None:
         for f in findings(Machine.from_text(EXCAVATOR.text, tonnes, Path("x.toml")))
     }
     assert re.search(
-        r"an inertia of 1364 kg m² of 1\.01 kg is .*; the mass like t \(line \d+\)",
+        r"an inertia of 1364 kg m² at 1\.01 kg fits .*; the mass like t \(line \d+\)",
         words["link stick"],
     )
     mini = machines.named("mini_excavator_2t")
