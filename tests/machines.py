@@ -41,7 +41,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Function:
+class CylinderSpec:
     """A cylinder between two pins (link, [m]); its stroke is laid around its length at q = 0."""
 
     name: str
@@ -83,7 +83,7 @@ def _pin(at: tuple[str, tuple[float, ...]]) -> str:
     return f'{{ link = "{at[0]}", at_mm = {[1000 * float(x) for x in at[1]]} }}'
 
 
-def _zero_length(arm: Arm, actuator: Function) -> float:
+def _zero_length(arm: Arm, actuator: CylinderSpec) -> float:
     """Pin-to-pin length at q = 0, only to lay the stroke around it."""
 
     def pin(at: tuple[str, tuple[float, ...]]) -> Pin:
@@ -101,7 +101,7 @@ def _zero_length(arm: Arm, actuator: Function) -> float:
 
 def build(
     joints: list[Joint],
-    actuators: list[Function],
+    actuators: list[CylinderSpec],
     *,
     order: list[str] | None = None,
     payload: tuple[str, tuple[float, ...]] | None = None,
@@ -148,8 +148,8 @@ def build(
 BOOM = Joint("boom", "root", xyz=(0.1, 0, 0.5), com=(1.2, 0, 0.2), mass=300)
 STICK = Joint("stick", "boom", xyz=(2.5, 0, 0), rpy=(0, 0.7, 0), mass=150)
 BUCKET = Joint("bucket", "stick", xyz=(1.6, 0, 0), rpy=(0, 0.3, 0), mass=80, com=(0.4, 0, 0.2))
-LIFT = Function("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
-FOLD = Function("fold", ("boom", (1.3, 0, 0.7)), ("stick", (-0.4, 0, 0.25)))
+LIFT = CylinderSpec("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
+FOLD = CylinderSpec("fold", ("boom", (1.3, 0, 0.7)), ("stick", (-0.4, 0, 0.25)))
 BAR_MASSES = {"barrel": 110, "rod": 85}
 SOFT = (
     "count = 2\ncompliance_m_per_N = 2e-8\nhose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa"
@@ -162,7 +162,7 @@ def four_bar(knee: str, base: tuple[str, tuple[float, ...]] = ("stick", (0.2, 0,
     joints.
     """
     height = 0.15 if knee == "left" else -0.1
-    tilt = Function(
+    tilt = CylinderSpec(
         "tilt",
         base,
         pivot=("stick", (1.3, 0, height)),
@@ -198,12 +198,12 @@ def spatial() -> Machine:
         Joint("wrist", "slide", xyz=(1.2, 0.2, 0), rpy=(0.5, 0.2, 1), axis=(0.4, 0.5, 1), mass=60),
     ]
     cylinders = [
-        Function("turn", ("root", (0.9, 0.6, 1.1)), ("slew", (0.3, 0.9, 0.2)), extra=SOFT),
-        Function(
+        CylinderSpec("turn", ("root", (0.9, 0.6, 1.1)), ("slew", (0.3, 0.9, 0.2)), extra=SOFT),
+        CylinderSpec(
             "lift", ("slew", (0.9, 0, -0.3)), ("boom", (0.9, -0.1, 0.3)), bore_mm=140, rod_mm=80
         ),
-        Function("reach", ("boom", (-0.1, 0.1, 0.3)), ("slide", (0.9, 0.2, 0.35)), extra=SOFT),
-        Function(
+        CylinderSpec("reach", ("boom", (-0.1, 0.1, 0.3)), ("slide", (0.9, 0.2, 0.35)), extra=SOFT),
+        CylinderSpec(
             "swing",
             ("slide", (0.5, -0.3, 0.2)),
             ("wrist", (0.2, -0.5, 0.3)),
@@ -216,7 +216,7 @@ def spatial() -> Machine:
 
 def crossing() -> Machine:
     """The second cylinder spans both joints; q in another order than the tree."""
-    second = Function("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), extra=SOFT)
+    second = CylinderSpec("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), extra=SOFT)
     return build([BOOM, STICK], [LIFT, second], order=["stick", "boom"], air_percent=0.5)
 
 
@@ -229,9 +229,9 @@ def branched() -> Machine:
         replace(STICK, kind="prismatic", axis=(1, 0, 0.2), limits=(-0.2, 0.3)),
         Joint("mast", "root", xyz=(-0.6, 0.2, 0.5), rpy=(0, -1.2, 0), axis=(0.1, -1, 0)),
     ]
-    tie = Function("tie", ("mast", (1.1, 0, 0.1)), ("boom", (0.9, 0, 0.9)))
-    stay = Function("stay", ("root", (-1.2, 0.1, 0.4)), ("mast", (0.6, 0.1, 0.3)))
-    reach = Function("reach", ("mast", (0.9, 0, -0.2)), ("stick", (0.2, 0.1, 0.4)))
+    tie = CylinderSpec("tie", ("mast", (1.1, 0, 0.1)), ("boom", (0.9, 0, 0.9)))
+    stay = CylinderSpec("stay", ("root", (-1.2, 0.1, 0.4)), ("mast", (0.6, 0.1, 0.3)))
+    reach = CylinderSpec("reach", ("mast", (0.9, 0, -0.2)), ("stick", (0.2, 0.1, 0.4)))
     return build(joints, [tie, stay, reach], payload=("stick", (1.0, 0.1, -0.2)))
 
 
@@ -241,7 +241,7 @@ def redundant(reverse: bool = False) -> Machine:
     """
     cylinders = [
         LIFT,
-        Function(
+        CylinderSpec(
             "help",
             ("root", (-0.6, 0, 0.2)),
             ("boom", (0.3, 0, 0.8)),
@@ -250,7 +250,7 @@ def redundant(reverse: bool = False) -> Machine:
             extra=SOFT,
         ),
         FOLD,
-        Function(
+        CylinderSpec(
             "long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)), bore_mm=80, rod_mm=50
         ),
     ]
@@ -274,7 +274,7 @@ def rotator() -> Machine:
         " 24\ntrapped_volume_l = { a = 0.6, b = 0.9 }\nhose = { a_l = 0.2, b_l = 0.3,"
         " bulk_modulus_MPa = 400 }\ncompliance_rad_per_N_m = 2e-7"
     )
-    tilt = Function("tilt", ("wrist", (0.2, 0, 0.5)), ("bucket", (0.3, 0.1, 0.5)))
+    tilt = CylinderSpec("tilt", ("wrist", (0.2, 0, 0.5)), ("bucket", (0.3, 0.1, 0.5)))
     joints = [BOOM, STICK, wrist, replace(BUCKET, parent="wrist")]
     return build(joints, [LIFT, FOLD, tilt], more=motor, air_percent=0.3)
 
@@ -342,7 +342,7 @@ def random_machine(seed: int) -> Machine:
 
 def _attempt(rng: np.random.Generator) -> Machine:
     joints: list[Joint] = []
-    cylinders: list[Function] = []
+    cylinders: list[CylinderSpec] = []
     for index in range(int(rng.integers(1, 5))):
         parent = joints[-1].name if joints else "root"
         prismatic = rng.random() < 0.25
@@ -362,7 +362,7 @@ def _attempt(rng: np.random.Generator) -> Machine:
         before = ["root", *(joint.name for joint in joints[:-1])]
         start = before[-1] if rng.random() < 0.7 else str(rng.choice(before))
         cylinders.append(
-            Function(
+            CylinderSpec(
                 f"c{index}",
                 (start, tuple(rng.uniform(-1.5, 1.5, 3))),
                 (f"j{index}", tuple(rng.uniform(-1.5, 1.5, 3))),

@@ -15,7 +15,7 @@ from armdesign import Machine, Requirements, Workspace, load
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, Function, Joint, build
+from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build
 
 
 @cache
@@ -51,7 +51,7 @@ def odd() -> Machine:
     """Everything at once: a four-bar with its knee right, pairs of cylinders, air, hoses,
     compliance.
     """
-    tilt = Function(
+    tilt = CylinderSpec(
         "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
         lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=SOFT,
     )  # fmt: skip

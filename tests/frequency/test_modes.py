@@ -24,7 +24,7 @@ from tests.machines import (
     LIFT,
     ODD,
     STICK,
-    Function,
+    CylinderSpec,
     build,
     inner_poses,
     named,
@@ -291,4 +291,4 @@ def test_cylinders_must_hold_every_motion() -> None:
     long = (("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)))
     for names in ("a", "ab"):
         with pytest.raises(ad.ArmDesignError, match="leave a direction of motion free"):
-            build([BOOM, STICK], [Function(name, *long) for name in names])
+            build([BOOM, STICK], [CylinderSpec(name, *long) for name in names])

@@ -32,8 +32,8 @@ def swinging(axis: float, motor: bool = False) -> ad.Machine:
         limits=(-0.8, 0.8),
     )
     boom = replace(machines.BOOM, parent="bracket")
-    turn = machines.Function("turn", (foot, (0.0, 0.5, 0.5)), ("bracket", (0.3, 0.35, 0.2)))
-    lift = machines.Function("lift", ("bracket", (0.5, 0, -0.2)), ("boom", (1.1, 0, 0.3)))
+    turn = machines.CylinderSpec("turn", (foot, (0.0, 0.5, 0.5)), ("bracket", (0.3, 0.35, 0.2)))
+    lift = machines.CylinderSpec("lift", ("bracket", (0.5, 0, -0.2)), ("boom", (1.1, 0, 0.3)))
     table = (
         "[motor.slew]\njoint = 'slew'\ndisplacement_cm3 = 160\ngear_ratio = 24\ntrapped_volume_l ="
         " { a = 1, b = 1 }"
@@ -96,7 +96,7 @@ def test_slewing_is_idle_only_where_nothing_depends_on_it() -> None:
             replace(joints[1], xyz=(offset, 0, 0.3)),
             replace(machines.BOOM, parent="b"),
         ]
-        lift = machines.Function("lift", ("b", (0.5, 0, -0.2)), ("boom", (1.1, 0, 0.3)))
+        lift = machines.CylinderSpec("lift", ("b", (0.5, 0, -0.2)), ("boom", (1.1, 0, 0.3)))
         machine = machines.build(pair, [lift], more=tables)
         assert machine.idle_joints == idle
         mass = machine.at([[0, 0, 0], [0, 0.3, 0]]).mass_matrix[:, 0, 0]

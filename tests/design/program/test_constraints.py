@@ -14,8 +14,8 @@ from armdesign.design.program.convex_relaxation import buckling_factor
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.hydraulics.chamber_pressures import holding_force
+from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x
-from tests.design.program.test_dynamics import slopes
 from tests.design.requirements.shared import EVERYTHING, NEW, by_name
 
 

@@ -2,44 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
-from armdesign.frequency.modes import lowest_frequency
-from tests.checks import DIFFERENCE, assert_same
-from tests.design.designs import MACHINES, as_machine, problem_of, some_x
-
-STEP = 1e-4  # of x; rounding ~1e-11; so small that no sampled extreme changes place
-
-
-def slopes(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """∂function/∂x, x in front, by eighth-order central differences."""
-    columns = []
-    for unit in STEP * np.eye(len(x)):
-        pairs = [
-            c * (function(x + k * unit) - function(x - k * unit))
-            for k, c in enumerate(DIFFERENCE, start=1)
-        ]
-        columns.append(sum(pairs) / STEP)
-    return np.stack(columns)
-
-
-def true_frequencies(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Lowest coupled frequency of every row by the package's front door, at the machine that x
-    describes [Hz].
-    """
-    machine = as_machine(problem, x)
-    found = np.empty(len(problem.dynamics.rows))
-    for k, payload in enumerate(machine.payloads):
-        mine = problem.dynamics.rows.payload == k
-        rigid = problem.workspace.rigid[problem.dynamics.rows.pose[mine]]
-        found[mine] = lowest_frequency(machine.with_payload(payload.name).evaluate(rigid))
-    return found
+from tests.checks import assert_same
+from tests.design.by_machine import slopes, true_frequencies
+from tests.design.designs import MACHINES, problem_of, some_x
 
 
 @pytest.mark.parametrize("name", MACHINES)

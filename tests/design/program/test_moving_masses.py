@@ -27,9 +27,9 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
 from tests.design.brute_force import where_allowed, zoomed_best
+from tests.design.by_machine import slopes, true_frequencies
 from tests.design.designs import as_machine, solved, some_x
-from tests.design.program.test_dynamics import slopes, true_frequencies
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, Function, Joint, build, named
+from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
 
 
 @cache
@@ -41,7 +41,7 @@ def bars(name: str, share: float = 1.0) -> Machine:
         return build([BOOM], [lift])
     if name == "double":
         return build([BOOM, STICK], [lift, fold])
-    tilt = Function(
+    tilt = CylinderSpec(
         "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
         lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=f"count = 2\n{heavy}",
     )  # fmt: skip
@@ -200,7 +200,7 @@ def test_only_what_follows_x_is_moved() -> None:
 def lever(rod_kg: float) -> Machine:
     """A cylinder that pushes 20 kg on a lever of 1 m; its rod weighs."""
     boom = Joint("boom", "root", mass=1.0, com=(0.0, 0.0, 0.0), limits=(-1e-3, 1e-3))
-    push = Function(
+    push = CylinderSpec(
         "push",
         ("root", (1.0, 0.0, -2.0)),
         ("boom", (1.0, 0.0, 0.0)),

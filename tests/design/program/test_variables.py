@@ -23,9 +23,9 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.four_bar import FourBar
+from tests.design.by_machine import slopes, true_frequencies
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
-from tests.design.program.test_dynamics import slopes, true_frequencies
-from tests.machines import BOOM, Function, Joint, build, named
+from tests.machines import BOOM, CylinderSpec, Joint, build, named
 
 SIZES = {
     f"cylinder.{name}.{key}"
@@ -327,10 +327,10 @@ def arms_apart() -> Machine:
     arm.
     """
     other = replace(BOOM, name="mast", xyz=(-0.6, 0.2, 0.5), mass=350, com=(1.0, 0, 0.3))
-    stay = Function(
+    stay = CylinderSpec(
         "stay", ("root", (0.1, 0.2, 0.1)), ("mast", (1.0, 0, 0.35)), bore_mm=90, rod_mm=56
     )
-    lift = Function("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
+    lift = CylinderSpec("lift", ("root", (0.7, 0, 0.1)), ("boom", (1.1, 0, 0.4)))
     joints: list[Joint] = [BOOM, other]
     return build(joints, [lift, stay], payload=("boom", (1.3, 0.0, 0.0)), payload_kg=30)
 

@@ -23,8 +23,8 @@ from armdesign.design.search.trust_region import Box
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
 from tests.design.brute_force import where_allowed, zoomed_best
+from tests.design.by_machine import true_frequencies
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
-from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 
 STEEL = 210e9  # [Pa]

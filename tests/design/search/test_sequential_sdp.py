@@ -26,8 +26,8 @@ from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
+from tests.design.by_machine import true_frequencies
 from tests.design.designs import MACHINES, as_machine, double, problem_of, solved, workspace_of
-from tests.design.program.test_dynamics import true_frequencies
 from tests.machines import named
 from tests.reference_planar import Reference
 
