@@ -19,6 +19,7 @@ import numpy as np
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.design import Design, optimize
 from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.infeasibility.concessions import relaxations
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
@@ -155,10 +156,16 @@ def pareto(
             )  # fmt: skip
             found[limit] = tighter
         except InfeasibleError as error:
-            left_out[limit], refused = error.problem, error
+            relax = relaxations(error.conflict)
+            left_out[limit] = f"{error.problem}: relax {relax}" if relax else error.problem
+            refused = error
     if not found:
         raise InfeasibleError(
-            machine.name, f"no value of {against} can be met", refused.problem, refused.conflict
+            machine.name,
+            f"no value of {against} can be met",
+            refused.problem,
+            refused.conflict,
+            refused.table,
         )
     return Pareto(
         against=against,

@@ -4,6 +4,7 @@ cannot be is said.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -114,6 +115,8 @@ def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
     assert set(found.left_out) == {0.05}
     assert found.sentences[0].startswith("oil 0.05 is left out: no design meets ")
     assert "oil.cap" in found.sentences[0]
+    # on how much, as well as on what
+    assert re.search(r": relax .*oil\.cap\S* by [\d.]+ l \(\d+ %\)", found.sentences[0])
 
 
 def test_no_value_that_can_be_met() -> None:

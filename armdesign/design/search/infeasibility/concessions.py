@@ -111,6 +111,11 @@ def nearest_error(
     return kind(machine, problem, f"relax them{_settings(missed)}{otherwise}", tuple(missed))
 
 
+def relaxations(conflict: Sequence[Concession]) -> str:
+    """What the requirements of a conflict give, as one line: by name and amount."""
+    return ", ".join(f"{c.name} by {_amount(c)}" for c in conflict if c.together > 0)
+
+
 def conflict_rows(conflict: Sequence[Concession]) -> list[tuple[str, ...]]:
     """A row for each requirement of a conflict, in the order of ``HEADS``.
 
