@@ -160,13 +160,9 @@ def pareto(
             left_out[limit] = f"{error.problem}: relax {relax}" if relax else error.problem
             refused = error
     if not found:
-        raise InfeasibleError(
-            machine.name,
-            f"no value of {against} can be met",
-            refused.problem,
-            refused.conflict,
-            refused.table,
-        )
+        problem = f"no value of {against} can be met"
+        why = refused.problem, refused.conflict, refused.table
+        raise InfeasibleError(machine.name, problem, *why)
     return Pareto(
         against=against,
         limits=tuple(found),
