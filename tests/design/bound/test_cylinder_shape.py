@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.mechanism.joint_ranges import sweep
-from tests.design.bound.test_intervals import (
+from tests.design.bound.shapes import (
     CYLINDERS,
     ROUNDING,
     box_around,

@@ -11,7 +11,7 @@ from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import interval
 from armdesign.mechanism.joint_ranges import sweep
-from tests.design.bound.test_intervals import (
+from tests.design.bound.shapes import (
     CYLINDERS,
     ROUNDING,
     box_around,

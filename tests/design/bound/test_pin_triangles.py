@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval
-from tests.design.bound.test_intervals import (
+from tests.design.bound.shapes import (
     ROUNDING,
     box_around,
     box_shares,
