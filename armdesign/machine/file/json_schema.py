@@ -77,6 +77,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
+    "structure": (
+        "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
+        " soft as the oil"
+    ),
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
