@@ -20,7 +20,6 @@ from tomlkit.items import InlineTable
 
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import printable
-from armdesign.frequency.bands import Bands
 from armdesign.machine.file import machine_file, saving
 from armdesign.machine.file.schema import NAME_LENGTH
 from armdesign.machine.file.toml_writing import edit
@@ -61,9 +60,8 @@ def call(function: str, **arguments: Any) -> str:
 
     Arguments that ask for nothing are left out.
     """
-    words = ", ".join(
-        f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands())
-    )
+    given = {name: value for name, value in arguments.items() if value is not None}
+    words = ", ".join(f"{name}={value!r}" for name, value in given.items())
     return f"armdesign.{function}({words})"
 
 
