@@ -112,14 +112,15 @@ def test_no_end_of_the_band_pays_for_another(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_bound_on_the_gain_holds_for_random_designs() -> None:
-    """No allowed design drawn around the optimum gains more at its poorest corner."""
+    """No allowed design between today's and the optimum gains more at its poorest corner."""
     machine, workspace = MACHINES["double"](), workspace_of("double")
     design = ad.optimize(machine, workspace, bands=YIELDING)
     problem, random = design.problem, np.random.default_rng(5)
     allowed, bound = 0, design.bound
     assert bound is not None
     for _ in range(300):
-        x = np.clip(design.x + random.normal(0, 0.02, len(design.x)), *problem.bounds)
+        between = problem.vector.start + random.uniform() * (design.x - problem.vector.start)
+        x = np.clip(between + random.normal(0, 0.005, len(between)), *problem.bounds)
         if constraints_at(problem, x).values.min() >= 0:
             allowed += 1
             assert hertz(float(problem.dynamics.omega_squared(x).min())) <= bound
@@ -139,9 +140,7 @@ def test_bands_of_the_file_count_unless_told(excavator: ad.Machine) -> None:
     assert "Command: armdesign.size_cylinders(dead_volume='fixed', objective='worst')" in (
         worst.machine.text
     )
-    with pytest.raises(
-        ad.ArmDesignError, match=r"objective: 'best' is not allowed; choose from: gain, worst"
-    ):
+    with pytest.raises(ad.ArmDesignError, match="'best' is not allowed; choose from: gain, worst"):
         ad.optimize(stated, workspace, objective="best")
 
 
@@ -188,7 +187,7 @@ def test_exact_bands_change_nothing() -> None:
     one, other = (
         ad.optimize(machine, workspace, starts=1, bands=bands) for bands in (None, ad.Bands())
     )
-    assert one.machine.text == other.machine.text
+    assert one.machine.section == other.machine.section
     assert one.unrounded == other.unrounded
 
 
