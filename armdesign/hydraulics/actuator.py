@@ -6,6 +6,7 @@ on arrays and accept complex numbers, so that a complex step gives their exact d
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -15,11 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.chamber_pressures import preloaded_pressures
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
-from armdesign.hydraulics.oil_spring import oil_stiffness
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.oil_spring import oil_stiffness, preloaded_pressures
 from armdesign.hydraulics.valve import RELIEF_SHARE, LoadHolding, Valve
 
 
@@ -126,6 +125,15 @@ class Actuator(ABC):
             annulus / beta[1] + self.annulus_hose_volume / self.hose_modulus,
             self.compliance,
         )
+
+    def oil_compliance(self, fluid: Fluid, supply: Supply) -> float:
+        """Compliance [m/N] of its oil alone at mid stroke without a load.
+
+        What structure in series yields is measured by it.
+        """
+        middle = self.stroke / 2 if math.isfinite(self.stroke) else 0.0  # a motor has no stroke
+        rigid = dataclasses.replace(self, compliance=0.0)
+        return float(1 / rigid.stiffness(middle, 0.0, fluid, supply))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,17 +19,15 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.machine import from_urdf, parts
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file, saving, toml_writing
-from armdesign.machine.file.key_lines import Places, lines_of
+from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.urdf_names import unknown_joints, unknown_links
+from armdesign.machine.file.toml_reading import Places, lines_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
-from armdesign.machine.pose_checks import joint_positions, refuse_unreachable
-from armdesign.machine.poses import Poses, static_forces
+from armdesign.machine.poses import Poses, joint_positions, refuse_unreachable, static_forces
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
@@ -155,10 +153,9 @@ class Machine:
         supply: Mapping[str, Any] | None = None,
         requirements: Mapping[str, Any] | None = None,
         motors: Mapping[str, Any] | None = None,
+        bands: Mapping[str, Any] | None = None,
     ) -> Machine:
-        """A machine from a URDF that already exists.
-
-        Tables are written as in a machine file, in its units.
+        """A machine from a URDF that already exists; tables as in a machine file, in its units.
 
         Args:
             urdf: path or text.
@@ -174,10 +171,10 @@ class Machine:
             supply: what differs from 250 bar, 5 bar return pressure, 100 l/min.
             requirements: as in a machine file.
             motors: tables by name: displacement_cm3, gear_ratio, trapped_volume_l ….
+            bands: default: structure from rigid to as soft as the oil.
 
         Raises:
-            MachineFileError: a joint that cannot be used (planar, floating, mimic), or anything
-                else that is wrong.
+            MachineFileError: what is wrong, such as a planar, floating or mimicking joint.
         """
         tables = {
             "frozen": frozen,
@@ -188,6 +185,7 @@ class Machine:
             "cylinder": cylinders,
             "motor": motors,
             "requirements": requirements,
+            "bands": bands,
         }
         urdf_text, path = from_urdf.read(urdf)
         text = from_urdf.machine_text(urdf_text, path, name, joints, tables)

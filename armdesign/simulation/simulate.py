@@ -15,7 +15,7 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.machine.pose_checks import refuse_unheld
+from armdesign.machine.poses import refuse_unheld
 from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate

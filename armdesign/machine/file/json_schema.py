@@ -6,8 +6,7 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_types import Section
+from armdesign.machine.file.schema import MachineSection, Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
@@ -77,6 +76,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
+    "structure": (
+        "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
+        " soft as the oil"
+    ),
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
