@@ -160,7 +160,7 @@ class Design:
     @cached_property
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
-        return frequency_band(self.machine, self.workspace, self.bands)
+        return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""

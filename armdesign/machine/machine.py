@@ -153,10 +153,9 @@ class Machine:
         supply: Mapping[str, Any] | None = None,
         requirements: Mapping[str, Any] | None = None,
         motors: Mapping[str, Any] | None = None,
+        bands: Mapping[str, Any] | None = None,
     ) -> Machine:
-        """A machine from a URDF that already exists.
-
-        Tables are written as in a machine file, in its units.
+        """A machine from a URDF that already exists; tables as in a machine file, in its units.
 
         Args:
             urdf: path or text.
@@ -172,10 +171,10 @@ class Machine:
             supply: what differs from 250 bar, 5 bar return pressure, 100 l/min.
             requirements: as in a machine file.
             motors: tables by name: displacement_cm3, gear_ratio, trapped_volume_l ….
+            bands: default: structure from rigid to as soft as the oil.
 
         Raises:
-            MachineFileError: a joint that cannot be used (planar, floating, mimic), or anything
-                else that is wrong.
+            MachineFileError: what is wrong, such as a planar, floating or mimicking joint.
         """
         tables = {
             "frozen": frozen,
@@ -186,6 +185,7 @@ class Machine:
             "cylinder": cylinders,
             "motor": motors,
             "requirements": requirements,
+            "bands": bands,
         }
         urdf_text, path = from_urdf.read(urdf)
         text = from_urdf.machine_text(urdf_text, path, name, joints, tables)

@@ -198,6 +198,10 @@ at_mm = [{last.length / mm:.0f}, 0, 0]
 [requirements]                          # what a new design must keep; all optional, see README
 end_margin = 0.02                       # share of the stroke that stays free at both ends
 holding_share = 0.87                    # static load over what the supply holds
+
+[bands]                                 # what is not known exactly; a design is made for all of it
+structure = [0.0, 1.0]                  \
+# estimate: what the structure yields, over what the oil does
 """
 
 

@@ -336,8 +336,8 @@ class Dynamics:
 
     @cached_property
     def softest(self) -> Machine:
-        """Today's machine with the softest oil of the bands."""
-        return self.bands.with_oil(self.vector.machine, softest=True)
+        """Today's machine with the softest oil and structure of the bands."""
+        return self.bands.at_end(self.vector.machine, softest=True)
 
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array
