@@ -340,8 +340,7 @@ def paper(out: OutOption = Path("out")) -> None:
     """
     from armdesign import plots
     from armdesign.paper import reproduction
-    from armdesign.paper.errata import errata, errata_frame
-    from armdesign.paper.parameter_scan import scan
+    from armdesign.paper.errata import errata, errata_frame, scan
     from armdesign.paper.sheets import paper_sheets
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 

@@ -22,7 +22,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import printable
 from armdesign.frequency.bands import Bands
 from armdesign.machine.file import machine_file, saving
-from armdesign.machine.file.schema_types import NAME_LENGTH
+from armdesign.machine.file.schema import NAME_LENGTH
 from armdesign.machine.file.toml_writing import edit
 from armdesign.machine.machine import Machine
 

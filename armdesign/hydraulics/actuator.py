@@ -15,11 +15,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.chamber_pressures import preloaded_pressures
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
-from armdesign.hydraulics.oil_spring import oil_stiffness
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.oil_spring import oil_stiffness, preloaded_pressures
 from armdesign.hydraulics.valve import RELIEF_SHARE, LoadHolding, Valve
 
 

@@ -11,10 +11,10 @@ from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file
-from armdesign.machine.file.key_lines import Places, tell_line
+from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
+from armdesign.machine.file.toml_reading import Places, tell_line
 from armdesign.machine.file.toml_writing import dump
-from armdesign.machine.file.urdf_names import unknown_joints, unknown_links
 from armdesign.machine.from_urdf import FLUID, SUPPLY
 from armdesign.machine.loading import find
 from armdesign.machine.machine import Machine

@@ -15,10 +15,10 @@ import numpy as np
 from armdesign.arrays import Array, weighted_share
 from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.chamber_pressures import holding_force
-from armdesign.inspection.finding import Finding
+from armdesign.hydraulics.oil_spring import holding_force
+from armdesign.inspection.implausible_values import suspicions
 from armdesign.inspection.oddities import is_whole_turn, oddities
-from armdesign.inspection.plausibility import suspicions
+from armdesign.inspection.reference import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep

@@ -19,17 +19,15 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.machine import from_urdf, parts
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file, saving, toml_writing
-from armdesign.machine.file.key_lines import Places, lines_of
+from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.urdf_names import unknown_joints, unknown_links
+from armdesign.machine.file.toml_reading import Places, lines_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
-from armdesign.machine.pose_checks import joint_positions, refuse_unreachable
-from armdesign.machine.poses import Poses, static_forces
+from armdesign.machine.poses import Poses, joint_positions, refuse_unreachable, static_forces
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges

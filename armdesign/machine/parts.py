@@ -6,9 +6,8 @@ import math
 from typing import Any
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.hydraulics.friction import Friction
-from armdesign.hydraulics.supply import Supply
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
 from armdesign.machine.file.schema import (
     CylinderSection,
@@ -18,10 +17,10 @@ from armdesign.machine.file.schema import (
     MotorSection,
     PayloadSection,
     PinSection,
+    Section,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.schema_types import Section
 from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin

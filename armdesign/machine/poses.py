@@ -1,7 +1,7 @@
-"""Poses: what inertia, gravity, oil and geometry are at n joint positions. Axis 0 is the pose.
+"""Poses: inertia, gravity, oil and geometry at n joint positions, and positions that cannot be.
 
-Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added here. With trapped
-oil the arm sits on
+Axis 0 is the pose. Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added
+here. With trapped oil the arm sits on
 
     K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i        (hydraulic + gravity + geometric stiffness)
 
@@ -13,10 +13,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags
+from armdesign.errors import PoseError
+from armdesign.mechanism.linkage.base import Linkage
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,3 +146,78 @@ def own_joints(moment_arms: Array) -> Array | None:
         and np.all(used.sum(axis=1) == 1)
     )
     return np.asarray(used.argmax(axis=1)) if alone else None
+
+
+STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
+
+
+def joint_positions(machine: Machine, q: ArrayLike) -> Array:
+    """Joint positions as an array (n, nq) of finite numbers; one pose may be given alone (nq,).
+
+    Raises:
+        PoseError: they are no such array.
+    """
+    part, nq = f"{machine.name}: q", len(machine.joints)
+    try:
+        if np.iscomplexobj(q):
+            raise TypeError
+        array = np.array(q, dtype=float)
+    except (TypeError, ValueError):
+        raise PoseError(part, "is not an array of numbers", f"give shape (n, {nq})") from None
+    array = array[None] if array.ndim == 1 else array
+    if array.ndim != 2 or array.shape[1] != nq:
+        raise PoseError(
+            part, f"has shape {array.shape}", f"give (n, {nq}): {', '.join(machine.joints)}"
+        )
+    if not np.all(np.isfinite(array)):
+        raise PoseError(part, "holds a number that is not finite", "give finite joint positions")
+    return array
+
+
+def refuse_unreachable(machine: Machine, poses: Poses) -> None:
+    """Raise for the first pose that the machine cannot take.
+
+    Raises:
+        PoseError: out of stroke, a four-bar that does not close, or singular.
+    """
+    pairs = zip(machine.linkages, machine.cylinders, poses.lengths.T, strict=False)
+    for linkage, cylinder, length in pairs:
+        part = f"{machine.name}: {cylinder.name} cylinder"
+        if np.any(open_ := ~np.isfinite(length)):
+            raise PoseError(
+                part,
+                f"its {linkage.title} does not close at {_pose_text(machine, poses.q[open_][0])}",
+                f"stay in the range of {_range_text(machine, linkage)}",
+            )
+        out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (
+            length > cylinder.open_length + STROKE_TOLERANCE
+        )
+        if np.any(out):
+            raise PoseError(
+                part,
+                f"length {length[out][0]:.4f} m is outside its stroke "
+                f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m "
+                f"at {_pose_text(machine, poses.q[out][0])}",
+                f"stay in the range of {_range_text(machine, linkage)} or change stroke and pins",
+            )
+    if np.any(singular := is_singular(poses.moment_arms)):
+        where = _pose_text(machine, poses.q[singular][0])
+        raise PoseError(
+            f"{machine.name}: pose",
+            f"singular at {where}: a cylinder is at its dead centre",
+            "avoid it",
+        )
+
+
+def _pose_text(machine: Machine, q: Array) -> str:
+    return ", ".join(
+        f"{joint.name} {value:.4f} {joint.unit}"
+        for joint, value in zip(machine.arm.joints, q, strict=True)
+    )
+
+
+def _range_text(machine: Machine, linkage: Linkage) -> str:
+    ranges = ((machine.arm.joints[j], *machine.ranges[j]) for j in linkage.joints)
+    return " and ".join(
+        f'joint "{joint.name}" [{low:.4f}, {high:.4f}] {joint.unit}' for joint, low, high in ranges
+    )

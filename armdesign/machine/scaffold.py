@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.schema_types import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.schema import NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {

@@ -14,8 +14,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.breakpoints import Breaks
 from armdesign.simulation.excitation import SymmetricValve
+from armdesign.simulation.integrator import Breaks
 from armdesign.simulation.plant.compiled import Records, compiled
 from armdesign.simulation.plant.plant import Plant
 

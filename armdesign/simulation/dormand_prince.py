@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.simulation.breakpoints import INSTANT
 from armdesign.simulation.plant.compiled import compiled
 
+INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 MOST_JUMPS = 50  # unannounced, one right after the other
 

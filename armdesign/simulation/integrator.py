@@ -1,4 +1,4 @@
-"""Many initial value problems at once, each with its own steps: ``integrate``.
+"""Many initial value problems at once, each with its own steps between its breakpoints.
 
 All cases take a step of ``dormand_prince`` at the same time, but each one has its own instant,
 step and error norm: so a case comes out as if it were alone, whatever its company, one that meets
@@ -16,6 +16,7 @@ that one is taken.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -23,8 +24,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.breakpoints import Breaks, stretches
 from armdesign.simulation.dormand_prince import (
+    INSTANT,
     Records,
     Rows,
     Stages,
@@ -34,6 +35,57 @@ from armdesign.simulation.dormand_prince import (
 )
 from armdesign.simulation.plant.compiled import resolved
 from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
+
+
+class Breaks(NamedTuple):
+    """When the rates of a case jump, or one of their derivatives does.
+
+    Attributes:
+        instants: ascending [s]; those outside of the run do not matter.
+        complete: whether there are no others. Else no step is longer than half the interval
+            between records, so that nothing longer than half of that passes unseen, though the
+            case be at rest.
+    """
+
+    instants: Sequence[float] = ()
+    complete: bool = False
+
+
+class Stretch(NamedTuple):
+    """Time without a breakpoint.
+
+    Attributes:
+        low: when rates are evaluated first [s], just inside.
+        high: when they are evaluated last [s].
+        stop: its end [s].
+    """
+
+    low: float
+    high: float
+    stop: float
+
+
+def stretches(instants: Sequence[float], end: float) -> list[Stretch]:
+    """All stretches of a case, the first one last.
+
+    Instants closer to each other than the resolution of time count as one.
+
+    Args:
+        instants: breakpoints, ascending [s].
+        end: of the run [s].
+    """
+    parts, low = list[Stretch](), 0.0
+    for instant in (float(t) for t in instants if 0 <= t <= end):
+        room = INSTANT * max(instant, 1.0)
+        if instant - low > 4 * room:
+            parts.append(Stretch(low, instant - room, instant))
+        low = instant + room
+    if not parts or end - low > 4 * INSTANT * max(end, 1.0):
+        parts.append(Stretch(low, math.inf, end))
+    else:
+        parts[-1] = parts[-1]._replace(stop=end)
+    return parts[::-1]
+
 
 # A case is stiff when its steps over a window are this much shorter than stability asks.
 WINDOW, STIFF = 300, 20.0

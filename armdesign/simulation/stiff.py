@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.breakpoints import INSTANT
+from armdesign.simulation.dormand_prince import INSTANT
 
 FIRST_STEP = 1e-4  # [s], at most
 

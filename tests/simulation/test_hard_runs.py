@@ -12,9 +12,16 @@ import pytest
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.simulation import simulate as motion
-from armdesign.simulation.breakpoints import Breaks
 from armdesign.simulation.excitation import Table
-from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
+from armdesign.simulation.integrator import (
+    NO_LIMIT,
+    TOO_MANY,
+    Breaks,
+    GaveUpError,
+    Pace,
+    Span,
+    integrate,
+)
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant

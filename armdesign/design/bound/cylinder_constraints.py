@@ -18,8 +18,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
-from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
-from armdesign.design.program.convex_relaxation import buckling_factor
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
 from armdesign.design.program.problem import Problem
 
 HOLDING_ANGLES = 5  # of most push and pull today

@@ -36,7 +36,6 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.branch_and_bound import Maximum, maximum
 from armdesign.design.bound.columns import (
     Columns,
     SoleDrive,
@@ -45,7 +44,7 @@ from armdesign.design.bound.columns import (
     joined,
 )
 from armdesign.design.bound.cylinder_shape import coordinates
-from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Stiffening
+from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Maximum, Stiffening, maximum
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE

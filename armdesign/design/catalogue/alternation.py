@@ -10,9 +10,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
-from armdesign.design.catalogue.separable import allowed_sizes
+from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered
-from armdesign.design.catalogue.slack_sums import TOLERANCE
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.scaled_poses import ScaledPoses, scaled_poses
 from armdesign.design.catalogue.separable import AllowedSizes
-from armdesign.design.catalogue.separable_bound import separable_bound
+from armdesign.design.catalogue.separable_bound import ScaledPoses, scaled_poses, separable_bound
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.search.semidefinite import contradicted
 from armdesign.frequency.bands import Bands

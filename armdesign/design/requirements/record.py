@@ -2,8 +2,8 @@
 
 To add one, say a largest rod speed (two files, about fifteen lines):
 
-1. ``machine/file/requirements_schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
-2. The file of its family here (``speeds.py``): a field with its meaning,
+1. ``machine/file/schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
+2. The file of its family here (``oil.py``): a field with its meaning,
    ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
 3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a
    ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit bends.

@@ -13,17 +13,25 @@ from typing import Any
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
-from armdesign.design.requirements.cylinder_mass import CylinderMass, cylinder_mass
-from armdesign.design.requirements.digging_force import DiggingForce, digging_force
-from armdesign.design.requirements.holding import Holding, holding
-from armdesign.design.requirements.leverage import MomentArms, leverage, transmissions
-from armdesign.design.requirements.lifts import Lifts, lifts
-from armdesign.design.requirements.oil import Oil, oil
+from armdesign.design.requirements.holding import Holding, Lifts, holding, lifts
+from armdesign.design.requirements.leverage import (
+    DiggingForce,
+    MomentArms,
+    digging_force,
+    leverage,
+    transmissions,
+)
+from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
 from armdesign.design.requirements.places import Places, clearances, outlines
 from armdesign.design.requirements.record import Concession, Evaluation
-from armdesign.design.requirements.speeds import Speeds, speeds
 from armdesign.design.requirements.stated import Frozen, Stated, check_numbers
-from armdesign.design.requirements.strength import Buckling, Thrust, strength
+from armdesign.design.requirements.strength import (
+    Buckling,
+    CylinderMass,
+    Thrust,
+    cylinder_mass,
+    strength,
+)
 from armdesign.design.requirements.strokes_and_boxes import PinBoxes
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.machine.file.requirements_schema import RequirementsSection
+from armdesign.machine.file.schema import RequirementsSection
 from armdesign.machine.machine import Machine
 from armdesign.units import deg, mm
 

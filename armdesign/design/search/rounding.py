@@ -20,8 +20,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.drawing_grid import diameters, neighbours
-from armdesign.design.search.file_changes import changes_of, pin_changes
+from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands, worst_within

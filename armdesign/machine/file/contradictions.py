@@ -1,23 +1,25 @@
-"""What the schema cannot say of a machine file: keys that must agree with each other."""
+"""What the schema cannot say of a machine file: keys that must agree, names that must exist."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
-from armdesign.errors import MachineFileError
+from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
-from armdesign.machine.file.requirements_schema import LiftSection, RequirementsSection
 from armdesign.machine.file.schema import (
     CylinderSection,
+    LiftSection,
     MachineSection,
     PayloadSection,
+    RequirementsSection,
+    Section,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.schema_types import Section
+from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
 COLUMNS = {  # of the CSV files, beside those of joints
@@ -181,3 +183,47 @@ def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Ite
         yield f"lift.{name}.joint_mm", "joint", lift.joint_mm
     for name, clearance in requirements.clearance.items():
         yield f"clearance.{name}.cylinders", "cylinder", clearance.cylinders
+
+
+def unknown_links(
+    section: MachineSection, links: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every link that the URDF does not have."""
+    return [
+        MachineFileError(f"{source}: {path}", f'no link "{link}" in the URDF', choose(link, links))
+        for path, link in _links(section)
+        if link is not None and link not in links
+    ]
+
+
+def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
+    """Every link that a machine file names, with its key path."""
+    requirements = section.requirements
+    for link in requirements.outline:
+        yield "requirements.outline", link
+    for name, case in section.payload.items():
+        yield f"payload.{name}.link", case.link
+    yield "tool.link", section.tool.link
+    for name, lift in requirements.lift.items():
+        yield f"requirements.lift.{name}.link", lift.link
+    for name, clearance in requirements.clearance.items():
+        yield f"requirements.clearance.{name}.link", clearance.link
+    for name, cylinder in section.cylinder.items():
+        for key, pin in pin_sections(cylinder).items():
+            yield f"cylinder.{name}.{key}.link", pin.link
+
+
+def unknown_joints(
+    section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have."""
+    named = ((name, motor.joint or name) for name, motor in section.motor.items())
+    return [
+        MachineFileError(
+            f"{source}: motor.{name}.joint",
+            f'no joint "{joint}" in the URDF',
+            choose(joint, movable),
+        )
+        for name, joint in named
+        if joint not in joints
+    ]

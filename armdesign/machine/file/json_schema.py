@@ -6,8 +6,7 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_types import Section
+from armdesign.machine.file.schema import MachineSection, Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",

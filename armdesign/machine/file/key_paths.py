@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_types import Name, Section
+from armdesign.machine.file.schema import MachineSection, Name, Section
 
 Location = tuple[Any, ...]  # a key path in its parts: names of keys, indices of lists
 

@@ -14,10 +14,9 @@ from pydantic import ValidationError
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
-from armdesign.machine.file.key_lines import Places, lines_of
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.schema_faults import explained, first_fault, location_of, mend
-from armdesign.machine.file.toml_reading import read_toml
+from armdesign.machine.file.toml_reading import Places, lines_of, read_toml
 
 MENDING = 8  # passes in which tables that stand in for others are filled
 

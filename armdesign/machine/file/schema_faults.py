@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import ValidationError
 
 from armdesign.errors import MachineFileError
-from armdesign.machine.file.key_lines import Places
 from armdesign.machine.file.key_paths import (
     Location,
     allowed,
@@ -22,7 +21,7 @@ from armdesign.machine.file.key_paths import (
     unit_of,
 )
 from armdesign.machine.file.likely_values import USUAL, meant, usual
-from armdesign.machine.file.number_writing import list_meant, number_meant
+from armdesign.machine.file.toml_reading import Places, list_meant, number_meant
 
 
 def first_fault(error: ValidationError, source: str, places: Places) -> MachineFileError:

@@ -11,9 +11,9 @@ import pytest
 
 import armdesign as ad
 from armdesign import Requirements
-from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.holding import Lift
+from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Outline
-from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.prices import prices
 from tests.design.designs import MACHINES, problem_of, solved, workspace_of
 from tests.design.requirements.shared import EVERYTHING

@@ -12,9 +12,8 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.bound.given_pins import bound_of_areas
-from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.convex_relaxation import convex_relaxation
+from armdesign.design.bound.certificate import bound_of_areas
+from armdesign.design.program.constraints import constraints_at, convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.prices import prices
 from armdesign.design.search.semidefinite import Step, dual_bound

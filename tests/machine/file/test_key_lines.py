@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
-from armdesign.machine.file.key_lines import Places
+from armdesign.machine.file.toml_reading import Places
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from tests import machines
