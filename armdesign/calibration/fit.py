@@ -47,9 +47,7 @@ class Problem:
 
     def at(self, u: Array) -> Machine:
         """The variant at u (k,)."""
-        changes = {
-            one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)
-        }
+        changes = {one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)}
         return varied(self.machine, changes)
 
     @cached_property
@@ -182,7 +180,7 @@ def fitted(problem: Problem, start: Array | None = None) -> Fit:
     begin = problem.start() if start is None else start
     inner = np.clip(begin, limits[0] + 1e-9, limits[1] - 1e-9)
     found = least_squares(
-        problem.residuals, inner, problem.jacobian, bounds=(limits[0], limits[1]), xtol=1e-10
+        problem.residuals, inner, problem.jacobian, bounds=(limits[0], limits[1]), xtol=1e-9
     )
     return Fit(problem, found.x, found.fun, problem.jacobian(found.x))
 

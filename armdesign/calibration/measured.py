@@ -1,23 +1,29 @@
 """Measured frequencies and pressures at known poses and load cases, read from a CSV file.
 
-One row for each measurement, columns by name; lines that begin with ``#`` are comments.
+One row for each measurement, columns by name, in any order; lines that begin with ``#`` are
+comments.
 
-| column | what | if it is missing |
-|---|---|---|
-| ``<joint>_deg``, of a slide ``<joint>_mm`` | position of a joint | its actuator's length |
-| ``<actuator>_length_mm`` | pin-to-pin length of a cylinder that alone moves a joint | the joint |
-| ``payload`` | name of a load case, or a mass in kg | the machine's load case at work |
-| ``frequency_hz`` | natural frequency; may be blank where pressures are measured | pressures only |
-| ``deviation_hz`` | its standard deviation, systematic errors included | 1 % |
-| ``mode`` | which of the coupled modes it is, 1 the lowest | 1 |
-| ``<actuator>_cap_bar``, ``<actuator>_annulus_bar`` | chamber pressures: where the oil's air stands | \
-those that hold the pose |
-| ``pressure_deviation_bar`` | standard deviation of the pressures: with it their load is fitted | \
-pressures only tell where the air stands |
-| ``<actuator>_chambers`` | what holds the piston: ``both`` chambers, ``cap`` or ``annulus`` where \
-the other is open, ``stuck`` where friction holds it and structure alone yields | both |
+``<joint>_deg``, of a slide ``<joint>_mm``
+    Position of a joint; or instead
+``<actuator>_length_mm``
+    the pin-to-pin length of a cylinder that alone moves that joint.
+``payload``
+    Name of a load case, or a mass in kg; blank: the machine's load case at work.
+``frequency_hz``, ``deviation_hz``
+    Natural frequency and its standard deviation, systematic errors included; 1 % if not given. The
+    frequency may be blank where pressures are fitted.
+``mode``
+    Which of the coupled modes it is; 1, the lowest, if not given.
+``<actuator>_cap_bar``, ``<actuator>_annulus_bar``
+    Chamber pressures, at which oil with air has its modulus; if not given, those that hold the
+    pose.
+``pressure_deviation_bar``
+    Standard deviation of the pressures; where it is given, the load that they carry is fitted too.
+``<actuator>_chambers``
+    What holds the piston: ``both`` chambers (if not given), ``cap`` or ``annulus`` where the other
+    is open, ``stuck`` where friction holds it and only what lies in series with the oil yields.
 
-``begin_s``, ``end_s``, ``damping_ratio``, ``damping_deviation`` and ``label`` are known and not
+``begin_s``, ``end_s``, ``damping_ratio``, ``damping_deviation`` and ``label`` are known, but not
 used.
 """
 
@@ -273,6 +279,6 @@ class _Table:
 UNITS = ("deg", "mm")
 ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")
 _INCLINED = (
-    "an inclinometer on a moving machine feels acceleration as if it were tilt, on a measured crane"
-    " nine times the true swing; take pin-to-pin lengths or encoders"
+    "an inclinometer on a moving machine feels acceleration as if it were tilt, on a measured"
+    " crane nine times the true swing; take pin-to-pin lengths or encoders"
 )

@@ -37,9 +37,7 @@ def positions(machine: Machine, measured: Measured) -> Array:
         ArmDesignError: a length outside the stroke, or a joint outside its range.
     """
     q = measured.joints.copy()
-    for i, (cylinder, linkage) in enumerate(
-        zip(machine.cylinders, machine.linkages, strict=True)
-    ):
+    for i, (cylinder, linkage) in enumerate(zip(machine.cylinders, machine.linkages, strict=True)):
         lengths, known = measured.lengths[:, i], np.isfinite(measured.lengths[:, i])
         if not known.any():
             continue

@@ -73,9 +73,7 @@ class Unknown:
 
 
 def unknowns_of(
-    machine: Machine,
-    fit: Sequence[str],
-    priors: Mapping[str, tuple[float, float]] | None = None,
+    machine: Machine, fit: Sequence[str], priors: Mapping[str, tuple[float, float]] | None = None
 ) -> tuple[Unknown, ...]:
     """The unknowns of key paths.
 

@@ -110,8 +110,8 @@ class Actuator(ABC):
         if self.compliance > 0:
             extension = extension + self.compliance * force
         pressures = self.static_pressures(force, supply, areas) if fluid.air > 0 else (0.0, 0.0)
-        capacities = self.capacities(extension, pressures, fluid, areas=areas, stroke=stroke)
-        return oil_stiffness(*areas, *capacities, self.compliance)
+        cap, annulus = self.capacities(extension, pressures, fluid, areas=areas, stroke=stroke)
+        return oil_stiffness(areas[0], areas[1], cap, annulus, self.compliance)
 
     def capacities(
         self,
