@@ -1,4 +1,4 @@
-"""What commands leave behind: files in one folder, all or none, and text in the terminal."""
+"""Output of commands: files in one folder, all or none, and text in the terminal."""
 
 from __future__ import annotations
 

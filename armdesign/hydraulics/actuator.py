@@ -6,6 +6,7 @@ on arrays and accept complex numbers, so that a complex step gives their exact d
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -142,6 +143,15 @@ class Actuator(ABC):
             cap / beta[0] + self.cap_hose_volume / self.hose_modulus,
             annulus / beta[1] + self.annulus_hose_volume / self.hose_modulus,
         )
+
+    def oil_compliance(self, fluid: Fluid, supply: Supply) -> float:
+        """Compliance [m/N] of its oil alone at mid stroke without a load.
+
+        What structure in series yields is measured by it.
+        """
+        middle = self.stroke / 2 if math.isfinite(self.stroke) else 0.0  # a motor has no stroke
+        rigid = dataclasses.replace(self, compliance=0.0)
+        return float(1 / rigid.stiffness(middle, 0.0, fluid, supply))
 
 
 @dataclass(frozen=True, kw_only=True)

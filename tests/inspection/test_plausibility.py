@@ -17,7 +17,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.inspection.inspection import inspect
-from armdesign.inspection.reference import Finding
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine import scaffold
 from armdesign.machine.file import machine_file, toml_writing
 from armdesign.machine.loading import shipped

@@ -232,7 +232,7 @@ class Dynamics:
 
     @cached_property
     def _fixed_pins(self) -> FixedPins | None:
-        """What areas leave alone; None where pins vary or static forces or masses depend on x."""
+        """Terms that areas leave alone; None where pins vary or forces or masses depend on x."""
         machine, g, pose = self.vector.machine, self._fixed_geometry, self.rows.pose
         redundant = len(machine.actuators) != len(machine.joints)
         if g is None or self.vector.moving_masses is not None or redundant:
@@ -336,8 +336,8 @@ class Dynamics:
 
     @cached_property
     def softest(self) -> Machine:
-        """Today's machine with the softest oil of the bands."""
-        return self.bands.with_oil(self.vector.machine, softest=True)
+        """Today's machine with the softest oil and structure of the bands."""
+        return self.bands.at_end(self.vector.machine, softest=True)
 
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array

@@ -142,7 +142,7 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
-    pump: Literal["ideal", "flow_limited"] = "ideal"
+    pump: Literal["ideal", "flow_limited"] = "flow_limited"
     cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
     line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
@@ -288,8 +288,15 @@ ShareBand = Annotated[
 
 
 class BandsSection(Section):
-    """What is not known exactly: lower and upper end, as shares of this file's values."""
+    """What is not known exactly: lower and upper end, as shares of this file's values.
 
+    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
+    """
+
+    structure: (
+        Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
+        | None
+    ) = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
