@@ -174,7 +174,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
-    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    """Motors of the joints that are coordinates; motors of frozen joints stand still."""
     motors = (_motor(name, motor) for name, motor in section.motor.items())
     return tuple(motor for motor in motors if motor.joint in section.joints)
 

@@ -11,6 +11,7 @@ RᵀF).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, Flags
 from armdesign.errors import PoseError
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.units import deg
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -122,7 +124,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
 def is_singular(moment_arms: Array) -> Flags:
     """Whether a motion is free (…,): R (…, nc, nq) without full column rank, or not finite.
 
-    The smallest singular value is compared with 1 µm per radian: a cylinder within that of its
+    The smallest singular value is compared with 1 µm per radian: a cylinder within this of its
     dead centre.
     """
     nc, nq = moment_arms.shape[-2:]
@@ -207,6 +209,29 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
             f"singular at {where}: a cylinder is at its dead centre",
             "avoid it",
         )
+
+
+def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
+    """Raise for the first pose at which the load case at work does not exist.
+
+    Raises:
+        PoseError: they are no joint positions, or a link is tipped out of the load case's pitch.
+    """
+    positions, case = joint_positions(machine, q), machine.payload
+    unheld = ~machine.holds(positions)
+    if case.pitch is None or case.link is None or not unheld.any():
+        return
+    pitch = machine.arm.pitch(machine.arm.kinematics(positions[unheld][:1]), case.link)[0]
+    low, high = case.pitch
+    middle = (low + high) / 2
+    nearest = middle + math.remainder(pitch - middle, 2 * math.pi)
+    raise PoseError(
+        f"{machine.name}: payload {case.name}",
+        f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
+        f" at {_pose_text(machine, positions[unheld][0])}, it holds the load at"
+        f" {low / deg:g}…{high / deg:g} deg",
+        "choose another pose or load case",
+    )
 
 
 def _pose_text(machine: Machine, q: Array) -> str:

@@ -71,7 +71,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "setting_bar": "chamber pressure that opens the valve without pilot pressure",
     "pilot_ratio": "how many times the pressure of the other chamber counts in opening the valve",
     "opening_range_bar": "pressure rise from beginning to open to fully open",
-    "pump": "ideal: holds its pressure; flow_limited: gives no more than its flow",
+    "pump": "flow_limited: gives no more than its flow; ideal: holds its pressure",
     "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
     "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",

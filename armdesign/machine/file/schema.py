@@ -142,7 +142,7 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
-    pump: Literal["ideal", "flow_limited"] = "ideal"
+    pump: Literal["ideal", "flow_limited"] = "flow_limited"
     cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
     line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
