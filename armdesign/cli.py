@@ -23,19 +23,12 @@ from armdesign.options import (
     Habit,
     LeastOption,
     MachineArgument,
-<<<<<<< HEAD
+    MeasuredArgument,
     NominalOption,
     OutOption,
     OutsideOption,
     PointsOption,
-=======
-    MeasuredArgument,
-    OutOption,
-    OutsideOption,
-    PointsOption,
     PriorOption,
-    RobustOption,
->>>>>>> main
     UnitsOption,
     ValuesOption,
     VaryOption,
@@ -44,11 +37,7 @@ from armdesign.options import (
     listed,
     offered_sizes,
     open_workspace,
-<<<<<<< HEAD
-=======
-    stated_bands,
     stated_priors,
->>>>>>> main
 )
 from armdesign.output import outputs, show, tell, write_csv
 from armdesign.progress import progress

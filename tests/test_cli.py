@@ -22,7 +22,7 @@ OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
-    "pareto": ["--against", "--values", "--vary", "--robust", "--out", "--points", "--units"],
+    "pareto": ["--against", "--values", "--vary", "--nominal", "--out", "--points", "--units"],
 }
 
 

@@ -6,15 +6,7 @@ from dataclasses import fields
 from typing import Any
 
 from armdesign.design.requirements.settings import Requirements
-<<<<<<< HEAD
-from armdesign.errors import printable
-from armdesign.machine.file import machine_file, saving
-from armdesign.machine.file.schema import NAME_LENGTH
-from armdesign.machine.file.toml_writing import edit
-=======
-from armdesign.frequency.bands import Bands
 from armdesign.machine.file import machine_file
->>>>>>> main
 from armdesign.machine.machine import Machine
 from armdesign.machine.provenance import as_toml, retold
 
