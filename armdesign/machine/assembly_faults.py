@@ -10,6 +10,7 @@ from armdesign.machine.poses import is_singular
 from armdesign.machine.range_causes import Cause, Own, cause_of
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.urdf_faults import line_of, parse
+from armdesign.units import deg, mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -35,11 +36,35 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
         if not arm.joints[arm.names.index(motor.joint)].revolute:
             where = f"{source}: motor.{motor.name}"
             yield MachineFileError(where, f'"{motor.joint}" does not turn', "use a cylinder")
+    yield from _of_springs(machine)
     driven = {j for drive in machine.drives for j in drive.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
             problem = f'no cylinder or motor moves "{joint.name}"'
             yield MachineFileError(f"{source}: joints", problem, "add one or freeze the joint")
+
+
+def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
+    """Springs on joints of another kind, standing beyond their limits, or between pins."""
+    source, arm = machine.source.name, machine.arm
+    for index, spring in enumerate(machine.springs, len(arm.joints)):
+        where, joint = f"{source}: spring.{spring.name}", arm.coordinates[index]
+        if joint.revolute != spring.revolute:
+            moves, meant = ("turns", "N_m_per_rad") if joint.revolute else ("slides", "N_per_m")
+            remedy = f"give stiffness_{meant}, and at_{'deg' if joint.revolute else 'mm'}"
+            problem = f'"{joint.name}" {moves}'
+            yield MachineFileError(f"{where}.{spring.stiffness_key}", problem, remedy)
+        elif not joint.lower <= spring.at <= joint.upper:
+            key, unit = ("at_deg", deg) if joint.revolute else ("at_mm", mm)
+            low, high = joint.lower / unit, joint.upper / unit
+            problem = f'{spring.at / unit:g} is outside the limits of "{joint.name}"'
+            remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits in the URDF"
+            yield MachineFileError(f"{where}.{key}", problem, remedy)
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            if index in linkage.joints:
+                problem = f'"{joint.name}" lies between the pins of cylinder.{cylinder.name}'
+                remedy = "a spring's joint is driven by nothing: choose another, or move the pins"
+                yield MachineFileError(f"{where}.joint", problem, remedy)
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
@@ -57,7 +82,8 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
             except MachineFileError as error:
                 yield from _with_cause(machine, j, own, error)
         return
-    if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
+    arms = machine.evaluate(machine.rigid_poses(middle)).moment_arms[..., : len(machine.joints)]
+    if is_singular(arms)[0]:
         problem = "cylinders and motors leave a direction of motion free"
         yield MachineFileError(f"{source}: cylinder", problem, "check the pins")
 
