@@ -128,6 +128,8 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     own = own_joints(arms[..., :nq])
     if own is not None and nq == arms.shape[2]:
         return hertz(stiffness[:, own, own] / mass[:, own, own])
+    if own is not None and nq + 1 == arms.shape[2]:
+        return hertz(_lowest_of_two(own, mass, stiffness))
     if own is not None:
         return np.stack([_with_springs_free(j, nq, mass, stiffness) for j in own], axis=1)
     locked = np.full(arms.shape[:2], np.inf)
@@ -139,6 +141,19 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
             small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
             locked[rows, i] = hertz(np.linalg.eigvalsh(small)[:, 0])
     return locked
+
+
+def _lowest_of_two(joints: Array, mass: Array, stiffness: Array) -> Array:
+    """Lowest ω² of each of some joints with the last coordinate (n, nc) [rad²/s²], in closed form.
+
+    The roots of a λ² − b λ + c = 0 with a = det M, c = det K; the lower one is c/a over the higher
+    one, which loses no digits.
+    """
+    first, cross = (tuple(x[:, joints, at] for x in (mass, stiffness)) for at in (joints, -1))
+    last = tuple(x[:, -1:, -1] for x in (mass, stiffness))
+    a, c = (one * two - both**2 for one, two, both in zip(first, last, cross, strict=True))
+    b = first[0] * last[1] + first[1] * last[0] - 2 * cross[0] * cross[1]
+    return np.asarray(2 * c / (b + np.sqrt(np.maximum(b**2 - 4 * a * c, 0.0))))
 
 
 def _with_springs_free(joint: int, nq: int, mass: Array, stiffness: Array) -> Array:

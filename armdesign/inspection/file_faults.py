@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file
@@ -75,7 +76,9 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
                 *all_faults,
                 *_faults_of_the_rest(section, geometry, path, _blamed(all_faults)),
             ]
-        Workspace.grid(machine)
+        workspace = Workspace.grid(machine)
+        for case in load_cases(machine, workspace) if machine.springs else ():
+            case.machine.at(case.rigid)
     except ArmDesignError as error:
         all_faults.append(error)
     return all_faults

@@ -49,6 +49,11 @@ def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
     source, arm = machine.source.name, machine.arm
     for index, spring in enumerate(machine.springs, len(arm.joints)):
         where, joint = f"{source}: spring.{spring.name}", arm.coordinates[index]
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            if index in linkage.joints:
+                problem = f'"{joint.name}" lies between the pins of cylinder.{cylinder.name}'
+                remedy = "a spring's joint is driven by nothing: choose another, or move the pins"
+                yield MachineFileError(f"{where}.joint", problem, remedy)
         if joint.revolute != spring.revolute:
             moves, meant = ("turns", "N_m_per_rad") if joint.revolute else ("slides", "N_per_m")
             remedy = f"give stiffness_{meant}, and at_{'deg' if joint.revolute else 'mm'}"
@@ -60,11 +65,6 @@ def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
             problem = f'{spring.at / unit:g} is outside the limits of "{joint.name}"'
             remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits in the URDF"
             yield MachineFileError(f"{where}.{key}", problem, remedy)
-        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
-            if index in linkage.joints:
-                problem = f'"{joint.name}" lies between the pins of cylinder.{cylinder.name}'
-                remedy = "a spring's joint is driven by nothing: choose another, or move the pins"
-                yield MachineFileError(f"{where}.joint", problem, remedy)
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:

@@ -242,9 +242,9 @@ class Machine:
         text = toml_writing.edit(self.text, changes, source)
         with lines_of(self.text, source):
             section = machine_file.parse(text, source)
-            arm = (
-                self.arm if parts.coordinates(section) == parts.coordinates(self.section) else None
-            )
+            same = section.urdf == self.section.urdf
+            same = same and parts.coordinates(section) == parts.coordinates(self.section)
+            arm = self.arm if same else None
             machine = Machine.from_text(
                 text, self.urdf_text, self.source, arm=arm, section=section
             )

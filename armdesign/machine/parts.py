@@ -66,9 +66,9 @@ def supply(section: SupplySection) -> Supply:
 
 
 def coordinates(section: MachineSection) -> tuple[Any, ...]:
-    """What of a machine file an arm depends on, beside the text of its URDF."""
+    """What of a machine file an arm depends on: joints, and where others stand."""
     standing = [(spring.joint, spring.at) for spring in springs_of(section)]
-    return section.urdf, section.joints, section.frozen, standing
+    return section.joints, section.frozen, standing
 
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:
