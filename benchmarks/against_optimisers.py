@@ -37,7 +37,7 @@ import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at, holding_rows
 from armdesign.design.program.design_vector import RANGE_POSES, Geometry
-from armdesign.design.program.fixed_pins import lowest
+from armdesign.design.program.dynamics import lowest
 from armdesign.design.program.gradient import SteppedDesign
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import reference_of

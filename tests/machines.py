@@ -7,6 +7,7 @@ editing its texts.
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -301,6 +302,18 @@ def named(name: str) -> Machine:
     if name == "slewing":
         return slewing()
     return ODD[name]() if name in ODD else load(name)
+
+
+@cache
+def rigid(name: str) -> Machine:
+    """A shipped machine with rigid structure, oil alone, and with nothing uncertain.
+
+    As the sources of many expected numbers took it.
+    """
+    machine = load(name)
+    text = re.sub(r"(?m)^compliance_.*\n", "", machine.text)
+    text = re.sub(r"(?ms)^\[bands\].*?(?=^\[|\Z)", "", text)
+    return Machine.from_text(text, machine.urdf_text, machine.source)
 
 
 def heavy_bars() -> Machine:

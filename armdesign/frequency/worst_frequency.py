@@ -14,7 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
 from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
-from armdesign.frequency.pitch_limits import onto_pitch_limit, tipping_joints
+from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

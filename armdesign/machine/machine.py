@@ -19,17 +19,21 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.machine import from_urdf, parts
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file, saving, toml_writing
-from armdesign.machine.file.key_lines import Places, lines_of
+from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.urdf_names import unknown_joints, unknown_links
+from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
-from armdesign.machine.pose_checks import joint_positions, refuse_toppling, refuse_unreachable
-from armdesign.machine.poses import Poses, poses_of
+from armdesign.machine.poses import (
+    Poses,
+    joint_positions,
+    poses_of,
+    refuse_toppling,
+    refuse_unreachable,
+)
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
@@ -161,10 +165,9 @@ class Machine:
         requirements: Mapping[str, Any] | None = None,
         motors: Mapping[str, Any] | None = None,
         springs: Mapping[str, Any] | None = None,
+        bands: Mapping[str, Any] | None = None,
     ) -> Machine:
-        """A machine from a URDF that already exists.
-
-        Tables are written as in a machine file, in its units.
+        """A machine from a URDF that already exists; tables as in a machine file, in its units.
 
         Args:
             urdf: path or text.
@@ -181,10 +184,10 @@ class Machine:
             requirements: as in a machine file.
             motors: tables by name: displacement_cm3, gear_ratio, trapped_volume_l ….
             springs: tables by name: joint, stiffness_N_m_per_rad or stiffness_N_per_m ….
+            bands: default: structure from rigid to as soft as the oil.
 
         Raises:
-            MachineFileError: a joint that cannot be used (planar, floating, mimic), or anything
-                else that is wrong.
+            MachineFileError: what is wrong, such as a planar, floating or mimicking joint.
         """
         tables = {
             "frozen": frozen,
@@ -196,6 +199,7 @@ class Machine:
             "motor": motors,
             "spring": springs,
             "requirements": requirements,
+            "bands": bands,
         }
         urdf_text, path = from_urdf.read(urdf)
         text = from_urdf.machine_text(urdf_text, path, name, joints, tables)
@@ -209,7 +213,7 @@ class Machine:
         """The machine under another load case, by its name, or with another mass [kg].
 
         A mass sits where the case at work has its own; if that has none, where the first case has
-        that has one. It is a load case beside those of the file, and maps and designs count it
+        that has one. It is a load case beside the file's, and maps and designs count it
         too; the file itself does not change.
         """
         if isinstance(payload, str):
@@ -280,7 +284,7 @@ class Machine:
 
     def line_of(self, path: str) -> int | None:
         """Line of a key path in its file, or of the nearest table above it that the file has."""
-        return Places(self.text).line_of(path)
+        return KeyLines(self.text).line_of(path)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -310,7 +314,7 @@ class Machine:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """How each actuator moves the joints."""
+        """Linkages and gears by which the actuators move the joints."""
         return (
             *self.linkages,
             *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors),

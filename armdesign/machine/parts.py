@@ -6,9 +6,8 @@ import math
 from typing import Any
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.hydraulics.friction import Friction
-from armdesign.hydraulics.supply import Supply
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
 from armdesign.machine.file.schema import (
     CylinderSection,
@@ -18,11 +17,11 @@ from armdesign.machine.file.schema import (
     MotorSection,
     PayloadSection,
     PinSection,
+    Section,
     SpringSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.schema_types import Section
 from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
@@ -200,7 +199,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
-    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    """Motors of the joints that are coordinates; motors of frozen joints stand still."""
     motors = (_motor(name, motor) for name, motor in section.motor.items())
     return tuple(motor for motor in motors if motor.joint in section.joints)
 

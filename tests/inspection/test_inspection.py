@@ -513,9 +513,9 @@ def test_whatever_is_refused_has_a_problem_and_the_other_way_round(
         try:
             machine = ad.load(files["toml"])
         except ad.ArmDesignError as error:
-            refused = (error.part, error.problem)
+            refused = (error.part, error.fault)
         if refused:
-            assert refused in [(problem.part, problem.problem) for problem in found], seed
+            assert refused in [(problem.part, problem.fault) for problem in found], seed
             continue
         assert not found or "workspace" in str(found[0]), (seed, found)
         if not found and seed % 4 == 0:

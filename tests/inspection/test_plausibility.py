@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.finding import Finding
 from armdesign.inspection.inspection import inspect
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine import scaffold
 from armdesign.machine.file import machine_file, toml_writing
 from armdesign.machine.loading import shipped

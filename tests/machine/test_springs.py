@@ -226,8 +226,8 @@ def test_a_spring_too_soft_for_gravity_is_refused_with_what_it_needs() -> None:
         machine.at(q)
     error = caught.value
     assert error.part.endswith(path)
-    assert "boom" in error.problem
-    assert "payload full" in error.problem
+    assert "boom" in error.fault
+    assert "payload full" in error.fault
     assert error.line is not None
     least = float(error.remedy.removeprefix("give more than ").removesuffix(" N m/rad"))
     machine.replace({path: 1.0005 * least}).at(q)

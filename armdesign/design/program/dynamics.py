@@ -15,7 +15,6 @@ import numpy as np
 
 from armdesign.arrays import Array, remembered
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.fixed_pins import FixedPins, lowest
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
 from armdesign.frequency.bands import Bands
@@ -24,6 +23,32 @@ from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPins:
+    """All rows of a problem in which only areas vary and static forces do not depend on them.
+
+    Lengths and static forces (n, nc); and with M = L Lᵀ the moment arms L⁻¹r (n, nc, nq) and
+    L⁻¹K L⁻ᵀ without oil (n, nq, nq).
+    """
+
+    length: Array
+    forces: Array
+    scaled_arm: Array
+    scaled_rest: Array
+
+    def omega_squared(self, rows: Array | slice, oil: Array) -> Array:
+        """Lowest ω² (n,) [rad²/s²] of rows with the stiffness (n, nc) [N/m] of their oil."""
+        arm = self.scaled_arm[rows]
+        oil_stiffness = np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None])
+        return lowest(self.scaled_rest[rows] + oil_stiffness)
+
+
+def lowest(scaled: Array) -> Array:
+    """Lowest eigenvalues (n,) of L⁻¹K L⁻ᵀ, 0 where a matrix is not finite; overwrites those."""
+    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
+    return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +243,7 @@ class Dynamics:
 
     @cached_property
     def _fixed_pins(self) -> FixedPins | None:
-        """What areas leave alone; None where pins vary or static forces or masses depend on x."""
+        """Terms that areas leave alone; None where pins vary or forces or masses depend on x."""
         machine, g, pose = self.vector.machine, self._fixed_geometry, self.rows.pose
         redundant = len(machine.actuators) != len(machine.joints)
         if g is None or self.vector.moving_masses is not None or redundant:
@@ -322,8 +347,8 @@ class Dynamics:
 
     @cached_property
     def softest(self) -> Machine:
-        """Today's machine with the softest oil of the bands."""
-        return self.bands.with_oil(self.vector.machine, softest=True)
+        """Today's machine with the softest oil and structure of the bands."""
+        return self.bands.at_end(self.vector.machine, softest=True)
 
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array

@@ -6,8 +6,7 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_types import Section
+from armdesign.machine.file.schema import MachineSection, Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
@@ -76,11 +75,15 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "setting_bar": "chamber pressure that opens the valve without pilot pressure",
     "pilot_ratio": "how many times the pressure of the other chamber counts in opening the valve",
     "opening_range_bar": "pressure rise from beginning to open to fully open",
-    "pump": "ideal: holds its pressure; flow_limited: gives no more than its flow",
+    "pump": "flow_limited: gives no more than its flow; ideal: holds its pressure",
     "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
     "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
+    "structure": (
+        "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
+        " soft as the oil"
+    ),
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",

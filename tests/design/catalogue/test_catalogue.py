@@ -17,8 +17,8 @@ import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
 from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.branch_and_bound import BranchAndBound, select
-from armdesign.design.catalogue.scaled_poses import scaled_poses
 from armdesign.design.catalogue.separable import allowed_sizes
+from armdesign.design.catalogue.separable_bound import scaled_poses
 from armdesign.design.catalogue.sizes import sized, sizes_of
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.search.sequential_sdp import Search

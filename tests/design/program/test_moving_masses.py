@@ -15,13 +15,12 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.bound.certificate import upper_bound
-from armdesign.design.bound.given_pins import bound_of_areas
+from armdesign.design.bound.certificate import bound_of_areas, upper_bound
 from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
-from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.holding import Lift
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.inspection.finding import Finding
+from armdesign.machine.assembly_faults import LARGEST_ARM, TURN, Cause
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.key_paths import unit_of
 from armdesign.machine.file.likely_values import meant, rounded
 from armdesign.machine.machine import Machine
-from armdesign.machine.range_causes import LARGEST_ARM, TURN, Cause
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.urdf import Joint
 from armdesign.mechanism.urdf_faults import numbers, parse
@@ -29,8 +28,16 @@ from armdesign.units import deg, mm
 LEAF = 2.5  # length of an outermost link over the distance of its centre of mass
 
 
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """An implausible value: its key path or part, and the reason in words."""
+
+    part: str
+    words: str
+
+
 @dataclass(frozen=True, eq=False)
-class Reference:
+class Yardstick:
     """A machine that can be used, and what its numbers are judged by.
 
     Attributes:
