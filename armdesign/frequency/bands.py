@@ -50,6 +50,7 @@ class Bands:
         air: entrained air itself, volume share at atmospheric pressure; None: the machine's.
         structure: compliance in series with each actuator, over that of its oil at mid stroke,
             0 where the structure is rigid; None: the machine's own.
+        spring_stiffness: of all springs, on which the machine's passive joints yield.
     """
 
     bulk_modulus: tuple[float, float] = EXACT
@@ -58,6 +59,7 @@ class Bands:
     link_mass: tuple[float, float] = EXACT
     air: tuple[float, float] | None = None
     structure: tuple[float, float] | None = None
+    spring_stiffness: tuple[float, float] = EXACT
 
     def __repr__(self) -> str:
         """The bands that are stated, as they are written in Python."""
@@ -89,10 +91,11 @@ class Bands:
             link_mass=_pair(section.link_mass_share),
             air=(air[0] / 100, air[1] / 100) if air else None,
             structure=_pair(section.structure) if section.structure else None,
+            spring_stiffness=_pair(section.spring_stiffness_share),
         )
 
     def at_end(self, machine: Machine, softest: bool, today: Machine | None = None) -> Machine:
-        """The machine with oil, air, dead volumes and structure at their soft or stiff ends.
+        """The machine with oil, dead volumes, structure and springs at their soft or stiff ends.
 
         Shares of structure are of the oil of ``today``'s machine; of its own if None.
         """
@@ -104,6 +107,10 @@ class Bands:
             fluid=replace(fluid, bulk_modulus=modulus, air=air),
             cylinders=self.actuators_at_end(machine.cylinders, softest, today),
             motors=self.actuators_at_end(machine.motors, softest, today),
+            springs=tuple(
+                replace(one, stiffness=self.spring_stiffness[not softest] * one.stiffness)
+                for one in machine.springs
+            ),
         )
 
     def actuators_at_end(
@@ -133,7 +140,13 @@ class Bands:
     @property
     def ends(self) -> tuple[bool, ...]:
         """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
-        bands = (self.bulk_modulus, self.dead_volume, self.air, self.structure)
+        bands = (
+            self.bulk_modulus,
+            self.dead_volume,
+            self.air,
+            self.structure,
+            self.spring_stiffness,
+        )
         return (True, False) if any(band and band[0] < band[1] for band in bands) else (True,)
 
     def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:

@@ -6,10 +6,10 @@ import math
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from armdesign.frequency.bands import Bands
+from armdesign.frequency.bands import EXACT, Bands
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
-from armdesign.report.sheet import Sheet, dimensions, pose_text
+from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     notes = [
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
+        *filter(None, [spring_note(design.machine, after.cylinder)]),
     ]
     title = design.today.section.title or design.today.name
     return Sheet(
@@ -152,6 +153,9 @@ def _widths(bands: Bands) -> str:
         "links": bands.link_mass,
     }
     notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items()]
+    if bands.spring_stiffness != EXACT:
+        low, high = bands.spring_stiffness
+        notes.insert(0, f"springs {low:g} to {high:g} × as stiff")
     if bands.air:
         low, high = (100 * air for air in bands.air)
         notes.append(f"entrained air {low:g} to {high:g} %")
@@ -305,6 +309,8 @@ def summary(design: Design) -> str:
     before, after = design.before.worst, design.after.worst
     gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
+    if stuck := spring_note(design.machine, after.cylinder):
+        limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"

@@ -17,6 +17,7 @@ import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.catalogue.sizes import sized
 from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.frequency.bands import worst_within
 from armdesign.frequency.cases import scaled_links
@@ -25,6 +26,7 @@ from armdesign.report.designs import design_sheets, pareto_sheet, summary
 from tests import machines
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.machines import machine_with, named
+from tests.sprung import rocking
 
 BANDS = ad.Bands(
     bulk_modulus=(0.7, 1.1), dead_volume=(1.0, 1.2), payload=(0.8, 1.25), link_mass=(0.95, 1.05)
@@ -64,6 +66,22 @@ def test_the_problem_counts_the_least_gain_within_the_bands(name: str, bands: ad
         assert_allclose(reached, min(gains), rtol=1e-9)
         judged = problem.dynamics.corners.judged(as_machine(problem, x))
         assert_allclose(judged, reached * today.nominal, rtol=1e-9)
+
+
+def test_springs_are_within_the_gain() -> None:
+    """A rocking excavator whose spring is soft or stiff, against whole machines."""
+    machine, bands = rocking(), ad.Bands(structure=(0.0, 1.0), spring_stiffness=(0.5, 2.0))
+    workspace = Workspace.grid(machine, points=(4, 4, 5))
+    problem = Problem.of(
+        machine=machine, workspace=workspace, requirements=Requirements.of(machine),
+        vary=("areas", "pins"), bands=bands, gain=True,
+    )  # fmt: skip
+    x = some_x(problem, 3)
+    today = ad.frequency_band(machine, workspace, bands)
+    new = ad.frequency_band(as_machine(problem, x), workspace, bands, today=machine).scenarios
+    gains = [n.frequency / o.frequency for n, o in zip(new, today.scenarios, strict=True)]
+    reached = hertz(problem.dynamics.omega_squared(x).min()) / today.nominal
+    assert_allclose(reached, min(gains), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["double", "odd"])

@@ -54,9 +54,9 @@ def lowest(scaled: Array) -> Array:
 class Rows:
     """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q.
 
-    With the load, without masses that depend on x. A load case at another corner of the bands is
-    another one: ``payload`` counts on, and ``corner`` (n,) is its index. M is ``weight`` (n,)
-    times what it is, see ``corners.py``.
+    With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
+    A load case at another corner of the bands is another one: ``payload`` counts on, and
+    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is, see ``corners.py``.
     """
 
     pose: Array
@@ -119,10 +119,12 @@ class Dynamics:
         parts: list[tuple[Array, ...]] = []
         for corner, (one, weight) in enumerate(zip(corners, weights, strict=True)):
             shares = one.payload_share, one.link_share
+            springs = self.bands.at_end(self.vector.machine, one.softest).spring_stiffness
+            added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
             for case in load_cases(self.vector.bare, self.workspace, *shares):
                 mass, gravity, slope = case.machine.loaded(case.rigid)
                 numbers = (np.full(len(mass), x) for x in (len(parts), corner, float(weight)))
-                parts.append((case.indices, *numbers, weight * mass, gravity, slope))
+                parts.append((case.indices, *numbers, weight * mass, gravity, slope + added))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def forces_of_nominal(self, forces: Array) -> Array | None:
@@ -193,7 +195,11 @@ class Dynamics:
         """Static forces (n, nc) [N] of ``nominal_rows`` at x."""
         arm = self._geometry(x, self.nominal_rows.pose).arm
         gravity = self.inertia_and_gravity(x, self.nominal_rows, slice(None))[1]
-        return static_forces(arm, gravity, self.vector.areas(x)[:, 0])
+        return self.static_forces(arm, gravity, self.vector.areas(x))
+
+    def static_forces(self, arm: Array, gravity: Array, areas: Array) -> Array:
+        """Forces (…, nc) [N] that hold gravity (…, k) at areas (…, nc, 2)."""
+        return static_forces(arm, gravity, areas[..., 0], len(self.vector.machine.joints))
 
     # --------------------------------------------------------------------------------- frequencies
 
@@ -261,7 +267,7 @@ class Dynamics:
             return None
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
-        forces = static_forces(arm, self.rows.gravity, self.vector.areas_today[:, 0])
+        forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
         return FixedPins(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
@@ -289,7 +295,7 @@ class Dynamics:
         g = at.geometry(self.workspace.rigid[self.rows.pose[rows]])
         mass, gravity, slope = self.stepped_inertia_and_gravity(x, self.rows, rows)
         pull = slope - 1j * squared * mass.imag
-        forces = static_forces(g.arm, gravity, at.areas[:, None, :, 0])
+        forces = self.static_forces(g.arm, gravity, at.areas[:, None])
         lengths = at.closed[:, None], at.stroke[:, None]
         corner = self.rows.corner[rows]
         stiffness = self.actuator_stiffness(corner, g, *lengths, at.areas[:, None], forces) + pull
@@ -342,7 +348,7 @@ class Dynamics:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
         g, areas = self._geometry(x, self.rows.pose[rows]), self.vector.areas(x)
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
-        forces = static_forces(g.arm, gravity, areas[:, 0])
+        forces = self.static_forces(g.arm, gravity, areas)
         at = g, *self.vector.strokes(x), areas, forces
         stiffness = self.actuator_stiffness(self.rows.corner[rows], *at)
         return stiffness + slope, mass, forces
