@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import PoseError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.units import deg
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Poses:
+class Poses(ReadOnly):
     """Everything at n poses of a machine with nq joints and nc actuators; arrays are read-only.
 
     Actuators are the cylinders and after them the motors, see ``Machine.actuators``. For a motor
@@ -61,10 +61,6 @@ class Poses:
     cylinder_forces: Array
     oil_stiffness: Array
     tool: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.q)
