@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armdesign.frequency.bands import Bands
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
-from armdesign.report.sheet import Sheet, dimensions, pose_text
+from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def _gain(design: Design, units: Units) -> Sheet:
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         *(["all that follows: in the worst case of the bands"] if robust else []),
         f"before rounding {design.unrounded:.3f} Hz",
+        *filter(None, [spring_note(design.machine, after.cylinder)]),
     ]
     title = design.today.section.title or design.today.name
     return Sheet(
@@ -285,6 +286,8 @@ def summary(design: Design) -> str:
     before, after = design.before.worst, design.after.worst
     gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
+    if stuck := spring_note(design.machine, after.cylinder):
+        limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"

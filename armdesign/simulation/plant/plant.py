@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
@@ -127,6 +128,8 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
+        if self.machine.springs:
+            raise SimulationError(f"{self.machine.name}: spring", "springs are not simulated yet")
         self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
