@@ -17,6 +17,15 @@ T = TypeVar("T")
 CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
 
 
+class ReadOnly:
+    """Base of dataclasses whose arrays cannot be written to."""
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+
 def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
     """Decorator of a method of an array: its result for the last array is remembered."""
     name = f"_last_{method.__name__}"
@@ -40,7 +49,7 @@ def chunks(count: int) -> Iterator[slice]:
 def stacked(parts: Iterable[T], count: int) -> T:
     """One dataclass of ``count`` rows from parts of its arrays, each released once copied.
 
-    Fields that are no arrays are those of the first part.
+    Fields that are no arrays come from the first part.
     """
     parts = iter(parts)
     part = next(parts)

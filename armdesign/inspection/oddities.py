@@ -9,10 +9,10 @@ import numpy as np
 
 from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.modes import natural_modes
+from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import euler_safety
-from armdesign.inspection.reference import Finding
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine.load_case import PITCH_TOLERANCE
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units
@@ -201,7 +201,7 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
     """Poses without natural frequencies, or without stiffness."""
     case = inspection.cases[name]
     try:
-        lowest = natural_modes(case.machine.at(case.rigid)).frequencies[:, 0]
+        lowest = lowest_frequency(case.machine.at(case.rigid))
     except PoseError as error:
         yield f"payload.{name}", f"no natural frequencies: {error}"
         return

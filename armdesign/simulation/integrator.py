@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from armdesign.arrays import Array
 from armdesign.simulation.dormand_prince import (
     INSTANT,
     Records,
-    Rows,
+    Running,
     Stages,
     Tableau,
     finish_steps,
@@ -38,7 +38,7 @@ from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
 
 
 class Breaks(NamedTuple):
-    """When the rates of a case jump, or one of their derivatives does.
+    """Instants at which the rates of a case, or a derivative of them, jump.
 
     Attributes:
         instants: ascending [s]; those outside of the run do not matter.
@@ -125,7 +125,7 @@ class Span(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How fast the cases are.
+    """Largest ω of the oscillations of the cases.
 
     Attributes:
         undamped: largest ω of undamped oscillations (n,) [rad/s]; 0: none.
@@ -210,7 +210,7 @@ class _Stepper:
         needed = np.minimum(needed, STIFF / HELD * longest)
         most = np.minimum(most, longest)
         time, low, high, stop, step, before = np.zeros((6, n))
-        self.rows = Rows(
+        self.rows = Running(
             case=np.arange(n),
             end=end,
             longest=longest,
@@ -230,15 +230,9 @@ class _Stepper:
         )
         self._evaluations = Counter[int]()
         self._tableau = Tableau.of_scipy()
-        self._kernels = self._resolved()
-
-    def _resolved(self) -> tuple[Any, Any]:
-        """The compiled ``place_stage`` and ``finish_steps`` for arguments of these types."""
-        stages = Stages.like(self.rows.state)
-        return (
-            resolved(place_stage, 1, self._tableau, self.rows, stages),
-            resolved(finish_steps, self._tableau, self.rows, stages, self.records, self.tolerance),
-        )
+        types = self._tableau, self.rows, Stages.like(start)
+        self._place_stage = resolved(place_stage, 1, *types)
+        self._finish_steps = resolved(finish_steps, *types, self.records, self.tolerance)
 
     def begin(self, rows: Sequence[int]) -> None:
         """Let some rows enter their next stretch; with short steps if their rates jump."""
@@ -255,13 +249,12 @@ class _Stepper:
 
     def advance(self) -> None:
         """One step of every case, taken or refused."""
-        place, finish = self._kernels
         stages = Stages.like(self.rows.state)
         stages.slopes[0] = self.rows.slope
         for stage in range(1, 7):
-            place(stage, self._tableau, self.rows, stages)
+            self._place_stage(stage, self._tableau, self.rows, stages)
             stages.slopes[stage] = self.system.rates(stages.at, stages.ahead)
-        if finish(self._tableau, self.rows, stages, self.records, self.tolerance):
+        if self._finish_steps(self._tableau, self.rows, stages, self.records, self.tolerance):
             self._go_on()
 
     def _go_on(self) -> None:
@@ -324,7 +317,7 @@ class _Stepper:
         at.step[row] = min(at.size[row], at.stop[row] - at.time[row])
 
     def under_way(self) -> list[int]:
-        """Rows that are not at their end."""
+        """Cases that are not at their end."""
         return [int(row) for row in np.flatnonzero(self.rows.under_way)]
 
     def drop_finished(self) -> bool:
@@ -332,7 +325,7 @@ class _Stepper:
         left = self.under_way()
         if 0 < 2 * len(left) <= len(self.rows.time):
             self.system = self.system.picked(left)
-            self.rows = Rows(*(values[left] for values in self.rows))
+            self.rows = Running(*(values[left] for values in self.rows))
         return len(left) == 0
 
     def give_up(self, row: int, cause: str) -> None:

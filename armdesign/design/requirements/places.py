@@ -32,7 +32,7 @@ def edges(points: Array) -> tuple[Array, Array]:
 
 
 def depth(at: Array, polygon: Array) -> Array:
-    """How far points (…, 2) lie within a polygon, from each of its edges (…, m).
+    """Distance of points (…, 2) within a polygon from each of its edges (…, m).
 
     All are negative for a point outside: minus the distance to the nearest edge.
     """
@@ -172,7 +172,7 @@ def _check(part: Outline | Clearance) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Places:
+class PinPlaces:
     """Settings: places of pins and barrels.
 
     Attributes:
@@ -268,7 +268,8 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
 def _poses_between(today: Machine, part: Clearance, i: int) -> RigidPoses:
     """Poses over the ranges of the joints between a cylinder and the link it keeps clear of."""
     arm, linkage = today.arm, today.linkages[i]
-    between = sorted({*linkage.joints, *(j for j, _ in arm.path(linkage.base.link, part.link))})
+    path = (j for j, _ in arm.path(linkage.base.link, part.link) if j < len(arm.joints))
+    between = sorted({*linkage.joints, *path})
     count = MESH.get(len(between), 5)
     axes = [over(today.ranges[j], count) for j in between]
     q = np.tile(today.ranges.mean(axis=1), (count ** len(between), 1))

@@ -127,7 +127,7 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over poses, load cases and the problem's bands [Hz]."""
     workspace = problem.workspace
     if problem.dynamics.bands != Bands():
-        return worst_within(machine, workspace, problem.dynamics.bands).frequency
+        return worst_within(machine, workspace, problem.dynamics.bands, problem.machine).frequency
     return worst_frequency(machine, workspace).frequency
 
 

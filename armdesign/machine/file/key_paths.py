@@ -1,4 +1,4 @@
-"""What the schema says at a key path of the machine file: type, range, unit."""
+"""Type, range and unit that the schema states at a key path of the machine file."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ UNITS = {  # by the end of the key, longer ends first
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "N_m_per_rad": "N m/rad",
+    "N_per_m": "N/m",
     "ms": "ms",
     "percent": "%",
     "MPa": "MPa",

@@ -142,7 +142,7 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
-    pump: Literal["ideal", "flow_limited"] = "ideal"
+    pump: Literal["ideal", "flow_limited"] = "flow_limited"
     cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
     line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
@@ -282,14 +282,35 @@ class MotorSection(Section):
     friction: MotorFrictionSection = MotorFrictionSection()
 
 
+Stiffness = Annotated[float, Field(gt=0, le=1e15)]
+
+
+class SpringSection(Section):
+    """A passive joint: one that no actuator drives, on which structure yields."""
+
+    joint: Text
+    stiffness_N_m_per_rad: Stiffness | None = None
+    stiffness_N_per_m: Stiffness | None = None
+    damping_ratio: Annotated[float, Field(ge=0, le=10)] = 0.0
+    at_deg: Angle | None = None
+    at_mm: Coordinate | None = None
+
+
 ShareBand = Annotated[
     list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)
 ]
 
 
 class BandsSection(Section):
-    """What is not known exactly: lower and upper end, as shares of this file's values."""
+    """What is not known exactly: lower and upper end, as shares of this file's values.
 
+    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
+    """
+
+    structure: (
+        Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
+        | None
+    ) = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
@@ -314,5 +335,6 @@ class MachineSection(Section):
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
+    spring: dict[Name, SpringSection] = {}
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()
