@@ -30,10 +30,7 @@ def documented(
 
 
 def call(function: str, **arguments: Any) -> str:
-    """A call of this package as it is written in Python.
-
-    Arguments that ask for nothing are left out.
-    """
+    """A call of this package as Python writes it, without arguments that ask for nothing."""
     words = ", ".join(
         f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands())
     )

@@ -160,10 +160,7 @@ class Dynamics:
     def stepped_inertia_and_gravity(
         self, x: Array, rows: Rows, chosen: Array
     ) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of some rows, a complex step along each entry of x in front (nx, n, …).
-
-        (1, n, …) where they do not depend on x.
-        """
+        """M, g, ∂g/∂q of rows, a complex step along each entry of x (nx, n, …), or (1, n, …)."""
         mass, gravity, slope = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
         if self.vector.moving_masses is None:
             return mass[None], gravity[None], slope[None]
@@ -353,10 +350,7 @@ class Dynamics:
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array
     ) -> Array:
-        """Oil stiffness of every actuator (…, n, nc) [N/m, N m/rad] at lengths and static forces.
-
-        Closed lengths and strokes (…, nc) and areas (…, nc, 2) are broadcast.
-        """
+        """Oil stiffness of actuators (…, n, nc) [N/m, N m/rad] at lengths and forces."""
         fluid, supply = self.softest.fluid, self.softest.supply
         oil = []
         for i, actuator in enumerate(self.softest.actuators):
