@@ -160,10 +160,7 @@ class Arm:
 
     @cached_property
     def slewing(self) -> dict[int, float]:
-        """Coordinates that turn the whole arm about the vertical; +1 if their axis is up, else −1.
-
-        Neither inertia nor gravity depends on them.
-        """
+        """Joints that turn the arm about the vertical, +1 if up else −1: M and g ignore them."""
         axes = self.kinematics(np.zeros((1, len(self.joints)))).axis[0]
         signs: dict[int, float] = {}
         for index in self.outwards:
