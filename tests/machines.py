@@ -304,9 +304,11 @@ ODD: dict[str, Callable[[], Machine]] = {
 
 @cache
 def named(name: str) -> Machine:
-    """A shipped machine, one of `ODD`, or `random_<seed>`; read once."""
+    """A shipped machine, also `rigid_<name>`, one of `ODD`, or `random_<seed>`; read once."""
     if name.startswith("random_"):
         return random_machine(int(name.removeprefix("random_")))
+    if name.startswith("rigid_"):
+        return rigid(name.removeprefix("rigid_"))
     if name == "heavy_bars":
         return heavy_bars()
     if name == "slewing":

@@ -47,7 +47,8 @@ OPTIONAL = {  # have a default
     ),
     *("supply.return_pressure_bar", "payload.full.pitch_deg", "payload.empty", "payload.full"),
     *(f"cylinder.{name}.valve" for name in DATA["cylinder"]),
-    *("motor", "motor.swing", "motor.swing.valve"),
+    *("motor", "motor.swing", "motor.swing.valve", "bands", "bands.structure"),
+    *(f"cylinder.{name}.compliance_m_per_N" for name in DATA["cylinder"]),
 }
 
 

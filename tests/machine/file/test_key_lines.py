@@ -235,7 +235,7 @@ def test_errors_of_the_file_say_the_line(old: str, new: str, path: str, tmp_path
     text = EXCAVATOR.text.replace(old, new, 1)
     assert text != EXCAVATOR.text
     line = EXCAVATOR.text[: EXCAVATOR.text.index(old)].count("\n") + 1
-    line = {"payload.full": 14, "cylinder.bucket.four_bar": 71, "cylinder.boom.stroke_mm": 36}.get(
+    line = {"payload.full": 14, "cylinder.bucket.four_bar": 74, "cylinder.boom.stroke_mm": 36}.get(
         path, line
     )
     key = path.split(".")[1 if path in ("payload.full", "cylinder.bucket.four_bar") else -1]
