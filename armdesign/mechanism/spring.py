@@ -13,7 +13,7 @@ those of a rigid machine. Static condensation would be wrong where what yields h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,9 @@ class Spring:
         stiffness: κ [N m/rad, N/m].
         damping_ratio: of the joint alone, all others locked.
         at: where it stands at rest, z₀ [rad, m].
+        preload: τ₀ at the pose and load of a run [N m, N]; None where there is none, see
+            ``settled``.
+        damping: d there [N m s/rad, N s/m].
     """
 
     name: str
@@ -39,6 +42,8 @@ class Spring:
     stiffness: float
     damping_ratio: float = 0.0
     at: float = 0.0
+    preload: float | None = None
+    damping: float = 0.0
 
     kind = "spring"
 
@@ -52,14 +57,16 @@ class Spring:
         """Unit of the stiffness."""
         return "N m/rad" if self.revolute else "N/m"
 
-    def damping(self, mass: float, stiffness: float) -> float:
-        """Damping d = 2 ζ √(K M) [N m s/rad, N s/m] of the joint alone.
+    def settled(self, gravity: float, mass: float, stiffness: float) -> Spring:
+        """The spring at rest at one pose under one load: with preload, and d = 2 ζ √(K M).
 
         Args:
-            mass: its diagonal term of M [kg m², kg].
-            stiffness: its diagonal term of K, gravity's part included [N m/rad, N/m].
+            gravity: what its joint carries there [N m, N].
+            mass: diagonal term of M [kg m², kg].
+            stiffness: diagonal term of K, gravity's part included [N m/rad, N/m].
         """
-        return 2 * self.damping_ratio * math.sqrt(max(stiffness, 0.0) * mass)
+        damping = 2 * self.damping_ratio * math.sqrt(max(stiffness, 0.0) * mass)
+        return replace(self, preload=gravity, damping=damping)
 
 
 def least_stiffness_factors(stiffness_matrix: Array, springs: Array) -> Array:
