@@ -292,8 +292,8 @@ class Experiment:
     def _undetuned(self, swing: Array) -> float:
         """Share of a swing (k,) that hardly changes the linear frequency of the mode.
 
-        Of joints and springs; by no more than ``DETUNING``. They swing as in the mode, so both ends of
-        the swing lie along its shape.
+        By no more than ``DETUNING``. Joints and springs swing as in the mode, so both ends of the
+        swing lie along its shape.
         """
         here = natural_modes(self.machine.at(self.pose))
         shape, frequency = here.shapes[0, :, self.mode], here.frequencies[0, self.mode]
