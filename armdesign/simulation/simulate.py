@@ -384,14 +384,12 @@ def _recorded(
     """The run, with what its equilibrium does not hold among its events."""
     plant, machine = system.plant, system.plant.machine
     time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
-    demand = np.array([system.demands[0](t) for t in time.tolist()], dtype=float)
-    commands = system.commands(demand, states)
+    commands = system.commands_at(time, states)
     evaluation = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
     energy = plant.forward_dynamics.energy(q, velocity)
     supplied, oil, dissipated = system.energies(states)
-    springs, frames = evaluation.springs, machine.arm.kinematics(q)
-    nq = len(machine.joints)
+    elastic, frames, nq = evaluation.springs, machine.arm.kinematics(q), len(machine.joints)
     run = Simulation(
         time=time,
         q=q[:, :nq].copy(),
@@ -407,7 +405,7 @@ def _recorded(
         tool=np.array(machine.arm.point(frames, machine.tool.link, np.array(machine.tool.at))),
         energy=energy,
         supplied=supplied,
-        stored=energy - energy[0] + springs - springs[0] + oil,
+        stored=energy - energy[0] + elastic - elastic[0] + oil,
         dissipated=dissipated,
         supply=plant.supply_pressure(body),
         events=(),

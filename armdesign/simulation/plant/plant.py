@@ -297,11 +297,9 @@ def _evaluate(
             rates[layout.line] = (pump - taken) / system.line_capacity / bar
         actuators, outputs = parameters.actuators[m], evaluation.outputs[case]
         flows = supply, pump, taken
-        power = evaluation.powers[case]
+        power, springs = evaluation.powers[case], parameters.springs[m]
         stored = book_powers(actuators, system, pressures, outputs, flows, power)
-        springs = parameters.springs[m]
-        stored += add_springs(springs, y[:nq], y[nq : 2 * nq], torque[case], power)
-        evaluation.springs[case] = stored
+        evaluation.springs[case] = stored + add_springs(springs, y, torque[case], power)
 
 
 @compiled

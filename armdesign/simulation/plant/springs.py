@@ -51,23 +51,21 @@ def springs_of(machine: Machine) -> Records:
 
 
 @compiled
-def add_springs(
-    springs: Records, position: Array, speed: Array, torque: Array, power: Array
-) -> float:
+def add_springs(springs: Records, state: Array, torque: Array, power: Array) -> float:
     """Add torques of springs and what they dissipate; energy ½ κ (z − z₀)² − τ₀ (z − z₀) [J].
 
     Args:
         springs: records ``SPRING`` (ns,).
-        position: of all k coordinates, springs last (k,).
-        speed: of all (k,), and whatever follows.
-        torque: on all (k,); written.
+        state: positions of all k coordinates, springs last, then their speeds.
+        torque: on all coordinates (k,); written.
         power: supplied, into oil, dissipated (3,) [W]; written.
     """
-    energy, first = 0.0, len(position) - len(springs)
+    energy, k = 0.0, len(torque)
     for j in range(len(springs)):
-        spring, moved, rate = springs[j], position[first + j] - springs[j].at, speed[first + j]
+        spring, own = springs[j], k - len(springs) + j
+        moved, rate = state[own] - spring.at, state[k + own]
         elastic = spring.preload - spring.stiffness * moved
-        torque[first + j] += elastic - spring.damping * rate
+        torque[own] += elastic - spring.damping * rate
         power[2] += spring.damping * rate**2
         energy -= (spring.preload + elastic) / 2 * moved
     return energy
