@@ -208,7 +208,7 @@ def frequency_band(
     Args:
         machine: the machine.
         workspace: poses that count; the worst is taken among them, not between them.
-        bands: what is not known exactly; those of the machine's file if None.
+        bands: what is not known exactly; None: the machine's file states them.
         today: the machine that this one was made from, whose structure it keeps; None: itself.
     """
     bands = bands or Bands.of(machine)

@@ -261,7 +261,7 @@ def _modes(case: Machine, poses: Poses) -> Modes:
         return natural_modes(poses)
     except PoseError as error:
         path = f"payload.{case.payload.name}"
-        words = f"the {error.part} {error.problem}"
+        words = f"the {error.part} {error.fault}"
         place = f"{case.source.name}: {path}"
         raise PoseError(place, words, error.remedy, case.line_of(path)) from None
 

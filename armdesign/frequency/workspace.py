@@ -216,8 +216,8 @@ def _in_stroke(
     """
     inside = _least_margin(machine, q) >= end_margin - MARGIN_TOLERANCE
     if not inside.any():
-        problem = "no pose of it is in stroke"
-        raise ArmDesignError(f"{machine.name}: workspace", problem, "give more points")
+        fault = "no pose of it is in stroke"
+        raise ArmDesignError(f"{machine.name}: workspace", fault, "give more points")
     weights = np.concatenate([weights, np.zeros(len(q) - len(weights))])
     return Workspace(
         q=q[inside],

@@ -110,20 +110,38 @@ class Actuator(ABC):
         areas = areas or (self.bore_area, self.annulus_area)
         if self.compliance > 0:
             extension = extension + self.compliance * force
+        pressures = self.static_pressures(force, supply, areas) if fluid.air > 0 else (0.0, 0.0)
+        cap, annulus = self.capacities(extension, pressures, fluid, areas=areas, stroke=stroke)
+        return oil_stiffness(areas[0], areas[1], cap, annulus, self.compliance)
+
+    def capacities(
+        self,
+        extension: Any,
+        pressures: tuple[Any, Any],
+        fluid: Fluid,
+        *,
+        areas: tuple[Any, Any] | None = None,
+        stroke: Any = None,
+    ) -> tuple[Any, Any]:
+        """Capacities V/β + V_hose/β_hose of cap and annulus [m³/Pa] with the piston at a place.
+
+        Args:
+            extension: of the piston itself [m].
+            pressures: of cap and annulus [Pa]; they count where the oil carries air.
+            fluid: the oil.
+            areas: see the class.
+            stroke: see the class.
+        """
+        cap, annulus = self.volumes(extension, areas, stroke)
         beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
         if fluid.air > 0:
-            cap_pressure, annulus_pressure = self.static_pressures(force, supply, areas)
-            beta = (
-                bulk_modulus(cap_pressure, fluid.bulk_modulus, fluid.air),
-                bulk_modulus(annulus_pressure, fluid.bulk_modulus, fluid.air),
+            at_cap, at_annulus = (
+                bulk_modulus(pressure, fluid.bulk_modulus, fluid.air) for pressure in pressures
             )
-        cap, annulus = self.volumes(extension, areas, stroke)
-        return oil_stiffness(
-            areas[0],
-            areas[1],
+            beta = at_cap, at_annulus
+        return (
             cap / beta[0] + self.cap_hose_volume / self.hose_modulus,
             annulus / beta[1] + self.annulus_hose_volume / self.hose_modulus,
-            self.compliance,
         )
 
     def oil_compliance(self, fluid: Fluid, supply: Supply) -> float:

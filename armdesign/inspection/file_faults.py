@@ -13,7 +13,7 @@ from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.toml_reading import Places, tell_line
+from armdesign.machine.file.toml_reading import KeyLines, tell_line
 from armdesign.machine.file.toml_writing import dump
 from armdesign.machine.from_urdf import FLUID, SUPPLY
 from armdesign.machine.loading import find
@@ -40,9 +40,9 @@ def faults(path_or_name: str | Path, *, allow_outside: bool = False) -> list[Arm
     except ArmDesignError as error:
         return [error]
     all_faults = _all(path, text, allow_outside)
-    places = Places(text)
+    key_lines = KeyLines(text)
     for fault in all_faults:
-        tell_line(fault, places, path.name)
+        tell_line(fault, key_lines, path.name)
     return list({str(fault): fault for fault in all_faults}.values())
 
 

@@ -18,7 +18,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.inspection.implausible_values import suspicions
 from armdesign.inspection.oddities import is_whole_turn, oddities
-from armdesign.inspection.reference import Finding
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
@@ -89,7 +89,7 @@ class Inspection:
         return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
-        """What ends a joint's range below (0) or above (1): a stroke, the URDF, one turn."""
+        """End of a joint's range below (0) or above (1) in words: a stroke, the URDF, one turn."""
         machine = self.machine
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
@@ -180,7 +180,7 @@ class Inspection:
         return suspicions(self.machine, shares)
 
     def findings(self, units: Units = WORKSHOP) -> list[Finding]:
-        """What looks odd, in the units asked for: suspicions first, as the others may follow."""
+        """Findings in the units asked for: suspicions first, as the others may follow."""
         return [*self.suspicions, *oddities(self, units)]
 
 

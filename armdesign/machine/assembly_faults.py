@@ -51,8 +51,8 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
     driven = {j for drive in machine.drives for j in drive.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
-            problem = f'no cylinder or motor moves "{joint.name}"'
-            yield MachineFileError(f"{source}: joints", problem, "add one or freeze the joint")
+            words = f'no cylinder or motor moves "{joint.name}"'
+            yield MachineFileError(f"{source}: joints", words, "add one or freeze the joint")
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
@@ -71,8 +71,8 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
                 yield from _with_cause(machine, j, own, error)
         return
     if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
-        problem = "cylinders and motors leave a direction of motion free"
-        yield MachineFileError(f"{source}: cylinder", problem, "check the pins")
+        fault = "cylinders and motors leave a direction of motion free"
+        yield MachineFileError(f"{source}: cylinder", fault, "check the pins")
 
 
 def _with_cause(
@@ -84,12 +84,12 @@ def _with_cause(
         yield error
     elif cause.in_urdf:
         part, line = place_in_urdf(machine, j, cause)
-        yield MachineFileError(part, f"{cause.words}; now {error.problem}", cause.remedy, line)
+        yield MachineFileError(part, f"{cause.words}; now {error.fault}", cause.remedy, line)
         yield error
     else:
         source = f"{machine.source.name}: "
-        problem = f"{cause.words}: {error.part.removeprefix(source)}: {error.problem}"
-        yield MachineFileError(source + cause.path, problem, f"{cause.remedy}, or {error.remedy}")
+        fault = f"{cause.words}: {error.part.removeprefix(source)}: {error.fault}"
+        yield MachineFileError(source + cause.path, fault, f"{cause.remedy}, or {error.remedy}")
 
 
 def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | None]:

@@ -25,7 +25,7 @@ from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file, saving, toml_writing
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.toml_reading import Places, lines_of
+from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
 from armdesign.machine.poses import Poses, joint_positions, refuse_unreachable, static_forces
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
@@ -199,7 +199,7 @@ class Machine:
         """The machine under another load case, by its name, or with another mass [kg].
 
         A mass sits where the case at work has its own; if that has none, where the first case has
-        that has one. It is a load case beside those of the file, and maps and designs count it
+        that has one. It is a load case beside the file's, and maps and designs count it
         too; the file itself does not change.
         """
         if isinstance(payload, str):
@@ -271,7 +271,7 @@ class Machine:
 
     def line_of(self, path: str) -> int | None:
         """Line of a key path in its file, or of the nearest table above it that the file has."""
-        return Places(self.text).line_of(path)
+        return KeyLines(self.text).line_of(path)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -296,7 +296,7 @@ class Machine:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """How each actuator moves the joints."""
+        """Linkages and gears by which the actuators move the joints."""
         return (
             *self.linkages,
             *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors),

@@ -188,7 +188,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
-    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    """Motors of the joints that are coordinates; motors of frozen joints stand still."""
     made = (_motor(name, motor) for name, motor in section.motor.items())
     at_work = (motor for motor in made if motor.joint in section.joints)
     return tuple(at_work if section.damped else map(_without_losses, at_work))

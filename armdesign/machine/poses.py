@@ -124,7 +124,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
 def is_singular(moment_arms: Array) -> Flags:
     """Whether a motion is free (…,): R (…, nc, nq) without full column rank, or not finite.
 
-    The smallest singular value is compared with 1 µm per radian: a cylinder within that of its
+    The smallest singular value is compared with 1 µm per radian: a cylinder within this of its
     dead centre.
     """
     nc, nq = moment_arms.shape[-2:]

@@ -186,7 +186,7 @@ def _same_arm(first: Machine, second: Machine) -> bool:
 
 
 def _labels(first: Machine, second: Machine) -> tuple[str, str]:
-    """What tells two machines apart: name, file or folder."""
+    """Labels that tell two machines apart: name, file or folder."""
     candidates = ((m.name, m.source.stem, m.source.resolve().parent.name) for m in (first, second))
     for one, other in zip(*candidates, strict=True):
         if one != other:

@@ -64,7 +64,7 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
 
 
 def _rest_note(frequencies: FrequencyMap) -> str:
-    """What oil with air behind leaking valves changes at the worst pose; empty if little."""
+    """Change at the worst pose by oil with air behind leaking valves; empty if little."""
     machine, worst = frequencies.machine, frequencies.worst
     valves = {actuator.name: actuator.valve for actuator in machine.actuators}
     leaking = [name for name, valve in valves.items() if valve and valve.leaks]

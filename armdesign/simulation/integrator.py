@@ -27,7 +27,7 @@ from armdesign.arrays import Array
 from armdesign.simulation.dormand_prince import (
     INSTANT,
     Records,
-    Rows,
+    Running,
     Stages,
     Tableau,
     finish_steps,
@@ -38,7 +38,7 @@ from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
 
 
 class Breaks(NamedTuple):
-    """When the rates of a case jump, or one of their derivatives does.
+    """Instants at which the rates of a case, or a derivative of them, jump.
 
     Attributes:
         instants: ascending [s]; those outside of the run do not matter.
@@ -125,7 +125,7 @@ class Span(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How fast the cases are.
+    """Largest ω of the oscillations of the cases.
 
     Attributes:
         undamped: largest ω of undamped oscillations (n,) [rad/s]; 0: none.
@@ -210,7 +210,7 @@ class _Stepper:
         needed = np.minimum(needed, STIFF / HELD * longest)
         most = np.minimum(most, longest)
         time, low, high, stop, step, before = np.zeros((6, n))
-        self.rows = Rows(
+        self.rows = Running(
             case=np.arange(n),
             end=end,
             longest=longest,
@@ -324,7 +324,7 @@ class _Stepper:
         at.step[row] = min(at.size[row], at.stop[row] - at.time[row])
 
     def under_way(self) -> list[int]:
-        """Rows that are not at their end."""
+        """Cases that are not at their end."""
         return [int(row) for row in np.flatnonzero(self.rows.under_way)]
 
     def drop_finished(self) -> bool:
@@ -332,7 +332,7 @@ class _Stepper:
         left = self.under_way()
         if 0 < 2 * len(left) <= len(self.rows.time):
             self.system = self.system.picked(left)
-            self.rows = Rows(*(values[left] for values in self.rows))
+            self.rows = Running(*(values[left] for values in self.rows))
         return len(left) == 0
 
     def give_up(self, row: int, cause: str) -> None:

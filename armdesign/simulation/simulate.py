@@ -19,7 +19,7 @@ from armdesign.machine.poses import refuse_unheld
 from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
-from armdesign.simulation.plant.equilibrium import Equilibrium, Holding, find_equilibrium
+from armdesign.simulation.plant.equilibrium import Equilibrium, StaticHold, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
@@ -266,9 +266,9 @@ def _refuse(case: Case) -> None:
     if case.velocity is not None:
         given, joints = np.asarray(case.velocity, dtype=float), case.machine.joints
         if given.shape != (len(joints),) or not np.all(np.isfinite(given)):
-            problem = f"{given.tolist()} is not one finite number per joint"
+            fault = f"{given.tolist()} is not one finite number per joint"
             raise SimulationError(
-                f"{name}: velocity", problem, f"give {', '.join(joints)} [rad/s, m/s]"
+                f"{name}: velocity", fault, f"give {', '.join(joints)} [rad/s, m/s]"
             )
 
 
@@ -301,7 +301,7 @@ def _start(plant: Plant, case: Case) -> Equilibrium:
     return start
 
 
-def _unheld(holdings: Sequence[Holding]) -> list[tuple[float, str]]:
+def _unheld(holdings: Sequence[StaticHold]) -> list[tuple[float, str]]:
     """Loads above a relief, and leaks that no spool position makes up for, as events at 0 s."""
     overcome = [f"{one.overcome} at 0 s" for one in holdings if one.overcome]
     creeps = [f"{one.creeps} from 0 s on" for one in holdings if one.creeps]
@@ -349,7 +349,7 @@ def likely_cause(
     cause: str = "",
     tolerance: float = TOLERANCE,
 ) -> str:
-    """What to look at when an integration has stopped at a pose, under a command, for a cause."""
+    """Likely cause, for a remedy, of an integration that stopped at a pose under a command."""
     for value in command:
         if not math.isfinite(value):
             return f"the command gives {value:g} there: give −1…1"

@@ -16,7 +16,7 @@ FIRST_STEP = 1e-4  # [s], at most
 
 
 class Limits(NamedTuple):
-    """What a case may do.
+    """Settings of a case that is finished alone.
 
     Attributes:
         longest: step [s].

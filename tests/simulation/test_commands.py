@@ -20,8 +20,8 @@ from armdesign.simulation.integrator import Breaks, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate, simulate_all
+from tests.simulation.valves import WORST
 
-WORST = (1.154, -1.199, -2.191)
 SIZE = 0.3
 
 

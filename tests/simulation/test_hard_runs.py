@@ -29,8 +29,9 @@ from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Simulation, simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
+from tests.simulation.valves import WORST
 
-WORST, LEVEL = (1.154, -1.199, -2.191), (0.3, -1.2, -1.0)
+LEVEL = (0.3, -1.2, -1.0)
 CYLINDERS = ("boom", "stick", "bucket")
 
 

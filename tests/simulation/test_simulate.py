@@ -18,8 +18,7 @@ from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation import valves as helpers
-
-WORST = (1.154, -1.199, -2.191)  # near the 20 t machine's worst pose with a full bucket
+from tests.simulation.valves import WORST
 
 
 def pulse(size: float, until: float = 0.5):  # type: ignore[no-untyped-def]

@@ -17,8 +17,7 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, attempt_all, simulate, simulate_all
 from tests import machines
-
-WORST = (1.154, -1.199, -2.191)
+from tests.simulation.valves import WORST
 
 
 @dataclass

@@ -157,10 +157,10 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
     is allowed, is refused.
     """
-    found = _unchecked(problem, x, rows)
-    if found is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
-        return found
-    return found.above(hertz(float(problem.dynamics.omega_squared(x).min())))
+    bound = _unchecked(problem, x, rows)
+    if bound is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
+        return bound
+    return bound.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
 
 def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:

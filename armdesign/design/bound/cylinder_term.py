@@ -149,7 +149,7 @@ class CylinderTerm:
         return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
 
     def _by_volume(self, e: Enclosure, volume: Array) -> Array:
-        """What the ends of each volume (m, 2) add through the pressure of air, roughly."""
+        """Rough share of each volume's ends (m, 2) through the pressure of air."""
         assert self.air is not None
         rate = _least_rate(e)
         least, most = volume.min(axis=1), volume.max(axis=1)
@@ -164,7 +164,7 @@ class CylinderTerm:
     def _added(
         self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags
     ) -> Array:
-        """What each axis of a cell adds to its bound (m, 3), roughly.
+        """Rough share of each axis of a cell in its bound (m, 3).
 
         Including how b and scale change the volumes that the limits allow.
         """

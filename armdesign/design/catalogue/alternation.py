@@ -113,7 +113,7 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
 
 
 def _cylinder_by_cylinder(search: Search, sizes: Sizes) -> Search:
-    """Sizes near those of a search, the largest cylinder first, while the rest follows."""
+    """Sizes near a search's, the largest cylinder first, while the rest follows."""
     for i in _largest_first(search):
         search = _best_near_size(search, i, sizes)
     return search
@@ -127,7 +127,7 @@ def _largest_first(search: Search) -> list[int]:
 
 
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
-    """The best of the sizes near that of a cylinder, each tried while the rest follows."""
+    """The best of the sizes near a cylinder's, each tried while the rest follows."""
     tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
     return max(tried, key=_rank)
 

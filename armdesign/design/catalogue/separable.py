@@ -251,7 +251,7 @@ def allowed_sizes(
     tolerance: float = TOLERANCE,
     free: Sequence[tuple[bool, bool]] = (),
 ) -> AllowedSizes:
-    """Which sizes of a catalogue each cylinder of ``placed`` may have.
+    """Sizes of a catalogue that each cylinder of ``placed`` may have.
 
     Args:
         placed: the machine whose pins, strokes and oil count; its own sizes do not.

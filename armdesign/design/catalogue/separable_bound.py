@@ -37,7 +37,7 @@ class ScaledPoses:
         extension: of every cylinder (n, nc) [m].
         force: static forces (n, nc) [N].
         arm: L⁻¹r (n, nc, nq).
-        rest: L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but that of the cylinders' oil.
+        rest: L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil.
         lowest: lowest ω² with today's sizes (n,).
     """
 
@@ -212,7 +212,7 @@ class _Mixtures:
         return certificate(step), step.multipliers[:m], mixture
 
     def _bound(self, weights: Array, y: Array, rows: Array) -> SeparableBound:
-        """What multipliers say about all sizes."""
+        """The bound of multipliers on all sizes."""
         poses, allowed = self._poses, self._allowed
         arm = poses.arm[rows]
         per_stiffness = np.einsum("nca,nab,ncb->cn", arm, weights, arm)
@@ -232,7 +232,7 @@ def _other_rows(rows: Array, weights: Array, lowest: Array) -> Array:
 
 
 def _other_columns(columns: Array, mixture: Array, bounds: Array) -> Array:
-    """Sizes for the next programme: those in the mixture, and those of the largest bounds."""
+    """Sizes for the next programme: in the mixture, or with the largest bounds."""
     used = columns[np.argsort(-mixture)][: max(2, int((mixture > 1e-4).sum()))][: COLUMNS // 2]
     wanted = dict.fromkeys([*map(int, used), *map(int, np.argsort(-bounds)[:COLUMNS])])
     return np.array(list(wanted)[:COLUMNS])

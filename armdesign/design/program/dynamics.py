@@ -232,7 +232,7 @@ class Dynamics:
 
     @cached_property
     def _fixed_pins(self) -> FixedPins | None:
-        """What areas leave alone; None where pins vary or static forces or masses depend on x."""
+        """Terms that areas leave alone; None where pins vary or forces or masses depend on x."""
         machine, g, pose = self.vector.machine, self._fixed_geometry, self.rows.pose
         redundant = len(machine.actuators) != len(machine.joints)
         if g is None or self.vector.moving_masses is not None or redundant:

@@ -79,7 +79,7 @@ class Problem:
 
     @property
     def vector(self) -> DesignVector:
-        """What the entries of x mean."""
+        """Meaning of the entries of x."""
         return self.dynamics.vector
 
     @property

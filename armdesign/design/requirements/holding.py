@@ -200,17 +200,17 @@ def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
             part, f"leaves these joints free: {names}", f"give joints so that {wanted}"
         )
     q = np.array([[lift.joints.get(joint, 0.0) for joint in machine.joints]])
-    found = _reaching(machine, lift, q, free) if placed else q
+    poses = _reaching(machine, lift, q, free) if placed else q
     low, high = machine.ranges.T
-    inside = np.all((found >= low - TOLERANCE) & (found <= high + TOLERANCE), axis=1)
-    found = (
-        found[inside & (machine.margins(found).min(axis=1) >= -TOLERANCE)] if len(found) else found
+    inside = np.all((poses >= low - TOLERANCE) & (poses <= high + TOLERANCE), axis=1)
+    poses = (
+        poses[inside & (machine.margins(poses).min(axis=1) >= -TOLERANCE)] if len(poses) else poses
     )
-    if len(found) == 0:
+    if len(poses) == 0:
         raise ArmDesignError(
             part, "no pose in the joint ranges does that", "ask for another pose or place"
         )
-    rigid = machine.rigid_poses(found)
+    rigid = machine.rigid_poses(poses)
     torque = _torque(machine, lift, rigid)
     best = int(_capacity(machine, rigid, torque, share).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])
@@ -242,18 +242,18 @@ def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) 
 def _reaching(machine: Machine, lift: Lift, q: Array, free: Array) -> Array:
     """Poses that bring the mass to its place (n, nq), by Newton's method from a lattice."""
     first, second = (over(machine.ranges[j], LATTICE) for j in free)
-    found = np.repeat(q, LATTICE**2, axis=0)
-    found[:, free] = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+    poses = np.repeat(q, LATTICE**2, axis=0)
+    poses[:, free] = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     joints, span = tuple(int(j) for j in free), np.ptp(machine.ranges[free], axis=1)
     wanted = np.array([lift.reach or 0.0, lift.height or 0.0])
     for _ in range(30):
         point = machine.arm.motion(
-            machine.arm.kinematics(found), *_point(machine, lift), machine.arm.root, joints
+            machine.arm.kinematics(poses), *_point(machine, lift), machine.arm.root, joints
         )
-        place, slope = machine.arm.reach_and_height(found, point)
+        place, slope = machine.arm.reach_and_height(poses, point)
         missed = place - wanted
         step = (np.linalg.pinv(slope * span, rcond=1e-6) @ missed[..., None])[..., 0]
-        found[:, free] -= span * np.clip(step, -0.2, 0.2)
-    met = found[np.abs(missed).max(axis=1) < TOLERANCE]
+        poses[:, free] -= span * np.clip(step, -0.2, 0.2)
+    met = poses[np.abs(missed).max(axis=1) < TOLERANCE]
     _, first_of_each = np.unique(np.rint(met * 1e6), axis=0, return_index=True)
     return np.asarray(met[first_of_each])

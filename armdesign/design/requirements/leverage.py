@@ -180,7 +180,7 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
     for joint, (_, where, _) in best.items():
         q[joint] = where[0].real
     poses, tool = arm.kinematics(q[None]), reference.today.tool
-    chain, found = arm.chain(tool.link), {}
+    chain, forces = arm.chain(tool.link), {}
     motion = arm.motion(poses, tool.link, np.array(tool.at), arm.root, tuple(range(len(q))))
     for joint in (j for j in chain if j in best):
         axis, lever = poses.axis[0, joint], motion.value[0] - poses.translation[0, joint]
@@ -192,8 +192,8 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
                 for k in _beyond(chain, joint, best)
             )
             name, _, torque = best[joint]
-            found[name] = torque / (distance + turned / distance)
-    return found
+            forces[name] = torque / (distance + turned / distance)
+    return forces
 
 
 def _beyond(chain: tuple[int, ...], joint: int, known: dict[int, Any]) -> list[int]:

@@ -32,7 +32,7 @@ def edges(points: Array) -> tuple[Array, Array]:
 
 
 def depth(at: Array, polygon: Array) -> Array:
-    """How far points (…, 2) lie within a polygon, from each of its edges (…, m).
+    """Distance of points (…, 2) within a polygon from each of its edges (…, m).
 
     All are negative for a point outside: minus the distance to the nearest edge.
     """
@@ -172,7 +172,7 @@ def _check(part: Outline | Clearance) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Places:
+class PinPlaces:
     """Settings: places of pins and barrels.
 
     Attributes:

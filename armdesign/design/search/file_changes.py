@@ -37,11 +37,11 @@ def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
         return []
     size, own = diameters(problem, x, i)[side], problem.vector.areas_today[i, side]
     cap = problem.vector.areas(x)[i, 0]
-    found = []
+    shares = []
     for value in sorted(neighbours(size), key=lambda near: abs(near - size)):
         area = problem.machine.cylinders[i].count * math.pi / 4 * (value * mm) ** 2
-        found.append(float((area if side == 0 else cap - area) / own))
-    return found
+        shares.append(float((area if side == 0 else cap - area) / own))
+    return shares
 
 
 def changes_of(

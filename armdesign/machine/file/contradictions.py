@@ -1,4 +1,4 @@
-"""What the schema cannot say of a machine file: keys that must agree, names that must exist."""
+"""Faults that the schema cannot state: keys that do not agree, names that do not exist."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armdesign.machine.file.schema import (
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
-COLUMNS = {  # of the CSV files, beside those of joints
+COLUMNS = {  # of the CSV files, beside the joints'
     "payload",
     "tool_x_m",
     "tool_y_m",
@@ -33,13 +33,13 @@ COLUMNS = {  # of the CSV files, beside those of joints
     "identified_hz",
     "deviation",
 }
-Fault = tuple[str, str, str]  # key path, problem, remedy
+Fault = tuple[str, str, str]  # key path, words, remedy
 
 
 def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFileError]:
     """Every fault of keys that do not agree with each other."""
-    for path, problem, remedy in _faults(machine):
-        yield MachineFileError(f"{source}: {path}", problem, remedy)
+    for path, fault, remedy in _faults(machine):
+        yield MachineFileError(f"{source}: {path}", fault, remedy)
 
 
 def _faults(machine: MachineSection) -> Iterator[Fault]:
@@ -58,8 +58,8 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
-            problem = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
-            yield f"bands.{key}", problem, "give [lower, upper]"
+            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
+            yield f"bands.{key}", fault, "give [lower, upper]"
     yield from _of_requirements(machine)
 
 
@@ -84,8 +84,8 @@ def _of_supply(supply: SupplySection) -> Iterator[Fault]:
         unit = meant(keys, back, usual(keys))
         if unit and back > 100:
             remedy = f"it looks like {unit.unit}: {unit.remedy}, or {remedy}"
-        problem = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
-        yield "supply.return_pressure_bar", problem, remedy
+        fault = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
+        yield "supply.return_pressure_bar", fault, remedy
 
 
 def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
@@ -95,8 +95,8 @@ def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
     if payload.pitch_deg is not None:
         low, high = payload.pitch_deg
         if not low < high or high - low > 360:
-            problem = f"[{low:g}, {high:g}] deg is empty"
-            yield f"{path}.pitch_deg", problem, "give [lower, upper] within one turn"
+            fault = f"[{low:g}, {high:g}] deg is empty"
+            yield f"{path}.pitch_deg", fault, "give [lower, upper] within one turn"
         if payload.link is None:
             yield f"{path}.link", "missing: pitch_deg needs a link", "add link"
 
@@ -108,8 +108,8 @@ def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
         ("cylinder", path, "bore_mm"), bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x
     )
     if rod >= bore and unit:
-        problem = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
-        yield f"{path}.bore_mm", problem, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
+        fault = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
+        yield f"{path}.bore_mm", fault, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
     elif rod >= bore:
         remedy = f"give a rod in (0, {bore:g}) mm"
         yield f"{path}.rod_mm", f"{rod:g} mm does not fit the bore", remedy
@@ -135,8 +135,8 @@ def _of_hoses(path: str, hose: Section, volumes: Section) -> Iterator[Fault]:
 def _of_friction(path: str, static: float, coulomb: float, unit: str) -> Iterator[Fault]:
     if static and static < coulomb:
         key = f"{path}.friction.static_{unit.replace(' ', '_')}"
-        problem = f"{static:g} {unit} is below the Coulomb friction"
-        yield key, problem, f"give 0 or at least {coulomb:g} {unit}"
+        fault = f"{static:g} {unit} is below the Coulomb friction"
+        yield key, fault, f"give 0 or at least {coulomb:g} {unit}"
 
 
 def _of_preload(path: str, valve: ValveSection | None, supply: SupplySection) -> Iterator[Fault]:

@@ -1,4 +1,4 @@
-"""What the schema says at a key path of the machine file: type, range, unit."""
+"""Type, range and unit that the schema states at a key path of the machine file."""
 
 from __future__ import annotations
 

@@ -43,9 +43,9 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     if place is None:
         words += f" (at {_end_or_longest_line(text, at_end)})"
     elif fault := fault_of_line(text.split("\n")[int(place[1]) - 1], int(place[2])):
-        problem, column, remedy = fault
-        problem = f"not valid TOML: {problem} (at line {place[1]}, column {column})"
-        raise MachineFileError(source, problem, remedy)
+        words, column, remedy = fault
+        words = f"not valid TOML: {words} (at line {place[1]}, column {column})"
+        raise MachineFileError(source, words, remedy)
     xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
     remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
     raise MachineFileError(source, f"not valid TOML: {words}", remedy)
@@ -86,7 +86,7 @@ def without_groups(written: str) -> str:
 
 
 def fault_of_line(line: str, column: int) -> tuple[str, int, str] | None:
-    """What is wrong with a number in a line that is no TOML, its column, and what to write.
+    """Fault of a number in a line that is no TOML, its column, and the remedy.
 
     Args:
         line: of the file.
@@ -138,7 +138,7 @@ def list_meant(written: str, count: int) -> str:
 
 
 def number_meant(text: str, unit: str) -> tuple[str, str]:
-    """What is wrong with a text where a number belongs, beside the quotes, and the remedy.
+    """Fault of a text where a number belongs, beside the quotes, and the remedy.
 
     Either is "" where there is nothing to say.
     """
@@ -171,19 +171,19 @@ _QUOTED = re.compile(
 
 
 @dataclass(frozen=True)
-class Place:
+class KeyLine:
     """Line of a key, counted from 1, and its value as it is written; "" of a table."""
 
     line: int
     written: str
 
 
-def tell_line(error: ArmDesignError, places: Places, source: str) -> None:
+def tell_line(error: ArmDesignError, key_lines: KeyLines, source: str) -> None:
     """Give an error the line of the key that it names, if it is about a key of this file."""
     if error.part.startswith(f"{source}: "):
-        error.tell_line(places.line_of(error.part.removeprefix(f"{source}: ")))
+        error.tell_line(key_lines.line_of(error.part.removeprefix(f"{source}: ")))
     elif error.key:
-        error.tell_line(places.line_of(error.key), source)
+        error.tell_line(key_lines.line_of(error.key), source)
 
 
 @contextlib.contextmanager
@@ -199,12 +199,12 @@ def lines_of(text: str, source: str) -> Iterator[None]:
     try:
         yield
     except ArmDesignError as error:
-        tell_line(error, Places(text), source)
+        tell_line(error, KeyLines(text), source)
         raise
 
 
-class Places:
-    """Places of all keys of a TOML text.
+class KeyLines:
+    """Lines and values of all keys of a TOML text.
 
     Args:
         text: TOML without fault.
@@ -212,11 +212,11 @@ class Places:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._found: dict[Keys, Place] = {}
+        self._found: dict[Keys, KeyLine] = {}
 
     @cached_property
-    def by_path(self) -> dict[str, Place]:
-        """Place of every key, table and list item by its path.
+    def by_path(self) -> dict[str, KeyLine]:
+        """Line of every key, table and list item by its path.
 
         Of a table its header, or the key that makes it.
         """
@@ -254,8 +254,8 @@ class Places:
         """Note a key that stands at ``at``, and the tables that it makes."""
         line = bisect.bisect_left(self._line_ends, at) + 1
         for depth in range(1, len(keys)):
-            self._found.setdefault(keys[:depth], Place(line, ""))
-        self._found[keys] = Place(line, written)
+            self._found.setdefault(keys[:depth], KeyLine(line, ""))
+        self._found[keys] = KeyLine(line, written)
 
     def _past_space(self, at: int) -> int:
         match = _SPACE.match(self._text, at)

@@ -52,7 +52,7 @@ class RodEnd:
 
 
 class Drive(ABC):
-    """How an actuator moves the joints of the arm."""
+    """Motion that an actuator gives the joints of the arm."""
 
     number: ClassVar[int]  # of the kind, in compiled code
 
@@ -71,7 +71,7 @@ class Drive(ABC):
 
     @abstractmethod
     def record(self) -> dict[str, Any]:
-        """What compiled code reads of it: numbers, directions and pins by field."""
+        """Record for compiled code: numbers, directions and pins by field."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +170,7 @@ class Linkage(Drive):
         return np.ones(len(poses), dtype=bool)
 
     def fault(self, where: str) -> MachineFileError | None:
-        """Why the kind cannot be built on these links and joints; ``where`` names its cylinder."""
+        """Fault where links and joints do not suit the kind; ``where`` names its cylinder."""
         return None
 
     def transmission(
@@ -239,7 +239,7 @@ class Linkage(Drive):
         return {"barrel": (base, base + along), "rod": (end - along, end), **legs}
 
     def record(self) -> dict[str, Any]:
-        """What compiled code reads of it: numbers, directions and pins by field."""
+        """Record for compiled code: numbers, directions and pins by field."""
         return {"kind": self.number, "base": self.base}
 
     def _motion(

@@ -37,5 +37,5 @@ class Gear(Drive):
         return Actuation(self.length(poses), moment_arm, np.zeros((n, nq, nq)))
 
     def record(self) -> dict[str, Any]:
-        """What compiled code reads of it."""
+        """Record for compiled code."""
         return {"kind": self.number, "joint": self.joint}

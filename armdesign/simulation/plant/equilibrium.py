@@ -42,7 +42,7 @@ Intervals: TypeAlias = tuple[float, float, float, float]
 
 
 class PortLaw(NamedTuple):
-    """What the flows of an actuator's ports depend on, but for chamber pressures and spool.
+    """Data of the flows of an actuator's ports, but for chamber pressures and spool.
 
     Attributes:
         actuator: record ``ACTUATOR``.
@@ -158,8 +158,8 @@ def _gain(law: PortLaw, side: int, own: float, other: float, spool: float) -> fl
     return from_supply - to_return + leakage
 
 
-class Holding(NamedTuple):
-    """How an actuator holds its load.
+class StaticHold(NamedTuple):
+    """Static hold of a load by an actuator.
 
     Attributes:
         cap: pressure [Pa].
@@ -185,7 +185,7 @@ class Equilibrium(NamedTuple):
     """
 
     state: Array
-    holdings: tuple[Holding, ...]
+    holdings: tuple[StaticHold, ...]
 
 
 def find_equilibrium(plant: Plant, q: ArrayLike, preloaded: bool | None = None) -> Equilibrium:
@@ -259,8 +259,8 @@ def _under_pressure(
 
 def holding(
     actuator: Actuator, supply: Supply, force: float, preloaded: bool | None, law: PortLaw
-) -> Holding:
-    """How one actuator holds a static force [N, + pushes].
+) -> StaticHold:
+    """Hold of a static force [N, + pushes] by one actuator.
 
     A valve that leaks but has no balance is taken as closed, as is every valve with ``preloaded``
     False.
@@ -277,21 +277,21 @@ def holding(
     if preloaded is not False:
         pressures = _closed_pressures(actuator, supply, force, preloaded)
     if words := _overcome(actuator, supply, force, unloaded):
-        return Holding(*pressures, overcome=words)
+        return StaticHold(*pressures, overcome=words)
     if actuator.valve is None or not actuator.valve.leaks or preloaded is False:
-        return Holding(*pressures)
+        return StaticHold(*pressures)
     low, high = np.array(unloaded), _highest_pressures(actuator, force, law.supply)
     # Where nothing leaks across the piston the balance is at equal pressures, a single point.
     equal = np.full(2, _equal_pressure(actuator, force))
     for ends in ((low, high), (equal, equal)):
         cap, annulus, spool, balanced = balance(law, *ends)
         if balanced and ends[0].min() >= low.min():
-            return Holding(cap, annulus, spool)
+            return StaticHold(cap, annulus, spool)
     words = (
         f"{actuator.name}'s valve leaks, and at no spool position does it make up for that: the"
         " load creeps"
     )
-    return Holding(*pressures, creeps=words)
+    return StaticHold(*pressures, creeps=words)
 
 
 def _closed_pressures(

@@ -37,7 +37,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class Yardstick:
     """A machine that can be used, and what its numbers are judged by.
 
     Attributes:
