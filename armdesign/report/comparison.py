@@ -12,6 +12,7 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
 from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
+from armdesign.machine.parts import coordinates
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.sheet import Sheet, pose_text
@@ -25,20 +26,14 @@ SHOWN = 40  # differing keys that are printed; the CSV has them all
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Frequency maps of two machines by their labels.
-
-    ``same_workspace`` tells whether the poses are the same.
-    """
+    """Frequency maps of two machines by their labels, and whether the poses are the same."""
 
     maps: dict[str, FrequencyMap]
     same_workspace: bool
 
     @cached_property
     def differences(self) -> dict[str, tuple[Any, Any]]:
-        """Values of the machine files that differ, by key path, in the files' units.
-
-        A value is None where a file has none.
-        """
+        """Values that differ, by key path, in the files' units; None where a file has none."""
         one, other = (machine_file.flat(m.machine.section) for m in self.maps.values())
         paths = [*one, *(path for path in other if path not in one)]
         return {
@@ -181,7 +176,7 @@ def compare(
 
 
 def _same_arm(first: Machine, second: Machine) -> bool:
-    one, other = ((m.urdf_text, m.section.joints, m.section.frozen) for m in (first, second))
+    one, other = ((m.urdf_text, coordinates(m.section)) for m in (first, second))
     return one == other
 
 

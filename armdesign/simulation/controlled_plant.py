@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -36,24 +36,15 @@ class ControlledPlant:
     its crossover ω_c/4. The two lags turn what it does at a resonance above ω_c into a little
     damping, where a plain proportional loop, K_v < 2 ζ ω_n (Merritt 1967), would drive an undamped
     arm unstable.
-
-    Attributes:
-        plant: of all cases.
-        start: states at t = 0 (n, size).
-        demands: spool commands by time.
-        breaks: when these jump.
-        corners: ω_c (n, 1) [rad/s], 0: no loop.
-        gains: K (n, nc) [1/m].
-        places: s0 (n, nc) [m].
     """
 
-    plant: Plant
-    start: Array
-    demands: tuple[Command, ...]
-    breaks: tuple[Breaks, ...]
-    corners: Array
-    gains: Array
-    places: Array
+    plant: Plant  # of all cases
+    start: Array  # states at t = 0 (n, size)
+    demands: tuple[Command, ...]  # spool commands by time
+    breaks: tuple[Breaks, ...]  # when these jump
+    corners: Array  # ω_c (n, 1) [rad/s], 0: no loop
+    gains: Array  # K (n, nc) [1/m]
+    places: Array  # s0 (n, nc) [m]
 
     @classmethod
     def of(
@@ -132,7 +123,8 @@ class ControlledPlant:
 def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> Command:
     """The command as one call for all cylinders."""
     if not isinstance(command, Mapping):
-        count = np.size(_function(command, f"{machine}: command")(0.0))
+        _refuse_no_function(command, f"{machine}: command")
+        count = np.size(command(0.0))
         if count != len(names) or np.ndim(command(0.0)) != 1:
             fault = f"gives {count} number{'s' * (count != 1)}"
             raise SimulationError(
@@ -144,7 +136,7 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
             raise SimulationError(
                 f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}"
             )
-        _function(part, f"{machine}: command {name}")
+        _refuse_no_function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 
     def demand(time: float) -> list[float]:
@@ -196,23 +188,18 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
     return list(times.tolist())
 
 
-def _function(given: Any, part: str) -> Any:
-    """The given function, if it can be called."""
+def _refuse_no_function(given: object, part: str) -> None:
     if not callable(given):
         raise SimulationError(
             part, f"{given!r} is not a function of time", "give one, like lambda t: 0.1"
         )
-    return given
 
 
 @compiled
 def _correct(
     demand: Array, state: Array, gains: Array, actuators: Records, corrected: Array
 ) -> None:
-    """Write spool positions that open a valve by what the loop adds; without a loop the demands.
-
-    One machine and one row of gains serve any number of states.
-    """
+    """Write spool positions that open a valve by what the loop adds, with any number of states."""
     n, nc = demand.shape
     for case in range(n):
         m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0

@@ -27,7 +27,6 @@ from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
-from armdesign.machine.poses import static_forces
 
 CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -62,10 +61,7 @@ def constraints_at(problem: Problem, x: Array, holding: Array | None = None) -> 
 
 
 def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
-    """By how much the problem's tightening draws a constraint in (b, k).
-
-    What no variable moves, no rounding moves.
-    """
+    """Tightening of a constraint (b, k): what no variable moves, no rounding moves."""
     tightening = problem.margins.tightening
     if not tightening:
         return 0.0
@@ -83,7 +79,7 @@ def evaluations_at(
     reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
     arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
-    forces = static_forces(arm, gravity, new.areas[:, None, :, 0])
+    forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
     return evaluations(new, reference, forces)
 
 

@@ -24,6 +24,8 @@ UNITS = {  # by the end of the key, longer ends first
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "N_m_per_rad": "N m/rad",
+    "N_per_m": "N/m",
     "ms": "ms",
     "percent": "%",
     "MPa": "MPa",
@@ -141,10 +143,7 @@ def bounds(location: Location) -> tuple[float, float]:
 
 
 def unit_of(location: Location) -> str:
-    """Unit of a number, with a space before it.
-
-    Its key names it, or else the list or table that holds the number.
-    """
+    """Unit of a number after a space, from its key or from the list or table that holds it."""
     kind: Any = MachineSection
     unit = ""
     for key in location:

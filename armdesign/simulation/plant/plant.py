@@ -17,13 +17,14 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
@@ -53,19 +54,12 @@ from armdesign.units import bar
 
 
 class PlantInstant(NamedTuple):
-    """The plant at one instant of n cases.
+    """The plant at one instant of n cases."""
 
-    Attributes:
-        rates: ẏ (n, size).
-        outputs: of every actuator (n, nc), records ``OUTPUT``.
-        powers: supplied, into oil compression, dissipated (n, 3) [W].
-        springs: energy in end stops and series compliances (n,) [J].
-    """
-
-    rates: Array
-    outputs: Records
-    powers: Array
-    springs: Array
+    rates: Array  # ẏ (n, size)
+    outputs: Records  # of every actuator (n, nc), records ``OUTPUT``
+    powers: Array  # supplied, into oil compression, dissipated (n, 3) [W]
+    springs: Array  # energy in end stops and series compliances (n,) [J]
 
     @property
     def extensions(self) -> Array:
@@ -79,35 +73,21 @@ class PlantInstant(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """The constants of the plant's equations: one row per machine, records.
+    """The constants of the plant's equations: one row per machine, records."""
 
-    Attributes:
-        actuators: ``ACTUATOR`` (n, nc).
-        systems: ``SYSTEM`` (n,).
-        joints: ``JOINT`` (n, nq).
-        drives: ``DRIVE`` (n, nc).
-    """
-
-    actuators: Records
-    systems: Records
-    joints: Records
-    drives: Records
+    actuators: Records  # ``ACTUATOR`` (n, nc)
+    systems: Records  # ``SYSTEM`` (n,)
+    joints: Records  # ``JOINT`` (n, nq)
+    drives: Records  # ``DRIVE`` (n, nc)
 
 
 class Layout(NamedTuple):
-    """First indices of the parts of a state, after joint positions and speeds.
+    """First indices of the parts of a state, after joint positions and speeds."""
 
-    Attributes:
-        chambers: pressures of caps, then of annuli.
-        line: supply pressure, if the pump is limited in flow.
-        spools: positions, then speeds.
-        size: of the state.
-    """
-
-    chambers: int
-    line: int
-    spools: int
-    size: int
+    chambers: int  # pressures of caps, then of annuli
+    line: int  # supply pressure, if the pump is limited in flow
+    spools: int  # positions, then speeds
+    size: int  # of the state
 
 
 class Plant:
@@ -127,6 +107,8 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
+        if self.machine.springs:
+            raise SimulationError(f"{self.machine.name}: spring", "springs are not simulated yet")
         self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
@@ -137,7 +119,7 @@ class Plant:
         self.nq, self.nc = nq, nc = len(self.machine.joints), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
-        self._kernel: Any = None
+        self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
         self._layout = Layout(chambers=edges[2], line=edges[4], spools=edges[5], size=edges[7])
@@ -185,10 +167,7 @@ class Plant:
         return moved
 
     def derivative(self, state: Array, command: Array) -> Array:
-        """ẏ at states (n, size) under spool commands −1…1 (n, nc).
-
-        NaN where a four-bar does not close.
-        """
+        """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN if a four-bar is open."""
         return self.evaluate(state, command).rates
 
     def state_at(self, q: Array, pressures: Array, line: float, spool: Sequence[float]) -> Array:
