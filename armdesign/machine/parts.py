@@ -76,7 +76,8 @@ def coordinates(section: MachineSection) -> tuple[Any, ...]:
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:
     """Springs in the order of the file."""
-    return tuple(_spring(name, table) for name, table in section.spring.items())
+    made = (_spring(name, table) for name, table in section.spring.items())
+    return tuple(made if section.damped else (replace(one, damping_ratio=0.0) for one in made))
 
 
 def _spring(name: str, section: SpringSection) -> Spring:
