@@ -48,6 +48,10 @@ class CasePoses:
         """Everything at its poses (m), without the checks of ``Machine.at``."""
         return self.machine.evaluate(self.rigid)
 
+    def exists_at(self, rigid: RigidPoses) -> Flags:
+        """Whether it exists, with all cylinders in stroke, at any poses within the ranges (n,)."""
+        return self.machine.holds(rigid) & self.workspace.in_stroke(rigid.q)
+
 
 def load_cases(
     machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
