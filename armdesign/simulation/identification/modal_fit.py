@@ -311,7 +311,7 @@ def _variance_above(signal: Array, above: Array) -> float:
 
 
 def _with_input_noise(lines: Lines, found: list[Answer], variance: float) -> list[Answer]:
-    """Answers with lines weighted by σ² + |H|² times the input's variance; none if that is small."""
+    """Answers with lines weighted by σ² + |H|² times the input's variance, unless it is small."""
     more, starts = list[Answer](), np.array([max(found, key=evidence).poles[: found[0].modes]])
     for _ in range(NOISE_ROUNDS):
         response, ends = max(more or found, key=evidence).spectra(lines, lines.s)
