@@ -16,6 +16,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armdesign.calibration.calibrate import Calibration as Calibration
+    from armdesign.calibration.calibrate import calibrate as calibrate
     from armdesign.design.design import Design as Design
     from armdesign.design.design import optimize as optimize
     from armdesign.design.design import size_cylinders as size_cylinders
@@ -99,6 +101,8 @@ _HOME = {
     "ModalFit": "simulation.identification.modal_fit",
     "identify_forced_response": "simulation.identification.modal_fit",
     "identify_frequency_response": "simulation.identification.modal_fit",
+    "Calibration": "calibration.calibrate",
+    "calibrate": "calibration.calibrate",
     "FrequencyResponse": "simulation.identification.frequency_response",
     "frequency_response": "simulation.identification.frequency_response",
 }

@@ -40,7 +40,7 @@ def chunks(count: int) -> Iterator[slice]:
 def stacked(parts: Iterable[T], count: int) -> T:
     """One dataclass of ``count`` rows from parts of its arrays, each released once copied.
 
-    Fields that are no arrays are those of the first part.
+    Fields that are no arrays come from the first part.
     """
     parts = iter(parts)
     part = next(parts)

@@ -18,13 +18,16 @@ from armdesign.errors import ArmDesignError
 from armdesign.options import (
     AgainstOption,
     CatalogueOption,
+    FitOption,
     FrequencyOption,
     Habit,
     LeastOption,
     MachineArgument,
+    MeasuredArgument,
     OutOption,
     OutsideOption,
     PointsOption,
+    PriorOption,
     RobustOption,
     UnitsOption,
     ValuesOption,
@@ -34,6 +37,7 @@ from armdesign.options import (
     offered_sizes,
     open_workspace,
     stated_bands,
+    stated_priors,
 )
 from armdesign.output import outputs, show, tell, write_csv
 from armdesign.progress import progress
@@ -331,6 +335,37 @@ def new(
 
 
 @app.command()
+def calibrate(
+    machine: MachineArgument,
+    measured: MeasuredArgument,
+    fit: FitOption = "",
+    prior: PriorOption = "",
+    out: OutOption = Path("out"),
+    allow_outside: OutsideOption = False,
+) -> None:
+    """Fit numbers of a machine file to measured frequencies.
+
+    Prints values with deviations, the error at every pose when it is left out, and what the
+    measurements cannot tell apart. Writes <name>_calibrated.toml with its URDF, calibration.csv,
+    calibration_values.csv and calibration.png.
+    """
+    from armdesign.calibration.calibrate import calibrate as found_from
+    from armdesign.machine.loading import load
+    from armdesign.report.calibrations import calibration_sheets
+
+    paths, priors = listed(fit), stated_priors(prior)
+    if not paths:
+        raise ArmDesignError("--fit", "names nothing", "give key paths, separated by commas")
+    with progress("fitting"):
+        output.check_out(out)
+        model = load(machine, allow_outside=allow_outside)
+        answer = found_from(model, measured, paths, priors)
+    with outputs(out) as folder:
+        output.write_calibration(answer, folder)
+    show(calibration_sheets(answer))
+
+
+@app.command()
 def paper(out: OutOption = Path("out")) -> None:
     """Simulate the source paper's 40 configurations.
 
@@ -340,8 +375,7 @@ def paper(out: OutOption = Path("out")) -> None:
     """
     from armdesign import plots
     from armdesign.paper import reproduction
-    from armdesign.paper.errata import errata, errata_frame
-    from armdesign.paper.parameter_scan import scan
+    from armdesign.paper.errata import errata, errata_frame, scan
     from armdesign.paper.sheets import paper_sheets
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 

@@ -29,7 +29,7 @@ class ArmDesignError(Exception):
 
     Attributes:
         part: what is at fault: a key path (``cylinder.boom.bore_mm``), a file, a cylinder.
-        problem: value with unit and allowed range.
+        fault: value with unit and allowed range.
         remedy: what to do about it.
         line: of the file in which it stands; None where it stands in none, or the line is not
             known.
@@ -38,24 +38,24 @@ class ArmDesignError(Exception):
     """
 
     def __init__(
-        self, part: str, problem: str, remedy: str = "", line: int | None = None, key: str = ""
+        self, part: str, fault: str, remedy: str = "", line: int | None = None, key: str = ""
     ) -> None:
         super().__init__()
-        self.part, self.problem, self.remedy, self.key = part, problem, remedy, key
+        self.part, self.fault, self.remedy, self.key = part, fault, remedy, key
         self.table = ""
         self.tell_line(line)
 
     def tell_line(self, line: int | None, file: str = "") -> None:
         """Say in which line it stands (None: not known), and of which file if not the part's."""
         self.line = line
-        text = f"{self.part}: {self.problem}" + (f"; {self.remedy}" if self.remedy else "")
+        text = f"{self.part}: {self.fault}" + (f"; {self.remedy}" if self.remedy else "")
         place = f" (line {line}{file and f' of {file}'})" if line else ""
         self.args = (_line(text) + place,)
 
     def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, ...], dict[str, Any]]:
         """Travel whole between processes."""
         state = {**vars(self), "args": self.args}
-        return type(self), (self.part, self.problem, self.remedy), state
+        return type(self), (self.part, self.fault, self.remedy), state
 
 
 class MachineFileError(ArmDesignError):
@@ -78,12 +78,12 @@ class InfeasibleError(ArmDesignError):
     def __init__(
         self,
         part: str,
-        problem: str,
+        fault: str,
         remedy: str = "",
         conflict: tuple[Concession, ...] = (),
         table: str = "",
     ) -> None:
-        super().__init__(part, problem, remedy)
+        super().__init__(part, fault, remedy)
         self.conflict, self.table = conflict, table
 
 

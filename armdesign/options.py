@@ -82,6 +82,24 @@ ValuesOption = Annotated[
         help=("Values of that limit, separated by commas: shares of today's, for pin_box metres."),
     ),
 ]
+MeasuredArgument = Annotated[
+    Path, typer.Argument(help="CSV file of measured frequencies, one row for each.")
+]
+FitOption = Annotated[
+    str,
+    typer.Option(
+        "--fit",
+        help="Key paths to be found, separated by commas: fluid.bulk_modulus_MPa,…",
+        show_default=False,
+    ),
+]
+PriorOption = Annotated[
+    str,
+    typer.Option(
+        "--prior",
+        help="What is known of them: PATH=VALUE:DEVIATION in the file's unit, by commas.",
+    ),
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]
@@ -117,6 +135,20 @@ def grid_points(points: str) -> int | list[int] | None:
 def listed(text: str) -> tuple[str, ...]:
     """Words of an option that are separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def stated_priors(text: str) -> dict[str, tuple[float, float]]:
+    """Value of ``--prior``: value and standard deviation by key path."""
+    priors = {}
+    for word in listed(text):
+        path, _, numbers = word.partition("=")
+        try:
+            value, deviation = (float(number) for number in numbers.split(":"))
+        except ValueError:
+            remedy = "give PATH=VALUE:DEVIATION, as fluid.bulk_modulus_MPa=1200:240"
+            raise ArmDesignError("--prior", f'"{word}" is not understood', remedy) from None
+        priors[path.strip()] = value, deviation
+    return priors
 
 
 def offered_sizes(catalogue: str) -> str | Sizes | None:

@@ -1,4 +1,4 @@
-"""What commands leave behind: files in one folder, all or none, and text in the terminal."""
+"""Output of commands: files in one folder, all or none, and text in the terminal."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from armdesign.errors import ArmDesignError, printable
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.calibration.calibrate import Calibration
     from armdesign.design.design import Design
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.machine import Machine
@@ -62,6 +63,17 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
         "moment_arms.png": ("Moment arms over the joint ranges", plots.moment_arms(design)),
     }
     return [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
+
+
+def write_calibration(calibration: Calibration, folder: Path) -> None:
+    """Write the calibrated machine file, values, measurements and their picture."""
+    from armdesign import plots
+
+    machine = calibration.written_by(command_line())
+    machine.save(folder / f"{machine.name}.toml")
+    write_csv(calibration.values.reset_index(), folder / "calibration_values.csv")
+    write_csv(calibration.frame, folder / "calibration.csv")
+    plots.save(plots.calibration_figure(calibration), folder / "calibration.png")
 
 
 def write_report(

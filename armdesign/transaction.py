@@ -240,11 +240,11 @@ def _mend(place: Path) -> None:
 
 def _is_private(root: Path) -> bool:
     """Whether a folder can have been made by this user alone."""
-    found = root.lstat()
+    status = root.lstat()
     return (
-        stat.S_ISDIR(found.st_mode)
-        and found.st_uid == os.getuid()
-        and not stat.S_IMODE(found.st_mode) & 0o077
+        stat.S_ISDIR(status.st_mode)
+        and status.st_uid == os.getuid()
+        and not stat.S_IMODE(status.st_mode) & 0o077
     )
 
 

@@ -26,7 +26,7 @@ ATMOSPHERE = 101_325.0  # [Pa]
 
 @dataclass(frozen=True)
 class Units:
-    """How numbers are printed: for each SI unit its factor, the unit shown and the decimals."""
+    """A habit of printing numbers: by SI unit a factor, the unit shown and the decimals."""
 
     table: Mapping[str, tuple[float, str, int]]
 

@@ -26,9 +26,9 @@ import numpy as np
 from armdesign import Machine
 from armdesign.arrays import Array
 from armdesign.simulation import simulate as motion
+from tests.exudyn.exudyn_machines import named
 from tests.exudyn.exudyn_twin import Twin, Valves
-from tests.exudyn.test_free_vibration import named
-from tests.exudyn.test_valve_driven import step_response
+from tests.exudyn.exudyn_valve import step_response
 
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0

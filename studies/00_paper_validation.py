@@ -12,8 +12,7 @@ import pandas as pd
 
 import armdesign as ad
 from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, error_of, grid
-from armdesign.paper.errata import errata, errata_frame
-from armdesign.paper.parameter_scan import scan
+from armdesign.paper.errata import errata, errata_frame, scan
 from armdesign.paper.reproduction import SWEEP, Reproduction, reproduce
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 

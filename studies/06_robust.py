@@ -35,14 +35,14 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
     }
     rows = {}
     for name, model in machines.items():
-        band = ad.frequency_band(model, workspace, BANDS)
+        band = ad.frequency_band(model, workspace, BANDS, today=machine)
         rows[name] = {
             "least_hz": band.low.frequency,
             "file_hz": band.nominal,
             "greatest_hz": band.high.frequency,
             "payload": band.low.payload,
-            "payload_share": band.low.payload_share,
-            "link_share": band.low.link_share,
+            "payload_share": band.low.corner.payload_share,
+            "link_share": band.low.corner.link_share,
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("machine"), designs
 

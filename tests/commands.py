@@ -1,9 +1,12 @@
-"""The command line in this process, and how it refuses."""
+"""The command line in this process or its own, and how it refuses."""
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TypeAlias
 
 import pytest
@@ -11,6 +14,24 @@ import pytest
 from armdesign import cli
 
 Refused: TypeAlias = Callable[[Sequence[str], str], None]
+
+# all take MACHINE, --out, --points and --units
+COMMANDS = ["map", "optimize", "validate", "design"]
+
+
+QUICK = {  # what each writes for the one-joint machine
+    "map": {
+        "map.csv",
+        "stiffness.csv",
+        "map_joints.png",
+        "map_reach.png",
+        "map_holding.png",
+        "moment_arms.png",
+    }
+}
+
+
+ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
 
 
 def main(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> int:
@@ -26,3 +47,25 @@ def assert_one_line(text: str, message: str) -> None:
     assert text.startswith("armdesign: ")
     assert message in text
     assert "Traceback" not in text
+
+
+def map_of(out: Path, points: str = "5") -> list[str]:
+    """Words of a quick map."""
+    return ["map", "paper_1dof", "--out", str(out), "--points", points]
+
+
+def areas_of(machine: str, out: Path) -> list[str]:
+    """Words of a quick search for areas."""
+    return ["optimize", machine, "--vary", "areas", "--points", "3,3,5", "--out", str(out)]
+
+
+def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*ARMDESIGN, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
+    )

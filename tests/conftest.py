@@ -51,6 +51,12 @@ def excavator() -> ad.Machine:
     return machines.named("excavator_20t").with_payload("full")
 
 
+@pytest.fixture(scope="session")
+def rigid_excavator() -> ad.Machine:
+    """The 20 t excavator as it would be with rigid structure, and with nothing uncertain."""
+    return machines.rigid("excavator_20t")
+
+
 @pytest.fixture
 def refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -4,11 +4,7 @@ written.
 
 from __future__ import annotations
 
-import os
 import re
-import signal
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -16,45 +12,18 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign import cli
-from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import worst_within
 from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
-from tests.commands import Refused, assert_one_line, main
+from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map_of, run
 
-# all take MACHINE, --out, --points and --units
-COMMANDS = ["map", "optimize", "validate", "design"]
 OTHERS = {  # and what they take
     "check": ["--points", "--units"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
     "pareto": ["--against", "--values", "--vary", "--robust", "--out", "--points", "--units"],
 }
-QUICK = {  # what each writes for the one-joint machine
-    "map": {
-        "map.csv",
-        "stiffness.csv",
-        "map_joints.png",
-        "map_reach.png",
-        "map_holding.png",
-        "moment_arms.png",
-    }
-}
-ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
-
-
-def run(*words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*ARMDESIGN, *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-        env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
-    )
 
 
 # ------------------------------------------------------------------------------------ what it does
@@ -81,16 +50,7 @@ def test_optimize_from_a_catalogue_file(
     (tmp_path / "own.csv").write_text(
         "bore_mm,rod_mm\n120,85\n140,100\n115,85\n", encoding="utf-8"
     )
-    words = [
-        "optimize",
-        "excavator_20t",
-        "--vary",
-        "areas",
-        "--points",
-        "3,3,5",
-        "--out",
-        str(tmp_path / "a"),
-    ]
+    words = areas_of("excavator_20t", tmp_path / "a")
     assert main([*words, "--catalogue", str(tmp_path / "own.csv")], monkeypatch) == 0
     machine = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
     assert {(round(c.bore, 9), round(c.rod, 9)) for c in machine.cylinders} <= {
@@ -110,16 +70,7 @@ def test_least_oil_for_a_frequency(
     """The machine written has the frequency on the poses that counted, and sweeps no more oil than
     today's.
     """
-    words = [
-        "optimize",
-        "excavator_20t",
-        "--vary",
-        "areas",
-        "--points",
-        "3,3,5",
-        "--out",
-        str(tmp_path / "a"),
-    ]
+    words = areas_of("excavator_20t", tmp_path / "a")
     assert main([*words, "--least", "oil", "--frequency", "0.9"], monkeypatch) == 0
     machine, today = (
         ad.load(tmp_path / "a" / "excavator_20t_optimized.toml"),
@@ -159,16 +110,7 @@ def test_robust_is_for_the_bands_of_the_file(
     """The machine written is that of ``ad.size_cylinders`` with the file's bands, and the report
     says so.
     """
-    words = [
-        "optimize",
-        stated(tmp_path),
-        "--vary",
-        "areas",
-        "--points",
-        "3,3,5",
-        "--out",
-        str(tmp_path / "a"),
-    ]
+    words = areas_of(stated(tmp_path), tmp_path / "a")
     assert main([*words, *more, "--robust"], monkeypatch) == 0
     printed = " ".join(capsys.readouterr().out.split())
     machine = ad.load(tmp_path / "own.toml")
@@ -229,10 +171,7 @@ def test_a_second_run_replaces_its_files_and_leaves_others(
 ) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     for points in ("5", "6"):
-        assert (
-            main(["map", "paper_1dof", "--out", str(tmp_path), "--points", points], monkeypatch)
-            == 0
-        )
+        assert main(map_of(tmp_path, points), monkeypatch) == 0
     assert len(pd.read_csv(tmp_path / "map.csv")) == 6
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert {path.name for path in tmp_path.iterdir()} == {*QUICK["map"], "notes.txt"}
@@ -296,9 +235,8 @@ def test_a_trade_off_is_a_table_and_a_picture(
         "--points",
         "9",
         "--out",
-        str(tmp_path),
     ]
-    assert main(words, monkeypatch) == 0
+    assert main([*words, str(tmp_path)], monkeypatch) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"pareto.csv", "pareto.png"}
     table = pd.read_csv(tmp_path / "pareto.csv")
     assert table["limit"].to_list() == [0.9, 1.0]
@@ -344,297 +282,6 @@ def test_bad_trade_offs_are_one_line(
     assert not list(tmp_path.iterdir())
 
 
-# --------------------------------------------------------------------------------------- bad input
-
-
-def broken(folder: Path, old: str, new: str) -> str:
-    """A copy of the excavator with one text changed, as `broken.toml` in the folder."""
-    machine = machines.named("excavator_20t")
-    assert old in machine.text
-    (folder / "broken.toml").write_text(machine.text.replace(old, new, 1), encoding="utf-8")
-    (folder / "excavator_20t.urdf").write_text(machine.urdf_text, encoding="utf-8")
-    return "broken.toml"
-
-
-BAD = [
-    (["excavater_20t"], 'did you mean "excavator_20t"'),
-    (["none.toml"], "none.toml: no such file"),
-    ([""], "holds no"),
-    (["."], "holds no"),
-    (
-        ["excavator_20t", "--points", "x"],
-        '--points: "x" is not a list of numbers; give 21 or 21,21,61',
-    ),
-    (["excavator_20t", "--points", "1"], "points: 1 is not allowed"),
-    (["excavator_20t", "--points", "3,3"], "points: [3, 3] is not allowed"),
-    (["excavator_20t", "--points", "3,3,3,3"], "is not allowed; give one number ≥ 2, or 3"),
-    (["excavator_20t", "--points", "-5"], "points: -5 is not allowed"),
-    (["excavator_20t", "--points", "3.5"], "is not a list of numbers"),
-    (
-        ["excavator_20t", "--units", "inch"],
-        "Invalid value for '--units': 'inch' is not one of 'workshop', 'si'.",
-    ),
-    (["excavator_20t", "--points", "999999"], "poses are too many; give at most 5"),
-]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_arguments_are_one_line(
-    command: str, words: list[str], message: str, refused: Refused
-) -> None:
-    refused([command, *words, "--out", "out"], message)
-
-
-@pytest.mark.parametrize(("words", "message"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_arguments_of_check(words: list[str], message: str, refused: Refused) -> None:
-    refused(["check", *words], message)
-
-
-FILES = [
-    (
-        "bore_mm = 120",
-        "bore = 120",
-        'broken.toml: cylinder.boom.bore: unknown key; did you mean "bore_mm"?',
-    ),
-    (
-        "bore_mm = 120\n",
-        "",
-        "broken.toml: cylinder.boom.bore_mm: missing; add bore_mm: a number in (0, 100000] mm",
-    ),
-    (
-        "bore_mm = 120",
-        "bore_mm = nan",
-        "cylinder.boom.bore_mm: nan is not allowed; give a number in (0, 100000] mm",
-    ),
-    (
-        "bore_mm = 120",
-        'bore_mm = "120"',
-        'cylinder.boom.bore_mm: "120" is not allowed; give a number',
-    ),
-    (
-        "bore_mm = 120",
-        "bore_mm = -120",
-        "cylinder.boom.bore_mm: -120 is not allowed; give a number in (0, 100000] mm",
-    ),
-    (
-        'link = "chassis"',
-        'link = "chasis"',
-        'cylinder.boom.base.link: no link "chasis" in the URDF; did you mean',
-    ),
-    ("closed_length_mm = 1825", "closed_length_mm = 9000", "cylinder.boom.stroke_mm: over joint"),
-    ("rocker_mm = 578.7", "rocker_mm = 5000", "cylinder.bucket.four_bar: does not close at any"),
-    (
-        'link = "bucket"\nat_mm = [645',
-        "at_mm = [645",
-        "payload.full.link: missing: a mass must sit somewhere; add link",
-    ),
-    ("[461.5, 0, -602.5]", "[0, 0, 0]", "cylinder.boom: is at its dead centre"),
-    ("excavator_20t.urdf", "none.urdf", 'urdf: "none.urdf": no such file; check the path'),
-    ("[fluid]", "[fluid", "broken.toml: not valid TOML"),
-]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"), FILES, ids=[message[:40] for *_, message in FILES]
-)
-def test_a_broken_file_is_one_line(
-    old: str,
-    new: str,
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    """The list of the requirement, each with key, value, range and remedy."""
-    monkeypatch.chdir(tmp_path)
-    before = {path.name for path in tmp_path.iterdir()} | {
-        broken(tmp_path, old, new),
-        "excavator_20t.urdf",
-    }
-    assert main(["map", "broken.toml", "--out", "out", "--points", "3"], monkeypatch) == 2
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert_one_line(err, message)
-    assert {path.name for path in tmp_path.iterdir()} == before
-    assert main(["check", "broken.toml"], monkeypatch) == 2
-    assert message in capfd.readouterr().err
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_process_of_its_own_says_the_same(command: str, tmp_path: Path) -> None:
-    """Nothing on the way to the terminal: no warning, no C++ parser, no progress display."""
-    name = broken(tmp_path, "rod_mm = 85", "rod_mm = 850")
-    done = run(command, name, folder=tmp_path, PYTHONWARNINGS="error")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert_one_line(
-        done.stderr,
-        "broken.toml: cylinder.boom.rod_mm: 850 mm does not fit the bore; give a rod in (0, 120)",
-    )
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "broken.toml",
-        "excavator_20t.urdf",
-    ]
-
-
-@pytest.mark.parametrize("out", ["/proc/none", "/dev/null/x", "notes.txt", "l" * 300])
-def test_a_place_that_cannot_be_written(
-    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    assert main(["map", "paper_1dof", "--out", out, "--points", "5"], monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, f"--out {out[:40]}")
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-    assert (tmp_path / "notes.txt").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    "words", [["map"], ["nothing"], ["map", "a", "b"], ["map", "a", "--nothing"]]
-)
-def test_wrong_usage_is_code_2(words: list[str], tmp_path: Path) -> None:
-    done = run(*words, folder=tmp_path)
-    assert done.returncode == 2
-    assert "Traceback" not in done.stderr
-    assert not list(tmp_path.iterdir())
-
-
-# ------------------------------------------------------------------------------------ interruption
-
-
-@pytest.mark.parametrize(
-    "error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")]
-)
-def test_a_failed_write_leaves_the_old_files(
-    error: Exception,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    """The CSV is written, then the second picture fails: neither is there, the files of the last
-    run are.
-    """
-    from armdesign import plots
-
-    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 0
-    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    capfd.readouterr()
-
-    def failing(fig: object, path: Path) -> Path:
-        raise error
-
-    monkeypatch.setattr(plots, "save", failing)
-    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "9"], monkeypatch) == 2
-    assert capfd.readouterr().err.count("\n") == 1
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-WAITING = """
-import sys, time
-from armdesign import cli, plots
-from armdesign.frequency import maps
-def wait(*_, **__):
-    print("ready", flush=True)
-    time.sleep(60)
-{}.{} = wait
-sys.argv = ["armdesign", "map", "paper_1dof", "--points", "5"]
-cli.main()
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("where", [("maps", "frequency_map"), ("plots", "save")])
-def test_ended_in_the_middle(
-    number: signal.Signals, where: tuple[str, str], tmp_path: Path
-) -> None:
-    """By Ctrl-C, as a service ends or with the terminal, while computing or writing: no traceback,
-    nothing written.
-    """
-    process = subprocess.Popen(
-        [sys.executable, "-c", WAITING.format(*where)],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    process.send_signal(number)
-    out, err = process.communicate(timeout=30)
-    assert (process.returncode, out) == (128 + number, "")
-    assert err.strip() == "armdesign: interrupted; nothing was written"
-    assert not list(tmp_path.iterdir())
-
-
-def test_ended_while_files_move(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Ctrl-C then waits until all of them are in place, and what is said is true."""
-    real = os.replace
-
-    def interrupted(source: str, target: str) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
-        real(source, target)
-
-    monkeypatch.setattr(os, "replace", interrupted)
-    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 130
-    out, err = capsys.readouterr()
-    assert out.startswith("wrote map.csv")
-    assert err.strip() == "armdesign: interrupted; all was written"
-    assert {path.name for path in tmp_path.iterdir()} == QUICK["map"]
-
-
-def test_an_end_of_file_is_no_interruption(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """typer takes it for Ctrl-D; what a damaged file says of itself is not hidden behind that."""
-
-    def ended(*_: object) -> None:
-        raise EOFError("Ran out of input")
-
-    monkeypatch.setattr("armdesign.frequency.maps.frequency_map", ended)
-    monkeypatch.setattr(
-        sys, "argv", ["armdesign", "map", "paper_1dof", "--points", "5", "--out", str(tmp_path)]
-    )
-    with pytest.raises(EOFError, match="Ran out of input"):
-        cli.main()
-
-
-def test_a_folder_in_the_way(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "stiffness.csv").mkdir()
-    assert main(["map", "paper_1dof", "--out", str(tmp_path), "--points", "5"], monkeypatch) == 2
-    assert_one_line(
-        capfd.readouterr().err, "cannot be written (a folder named stiffness.csv is in the way)"
-    )
-    assert [path.name for path in tmp_path.iterdir()] == ["stiffness.csv"]
-
-
-def test_what_a_killed_run_left_behind_is_gone_with_the_next(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", WAITING.format("plots", "save")],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    assert [path.name[:9] for path in (tmp_path / "out").iterdir()] == [".writing-"]
-    process.kill()
-    process.communicate(timeout=30)
-    assert list((tmp_path / "out").iterdir())
-    monkeypatch.chdir(tmp_path)
-    # even one that is refused later
-    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
-    assert main(["map", "none.toml"], monkeypatch) == 2
-    assert not list((tmp_path / "out").iterdir())
-
-
 def test_the_urdf_of_another_machine_is_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -678,14 +325,3 @@ def test_vary_takes_key_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert [new[name] for name in ("stick", "bucket")] == [
         old[name] for name in ("stick", "bucket")
     ]
-
-
-def test_an_unknown_vary_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
-    assert main([*words, "areas,cylinder.boom.bore"], monkeypatch) == 2
-    assert capsys.readouterr().err.splitlines() == [
-        "armdesign: vary cylinder.boom.bore: nothing of this name can vary; "
-        'did you mean "cylinder.boom.bore_mm"?'
-    ]  # fmt: skip

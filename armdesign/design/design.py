@@ -36,7 +36,6 @@ from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
-from armdesign.units import WORKSHOP
 
 SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
@@ -123,11 +122,6 @@ class Design:
         )
 
     @property
-    def worth(self) -> dict[str, float]:
-        """Former name of ``prices``."""
-        return self.prices
-
-    @property
     def catalogue(self) -> bool:
         """Whether bores and rods come from a catalogue."""
         return bool(self.problem.sizes)
@@ -151,10 +145,7 @@ class Design:
 
     @property
     def bands(self) -> Bands:
-        """What is not known exactly: the bands it was made for.
-
-        Those of the machine's file if it was made for none.
-        """
+        """Bands that it was made for; if none, the bands of the machine's file."""
         return (
             Bands.of(self.today)
             if self.problem.dynamics.bands == Bands()
@@ -169,7 +160,7 @@ class Design:
     @cached_property
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
-        return frequency_band(self.machine, self.workspace, self.bands)
+        return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""
@@ -202,10 +193,10 @@ class Design:
                 if math.isfinite(self.selection.bound)
                 else "the one of all combinations lies below the best"
             )
-            found = Bound(
+            bound = Bound(
                 frequency=self.selection.bound, held=(), assumptions=words, refused=refused
             )
-            return found.above(self.unrounded)
+            return bound.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
         known = upper_bound(free.softest, self.x, self.watched)
         return known and known.above(
@@ -263,13 +254,6 @@ class Design:
         }
         return sorted((c for c in self.checks if c.name in dependent), key=lambda c: c.slack)
 
-    @property
-    def sentences(self) -> list[str]:
-        """Binding requirements and their prices as sentences, the dearest first."""
-        return [
-            c.sentence(self.prices[c.name], self.at_margin[c.name], WORKSHOP) for c in self.binding
-        ]
-
 
 def optimize(
     machine: Machine,
@@ -289,7 +273,7 @@ def optimize(
     Args:
         machine: today's machine.
         workspace: poses that count; default grid if None.
-        requirements: limits; those of the machine's file if None.
+        requirements: limits; None: the machine's file states them.
         vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of
             the machine file ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar",
             "cylinder.stick.base.at_mm.0").
@@ -325,8 +309,8 @@ def optimize(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands, catalogue=catalogue
     )
     if catalogue is not None and problem.vector.moving:
-        found = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
-        return Design.of(*found, command=command)
+        outcome = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
+        return Design.of(*outcome, command=command)
     if catalogue is not None:
         return _of_catalogue(problem, catalogue, command)
     return Design.of(

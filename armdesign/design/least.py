@@ -77,7 +77,7 @@ def least(
     Args:
         machine: today's machine.
         workspace: poses that count; default grid if None.
-        requirements: all other limits; those of the machine's file if None.
+        requirements: all other limits; None: the machine's file states them.
         frequency: lowest coupled frequency [Hz] that no pose of the workspace and load case may
             fall below.
         of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever
@@ -126,7 +126,7 @@ def least(
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
-    """What a machine needs of what is made least: share of today's oil or flow, or mass [kg]."""
+    """Amount that a machine needs: share of today's oil or flow, or mass [kg]."""
     if of == "mass":
         return cylinder_mass(machine)
     new, old = (
@@ -246,7 +246,7 @@ class LeastAmount:
         return replace(problem, requirements=replace(problem.requirements, **change))
 
     def _used(self, selection: SizeSelection) -> float:
-        """What a combination needs."""
+        """Amount that a combination needs."""
         today = self.problem.machine
         pairs = zip(today.cylinders, selection.sizes, strict=True)
         cylinders = tuple(replace(c, bore=bore, rod=rod) for c, (bore, rod) in pairs)

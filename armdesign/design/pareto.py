@@ -84,7 +84,7 @@ class Pareto:
 
     @property
     def sentences(self) -> list[str]:
-        """Which limits are left out, and why."""
+        """Limits that are left out, and the reasons."""
         return [
             f"{self.against} {limit:g} is left out: {why}" for limit, why in self.left_out.items()
         ]
@@ -115,7 +115,7 @@ def pareto(
     Args:
         machine: today's machine.
         workspace: poses that count; default grid if None.
-        requirements: limits; those of the machine's file if None.
+        requirements: limits; None: the machine's file states them.
         against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
             ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``;
             "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
@@ -143,7 +143,7 @@ def pareto(
             "against", "no cylinder's digging force counts", "name some in requirements.digging"
         )
     sizes = None if catalogue is None else sizes_of(catalogue)
-    found: dict[float, Design] = {}
+    designs: dict[float, Design] = {}
     left_out: dict[float, str] = {}
     tighter: Design | None = None
     for limit in _limits(machine, workspace, requirements, against, values):
@@ -154,19 +154,19 @@ def pareto(
                 starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
                 catalogue=sizes,
             )  # fmt: skip
-            found[limit] = tighter
+            designs[limit] = tighter
         except InfeasibleError as error:
             relax = relaxations(error.conflict)
-            left_out[limit] = f"{error.problem}: relax {relax}" if relax else error.problem
+            left_out[limit] = f"{error.fault}: relax {relax}" if relax else error.fault
             refused = error
-    if not found:
-        problem = f"no value of {against} can be met"
-        why = refused.problem, refused.conflict, refused.table
-        raise InfeasibleError(machine.name, problem, *why)
+    if not designs:
+        fault = f"no value of {against} can be met"
+        why = refused.fault, refused.conflict, refused.table
+        raise InfeasibleError(machine.name, fault, *why)
     return Pareto(
         against=against,
-        limits=tuple(found),
-        designs=tuple(found.values()),
+        limits=tuple(designs),
+        designs=tuple(designs.values()),
         left_out=left_out,
         today=machine,
     )
@@ -193,8 +193,8 @@ def read_values(text: str, against: str) -> list[float] | None:
     whole = re.search(r"(?<![\d.])(\d+),(\d+)(?![\d.])", text)
     if whole:
         one, two = whole.groups()
-        problem = f'"{whole[0]}" may be {one}.{two}, or {one} and {two}'
-        raise ArmDesignError("--values", problem, f"give {one}.{two}, or {one}.0,{two}.0")
+        fault = f'"{whole[0]}" may be {one}.{two}, or {one} and {two}'
+        raise ArmDesignError("--values", fault, f"give {one}.{two}, or {one}.0,{two}.0")
     low, high, unit = PLAUSIBLE.get(against, OF_SHARES)
     for value in values:
         if against in SHARES and not low <= value <= high:

@@ -1,9 +1,14 @@
-"""Uncertainty bands of oil, air, load and mass, and the worst frequency within them.
+"""Uncertainty bands of oil, structure, load and mass, and the worst frequency within them.
+
+Structure (pins, brackets, links, pillar) yields in series with each actuator: 1/k = 1/k_oil + c.
+Its c is stated as a share of today's oil's own compliance at mid stroke, 0 rigid and 1 as soft as
+the oil. A new cylinder leaves c in m/N as it was: the structure around it is today's.
 
 Without air K − λM is affine in bulk modulus, payload and link masses, so the lowest λ of a pose is
-quasi-concave in them and least at a corner of the bands (THEORY §6). Softer oil, more air and more
-dead volume lower the oil stiffness and nothing else, so for them the corner is known; masses add
-inertia but also static load, and both of their ends are tried. With air the static pressure
+quasi-concave in them and least at a corner of the bands (THEORY §6). Softer oil, more air, more
+dead volume and softer structure lower the stiffness and nothing else, but for the few mm by which
+a structure that gives way lets the piston stand elsewhere, so for them the corner is known; masses
+add inertia but also static load, and both of their ends are tried. With air the static pressure
 stiffens the oil, λ is no longer quasi-concave in the masses, and values between their ends are
 tried too: a sample, no proof.
 """
@@ -12,9 +17,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,6 +32,8 @@ from armdesign.machine.machine import Machine
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
 EXACT = (1.0, 1.0)
+ENDS = {"air": (0.0, 0.5), "structure": (0.0, 10.0)}  # allowed, of bands that may begin at zero
+VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
 
 
@@ -41,6 +48,8 @@ class Bands:
         link_mass: of every link's mass and inertia; bars of cylinders and four-bars stay as they
             are.
         air: entrained air itself, volume share at atmospheric pressure; None: the machine's.
+        structure: compliance in series with each actuator, over that of its oil at mid stroke,
+            0 where the structure is rigid; None: the machine's own.
     """
 
     bulk_modulus: tuple[float, float] = EXACT
@@ -48,11 +57,12 @@ class Bands:
     payload: tuple[float, float] = EXACT
     link_mass: tuple[float, float] = EXACT
     air: tuple[float, float] | None = None
+    structure: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
             band = getattr(self, field.name)
-            least, most = (0.0, 0.5) if field.name == "air" else (0.1, 10.0)
+            least, most = ENDS.get(field.name, (0.1, 10.0))
             if band is None:
                 continue
             numbers = len(band) == 2 and all(
@@ -73,24 +83,48 @@ class Bands:
             payload=_pair(section.payload_share),
             link_mass=_pair(section.link_mass_share),
             air=(air[0] / 100, air[1] / 100) if air else None,
+            structure=_pair(section.structure) if section.structure else None,
         )
 
-    def with_oil(self, machine: Machine, softest: bool) -> Machine:
-        """The machine with bulk modulus, air and dead volumes at their soft or stiff ends."""
-        end = 0 if softest else 1
-        modulus, volume = self.bulk_modulus[end], self.dead_volume[1 - end]
-        air = machine.fluid.air if self.air is None else self.air[1 - end]
-        fluid = replace(machine.fluid, bulk_modulus=modulus * machine.fluid.bulk_modulus, air=air)
+    def at_end(self, machine: Machine, softest: bool, today: Machine | None = None) -> Machine:
+        """The machine with oil, air, dead volumes and structure at their soft or stiff ends.
+
+        Shares of structure are of the oil of ``today``'s machine; of its own if None.
+        """
+        modulus = self.bulk_modulus[not softest] * machine.fluid.bulk_modulus
+        air = machine.fluid.air if self.air is None else self.air[softest]
+        volume, today = self.dead_volume[softest], today or machine
+        yielding = (
+            {}
+            if self.structure is None
+            else {
+                one.name: self.structure[softest] * one.oil_compliance(today.fluid, today.supply)
+                for one in (*today.cylinders, *today.motors)
+            }
+        )
+
+        def at(actuator: F) -> F:
+            volumes = {name: volume * getattr(actuator, name) for name in VOLUMES}
+            compliance = yielding.get(actuator.name, actuator.compliance)
+            return replace(actuator, **volumes, compliance=compliance)
+
         return replace(
             machine,
-            fluid=fluid,
-            cylinders=tuple(_with_volumes(cylinder, volume) for cylinder in machine.cylinders),
-            motors=tuple(_with_volumes(motor, volume) for motor in machine.motors),
+            fluid=replace(machine.fluid, bulk_modulus=modulus, air=air),
+            cylinders=tuple(map(at, machine.cylinders)),
+            motors=tuple(map(at, machine.motors)),
         )
 
-    def with_largest_volumes(self, cylinder: Cylinder) -> Cylinder:
-        """The cylinder with the largest dead volumes, as it is with the softest oil."""
-        return _with_volumes(cylinder, self.dead_volume[1])
+    @property
+    def ends(self) -> tuple[bool, ...]:
+        """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
+        bands = (self.bulk_modulus, self.dead_volume, self.air, self.structure)
+        return (True, False) if any(band and band[0] < band[1] for band in bands) else (True,)
+
+    def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:
+        """All corners of the bands at some ends of oil and structure."""
+        shares = self.mass_shares(machine)
+        return [Corner(softest, *masses) for softest in ends for masses in shares]
 
     def mass_shares(self, machine: Machine) -> list[tuple[float, float]]:
         """Shares of payload and of link mass to try: the corners, with air also between them."""
@@ -98,6 +132,20 @@ class Bands:
         count = SAMPLES if air else 2
         values = (np.linspace(*band, count).tolist() for band in (self.payload, self.link_mass))
         return list(dict.fromkeys(itertools.product(*values)))
+
+
+class Corner(NamedTuple):
+    """A corner of the bands.
+
+    Attributes:
+        softest: whether oil and structure are at their soft ends; else at their stiff ends.
+        payload_share: factor on the mass of every load case.
+        link_share: factor on all masses and inertias of the bare links.
+    """
+
+    softest: bool
+    payload_share: float
+    link_share: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,74 +156,96 @@ class Scenario:
         frequency: worst coupled natural frequency [Hz].
         payload: name of its load case.
         q: its pose (nq,) [rad, m].
-        softest: whether the oil is at its soft ends; else at its stiff ends.
-        payload_share: factor on the mass of every load case.
-        link_share: factor on all masses and inertias of the bare links.
+        corner: the values.
     """
 
     frequency: float
     payload: str
     q: Array
-    softest: bool
-    payload_share: float
-    link_share: float
+    corner: Corner
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrequencyBand:
-    """The worst frequency [Hz] in the worst and the best scenario, and with the file's values."""
+    """The worst frequency [Hz] over poses and load cases within the bands.
 
-    low: Scenario
+    Attributes:
+        scenarios: at all corners of the bands, in one order for all machines.
+        nominal: with the file's values [Hz].
+    """
+
+    scenarios: tuple[Scenario, ...]
     nominal: float
-    high: Scenario
+
+    @property
+    def low(self) -> Scenario:
+        """The worst scenario."""
+        return min(self.scenarios, key=_frequency)
+
+    @property
+    def high(self) -> Scenario:
+        """The scenario with the highest worst frequency: structure rigid, oil stiff."""
+        return max(self.scenarios, key=_frequency)
+
+    def least_gain(self, today: FrequencyBand) -> float:
+        """Least relative gain over today's machine, at the corners and with the file's values."""
+        pairs = zip(self.scenarios, today.scenarios, strict=True)
+        gains = [new.frequency / old.frequency for new, old in pairs if old.frequency > 0]
+        if today.nominal > 0:
+            gains.append(self.nominal / today.nominal)
+        return min(gains, default=math.inf) - 1
 
 
 def frequency_band(
-    machine: Machine, workspace: Workspace, bands: Bands | None = None
+    machine: Machine,
+    workspace: Workspace,
+    bands: Bands | None = None,
+    *,
+    today: Machine | None = None,
 ) -> FrequencyBand:
-    """Worst coupled frequency over poses and load cases, least and greatest within the bands.
+    """Worst coupled frequency over poses and load cases, at all corners of the bands.
 
     Args:
         machine: the machine.
         workspace: poses that count; the worst is taken among them, not between them.
-        bands: what is not known exactly; those of the machine's file if None.
+        bands: what is not known exactly; None: the machine's file states them.
+        today: the machine that this one was made from, whose structure it keeps; None: itself.
     """
     bands = bands or Bands.of(machine)
     return FrequencyBand(
-        low=worst_within(machine, workspace, bands),
+        scenarios=tuple(
+            scenario(machine, workspace, bands, corner, today)
+            for corner in bands.corners(machine, bands.ends)
+        ),
         nominal=worst_frequency(machine, workspace).frequency,
-        high=max(_scenarios(machine, workspace, bands, softest=False), key=_frequency),
     )
 
 
-def worst_within(machine: Machine, workspace: Workspace, bands: Bands) -> Scenario:
+def worst_within(
+    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
+) -> Scenario:
     """The worst scenario within the bands, the lower end of ``frequency_band``."""
-    return min(_scenarios(machine, workspace, bands, softest=True), key=_frequency)
+    corners = bands.corners(machine, (True,))
+    return min(
+        (scenario(machine, workspace, bands, corner, today) for corner in corners), key=_frequency
+    )
 
 
-def _scenarios(
-    machine: Machine, workspace: Workspace, bands: Bands, softest: bool
-) -> Iterator[Scenario]:
-    with_oil = bands.with_oil(machine, softest)
-    for shares in bands.mass_shares(machine):
-        frequency, payload, q = worst_frequency(with_oil, workspace, *shares)
-        yield Scenario(
-            frequency=frequency,
-            payload=payload,
-            q=q,
-            softest=softest,
-            payload_share=shares[0],
-            link_share=shares[1],
-        )
+def scenario(
+    machine: Machine,
+    workspace: Workspace,
+    bands: Bands,
+    corner: Corner,
+    today: Machine | None = None,
+) -> Scenario:
+    """The worst frequency of a machine at one corner of the bands; as in ``frequency_band``."""
+    at_end = bands.at_end(machine, corner.softest, today)
+    worst = worst_frequency(at_end, workspace, corner.payload_share, corner.link_share)
+    return Scenario(frequency=worst.frequency, payload=worst.payload, q=worst.q, corner=corner)
 
 
 def _frequency(scenario: Scenario) -> float:
     return scenario.frequency
-
-
-def _with_volumes(actuator: F, share: float) -> F:
-    names = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
-    return replace(actuator, **{name: share * getattr(actuator, name) for name in names})
 
 
 def _pair(band: list[float] | None) -> tuple[float, float]:

@@ -48,7 +48,7 @@ def mesh(axes: Iterable[Array]) -> Array:
 
 
 def box_shares(axes: Axes) -> Array:
-    """How much of joint space each pose of the mesh stands for (n,), in boxes of the grid.
+    """Share of joint space that each pose of the mesh stands for (n,), in boxes of the grid.
 
     A value stands for one step of its axis, for half a step at the ends.
     """
@@ -57,7 +57,7 @@ def box_shares(axes: Axes) -> Array:
 
 
 def steps_along(axes: Axes, q: Array) -> Array:
-    """Where poses (n, nq) lie on the axes, in steps from their first values (nq, n)."""
+    """Places of poses (n, nq) on the axes, in steps from their first values (nq, n)."""
     return np.stack([(q[:, j] - axis[0]) / _step(axis) for j, axis in enumerate(axes)])
 
 

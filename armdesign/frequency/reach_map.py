@@ -17,9 +17,14 @@ import numpy as np
 from armdesign.arrays import Array, Flags, chunks
 from armdesign.frequency.joint_grid import nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
 from armdesign.frequency.reach_plane import place_and_pitch, reach_and_height
-from armdesign.frequency.spread import box_poses, joints_without_effect, surfaces
+from armdesign.frequency.spread import (
+    box_poses,
+    joints_without_effect,
+    surfaces,
+    tipping_joints,
+    turned_onto_pitch_limits,
+)
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 

@@ -13,8 +13,7 @@ import numpy as np
 from armdesign.arrays import Array, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import Axes, steps_along
-from armdesign.frequency.pitch_limits import wrapped
-from armdesign.frequency.spread import edge_poses
+from armdesign.frequency.spread import edge_poses, wrapped
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 

@@ -17,8 +17,8 @@ import numpy as np
 from armdesign.arrays import Array, Flags, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
-from armdesign.frequency.pitch_limits import tipping_joints, turned_onto_pitch_limits
 from armdesign.frequency.reach_plane import poses_on_cells
+from armdesign.frequency.spread import tipping_joints, turned_onto_pitch_limits
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -216,8 +216,8 @@ def _in_stroke(
     """
     inside = _least_margin(machine, q) >= end_margin - MARGIN_TOLERANCE
     if not inside.any():
-        problem = "no pose of it is in stroke"
-        raise ArmDesignError(f"{machine.name}: workspace", problem, "give more points")
+        fault = "no pose of it is in stroke"
+        raise ArmDesignError(f"{machine.name}: workspace", fault, "give more points")
     weights = np.concatenate([weights, np.zeros(len(q) - len(weights))])
     return Workspace(
         q=q[inside],

@@ -6,6 +6,7 @@ on arrays and accept complex numbers, so that a complex step gives their exact d
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -15,11 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.chamber_pressures import preloaded_pressures
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
-from armdesign.hydraulics.oil_spring import oil_stiffness
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.oil_spring import oil_stiffness, preloaded_pressures
 from armdesign.hydraulics.valve import RELIEF_SHARE, LoadHolding, Valve
 
 
@@ -111,21 +110,48 @@ class Actuator(ABC):
         areas = areas or (self.bore_area, self.annulus_area)
         if self.compliance > 0:
             extension = extension + self.compliance * force
+        pressures = self.static_pressures(force, supply, areas) if fluid.air > 0 else (0.0, 0.0)
+        cap, annulus = self.capacities(extension, pressures, fluid, areas=areas, stroke=stroke)
+        return oil_stiffness(areas[0], areas[1], cap, annulus, self.compliance)
+
+    def capacities(
+        self,
+        extension: Any,
+        pressures: tuple[Any, Any],
+        fluid: Fluid,
+        *,
+        areas: tuple[Any, Any] | None = None,
+        stroke: Any = None,
+    ) -> tuple[Any, Any]:
+        """Capacities V/β + V_hose/β_hose of cap and annulus [m³/Pa] with the piston at a place.
+
+        Args:
+            extension: of the piston itself [m].
+            pressures: of cap and annulus [Pa]; they count where the oil carries air.
+            fluid: the oil.
+            areas: see the class.
+            stroke: see the class.
+        """
+        cap, annulus = self.volumes(extension, areas, stroke)
         beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
         if fluid.air > 0:
-            cap_pressure, annulus_pressure = self.static_pressures(force, supply, areas)
-            beta = (
-                bulk_modulus(cap_pressure, fluid.bulk_modulus, fluid.air),
-                bulk_modulus(annulus_pressure, fluid.bulk_modulus, fluid.air),
+            at_cap, at_annulus = (
+                bulk_modulus(pressure, fluid.bulk_modulus, fluid.air) for pressure in pressures
             )
-        cap, annulus = self.volumes(extension, areas, stroke)
-        return oil_stiffness(
-            areas[0],
-            areas[1],
+            beta = at_cap, at_annulus
+        return (
             cap / beta[0] + self.cap_hose_volume / self.hose_modulus,
             annulus / beta[1] + self.annulus_hose_volume / self.hose_modulus,
-            self.compliance,
         )
+
+    def oil_compliance(self, fluid: Fluid, supply: Supply) -> float:
+        """Compliance [m/N] of its oil alone at mid stroke without a load.
+
+        What structure in series yields is measured by it.
+        """
+        middle = self.stroke / 2 if math.isfinite(self.stroke) else 0.0  # a motor has no stroke
+        rigid = dataclasses.replace(self, compliance=0.0)
+        return float(1 / rigid.stiffness(middle, 0.0, fluid, supply))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""The oil, and its bulk modulus with entrained air."""
+"""The oil, its bulk modulus with entrained air, and the pump that feeds it to the valves."""
 
 from __future__ import annotations
 
@@ -45,3 +45,20 @@ def bulk_modulus(
     return (
         oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supply:
+    """Pump pressure and return pressure [Pa], flow [m³/s].
+
+    The pump gives no more than its flow: it cuts off linearly within the last share ``cut_off`` of
+    its pressure and fills a line of ``line_volume`` [m³]. An ideal one, not ``flow_limited``,
+    holds its pressure whatever the actuators take.
+    """
+
+    pressure: float
+    return_pressure: float
+    flow: float
+    flow_limited: bool = True
+    cut_off: float = 0.05
+    line_volume: float = 5e-3

@@ -1,8 +1,16 @@
-"""The oil spring: stiffness of the oil that a shut valve traps on both sides of a piston."""
+"""The oil spring: stiffness of the oil trapped in both chambers, and its static pressures.
+
+Elementwise on arrays, and complex-safe.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
+
+from armdesign.hydraulics.fluid import Supply
 
 
 def oil_stiffness(
@@ -26,3 +34,53 @@ def oil_stiffness(
     """
     oil = bore_area**2 / cap_capacity + annulus_area**2 / annulus_capacity
     return oil / (1 + compliance * oil)
+
+
+BELOW_RELIEF = 0.95  # of the relief pressure: no preload presses the loaded chamber beyond it
+
+
+def static_pressures(
+    force: Any, bore_area: Any, annulus_area: Any, return_pressure: Any
+) -> tuple[Any, Any]:
+    """Pressures of cap and annulus [Pa] under a static force [N, + pushes]: F = A1 p1 − A2 p2.
+
+    One chamber carries the load, the other stands at return pressure.
+    """
+    cap = (force + annulus_area * return_pressure) / bore_area
+    annulus = (bore_area * return_pressure - force) / annulus_area
+    pushes = np.real(cap) >= np.real(return_pressure)
+    return np.where(pushes, cap, return_pressure), np.where(pushes, return_pressure, annulus)
+
+
+def preloaded_pressures(
+    force: Any,
+    bore_area: Any,
+    annulus_area: Any,
+    preload: Any,
+    return_pressure: float,
+    relief: float,
+) -> tuple[Any, Any]:
+    """Pressures of cap and annulus [Pa] with the chamber without load at a ``preload`` [Pa].
+
+    Where that would press the loaded chamber against its ``relief`` [Pa], the preload is reduced
+    until the loaded chamber stays a little below, at most down to return pressure.
+    """
+    lower = np.maximum(preload, return_pressure)
+    if np.all(lower == return_pressure):
+        return static_pressures(force, bore_area, annulus_area, return_pressure)
+    if math.isfinite(relief):
+        limit = np.maximum(BELOW_RELIEF * relief, lower)
+        for largest in (
+            (bore_area * limit - force) / annulus_area,
+            (annulus_area * limit + force) / bore_area,
+        ):
+            lower = np.where(np.real(largest) < np.real(lower), largest, lower)
+        lower = np.where(np.real(lower) < return_pressure, return_pressure, lower)
+    return static_pressures(force, bore_area, annulus_area, lower)
+
+
+def holding_force(bore_area: Any, annulus_area: Any, supply: Supply, pushes: Any) -> Any:
+    """Largest static force [N] of supply against return pressure, pushing or pulling."""
+    push = supply.pressure * bore_area - supply.return_pressure * annulus_area
+    pull = supply.pressure * annulus_area - supply.return_pressure * bore_area
+    return np.where(pushes, push, pull)

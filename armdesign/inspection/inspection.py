@@ -15,13 +15,14 @@ import numpy as np
 from armdesign.arrays import Array, weighted_share
 from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.workspace import Workspace
-from armdesign.hydraulics.chamber_pressures import holding_force
-from armdesign.inspection.finding import Finding
+from armdesign.hydraulics.oil_spring import holding_force
+from armdesign.inspection.implausible_values import suspicions
 from armdesign.inspection.oddities import is_whole_turn, oddities
-from armdesign.inspection.plausibility import suspicions
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
+from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import WORKSHOP, Units
 
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
@@ -89,7 +90,7 @@ class Inspection:
         return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
-        """What ends a joint's range below (0) or above (1): a stroke, the URDF, one turn."""
+        """End of a joint's range below (0) or above (1) in words: a stroke, the URDF, one turn."""
         machine = self.machine
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
@@ -144,6 +145,15 @@ class Inspection:
         return {case.name: case for case in load_cases(self.machine, self.workspace)}
 
     @cached_property
+    def least_stiffness(self) -> Array:
+        """Stiffness that each spring alone needs, at every pose and load (ns,) [N m/rad, N/m]."""
+        springs = self.machine.spring_stiffness
+        matrices = (case.evaluate().stiffness_matrix for case in self.cases.values())
+        factors = np.concatenate([least_stiffness_factors(k, springs)[:, :-1] for k in matrices])
+        finite = np.where(np.isinf(factors), 0.0, factors)
+        return np.asarray(springs * finite.max(axis=0, initial=0.0))
+
+    @cached_property
     def loads(self) -> list[StaticLoad]:
         """Largest static load of every cylinder and motor under every load case."""
         return [
@@ -180,7 +190,7 @@ class Inspection:
         return suspicions(self.machine, shares)
 
     def findings(self, units: Units = WORKSHOP) -> list[Finding]:
-        """What looks odd, in the units asked for: suspicions first, as the others may follow."""
+        """Findings in the units asked for: suspicions first, as the others may follow."""
         return [*self.suspicions, *oddities(self, units)]
 
 

@@ -11,8 +11,8 @@ from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.hydraulics.buckling import euler_safety
-from armdesign.inspection.finding import Finding
+from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine.load_case import PITCH_TOLERANCE
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units

@@ -1,15 +1,28 @@
-"""Faults that only the assembled machine shows: a joint without drive, a four-bar, no range."""
+"""Faults that only the assembled machine shows, and why a joint has no range or part of one.
+
+Each cause of a wrong range is tried: the range is worked out again with the axis reversed, with
+limits taken as degrees, with one length or pin taken as metres. A cause is named if the strokes
+fit the limits of the URDF with this correction, and do not fit them without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from armdesign.errors import MachineFileError
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.machine.file.likely_values import MISTAKEN, rounded
 from armdesign.machine.poses import is_singular
-from armdesign.machine.range_causes import Cause, Own, cause_of
-from armdesign.mechanism.joint_ranges import joint_ranges
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.joint_ranges import joint_ranges, over, sweep
+from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.urdf_faults import line_of, parse
+from armdesign.units import deg, mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -35,11 +48,35 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
         if not arm.joints[arm.names.index(motor.joint)].revolute:
             where = f"{source}: motor.{motor.name}"
             yield MachineFileError(where, f'"{motor.joint}" does not turn', "use a cylinder")
+    yield from _of_springs(machine)
     driven = {j for drive in machine.drives for j in drive.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
-            problem = f'no cylinder or motor moves "{joint.name}"'
-            yield MachineFileError(f"{source}: joints", problem, "add one or freeze the joint")
+            words = f'no cylinder or motor moves "{joint.name}"'
+            yield MachineFileError(f"{source}: joints", words, "add one or freeze the joint")
+
+
+def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
+    """Springs on joints of another kind, standing beyond their limits, or between pins."""
+    source, arm = machine.source.name, machine.arm
+    for index, spring in enumerate(machine.springs, len(arm.joints)):
+        where, joint = f"{source}: spring.{spring.name}", arm.coordinates[index]
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            if index in linkage.joints:
+                fault = f'"{joint.name}" lies between the pins of cylinder.{cylinder.name}'
+                remedy = "a spring's joint is driven by nothing: choose another, or move the pins"
+                yield MachineFileError(f"{where}.joint", fault, remedy)
+        if joint.revolute != spring.revolute:
+            moves, meant = ("turns", "N_m_per_rad") if joint.revolute else ("slides", "N_per_m")
+            remedy = f"give stiffness_{meant}, and at_{'deg' if joint.revolute else 'mm'}"
+            fault = f'"{joint.name}" {moves}'
+            yield MachineFileError(f"{where}.{spring.stiffness_key}", fault, remedy)
+        elif not joint.lower <= spring.at <= joint.upper:
+            key, unit = ("at_deg", deg) if joint.revolute else ("at_mm", mm)
+            low, high = joint.lower / unit, joint.upper / unit
+            fault = f'{spring.at / unit:g} is outside the limits of "{joint.name}"'
+            remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits in the URDF"
+            yield MachineFileError(f"{where}.{key}", fault, remedy)
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
@@ -57,9 +94,10 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
             except MachineFileError as error:
                 yield from _with_cause(machine, j, own, error)
         return
-    if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
-        problem = "cylinders and motors leave a direction of motion free"
-        yield MachineFileError(f"{source}: cylinder", problem, "check the pins")
+    arms = machine.evaluate(machine.rigid_poses(middle)).moment_arms[..., : len(machine.joints)]
+    if is_singular(arms)[0]:
+        fault = "cylinders and motors leave a direction of motion free"
+        yield MachineFileError(f"{source}: cylinder", fault, "check the pins")
 
 
 def _with_cause(
@@ -71,12 +109,12 @@ def _with_cause(
         yield error
     elif cause.in_urdf:
         part, line = place_in_urdf(machine, j, cause)
-        yield MachineFileError(part, f"{cause.words}; now {error.problem}", cause.remedy, line)
+        yield MachineFileError(part, f"{cause.words}; now {error.fault}", cause.remedy, line)
         yield error
     else:
         source = f"{machine.source.name}: "
-        problem = f"{cause.words}: {error.part.removeprefix(source)}: {error.problem}"
-        yield MachineFileError(source + cause.path, problem, f"{cause.remedy}, or {error.remedy}")
+        fault = f"{cause.words}: {error.part.removeprefix(source)}: {error.fault}"
+        yield MachineFileError(source + cause.path, fault, f"{cause.remedy}, or {error.remedy}")
 
 
 def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | None]:
@@ -88,3 +126,167 @@ def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | No
     joint = next(element for element in joints if element.get("name") == name)
     element = joint.find({"axis": "axis", "limits": "limit"}[cause.path])
     return f"{source}: joint {name}", line_of(joint if element is None else element)
+
+
+# ------------------------------------------------------------------------------------ joint ranges
+
+
+Own = list[tuple[Linkage, Cylinder]]  # what moves one joint alone
+MENDS = 0.3  # fit of strokes and limits that is enough for a cause of what cannot be used at all
+# and for lengths in centimetres or inches, so near to millimetres that they may fit by chance
+BY_CHANCE = 0.8
+ODD, FITS = 0.85, 0.97  # the fit that is enough beside one below ODD
+ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
+TURN = 2 * np.pi + 0.01  # [rad] beyond which no cylinder turns a joint
+LARGEST_ARM = 50.0  # [m] from joint to joint, beyond which lengths are hardly metres
+SAMPLES = 61
+LENGTHS = {"stroke_mm": ("stroke",), "closed_length_mm": ("closed_length",)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """Likely cause of a missing or doubtful joint range, and what to write instead.
+
+    ``path`` is a key path, or "axis", "limits", "urdf" of the URDF; ``least`` is the fit that it
+    takes to be believed.
+    """
+
+    path: str
+    words: str
+    remedy: str
+    fit: float = 0.0
+    least: float = 0.0
+
+    @property
+    def in_urdf(self) -> bool:
+        """Whether the fault is in the URDF."""
+        return self.path in ("axis", "limits", "urdf")
+
+
+def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
+    """Likeliest cause of a joint without a range (``faulty``), or unlike its strokes."""
+    now = 0.0 if faulty else _fit(arm, joint, own)
+    if now > ALIKE:
+        return None
+    tried = [
+        dataclasses.replace(cause, fit=_fit(*trial)) for cause, trial in _trials(arm, joint, own)
+    ]
+    common = MENDS if faulty else FITS if now < ODD else FITS_EXACTLY
+    best = max((cause.fit for cause in tried), default=0.0)
+    # the simplest of those that are about as good
+    return next(
+        (
+            cause
+            for cause in tried
+            if cause.fit >= max(common, cause.least) and cause.fit > 0.95 * best
+        ),
+        None,
+    )
+
+
+def _fit(arm: Arm, joint: int, own: Own) -> float:
+    """Share of the limits that the strokes cover, times the least share of a stroke in use."""
+    linkages, cylinders = tuple(k for k, _ in own), tuple(c for _, c in own)
+    lower, upper = arm.limits[joint]
+    try:
+        with np.errstate(all="ignore"):
+            low, high = joint_ranges(arm, linkages, cylinders, 0.0, "")[joint]
+            poses = sweep(arm, joint, over(np.array([low, high]), SAMPLES))
+            used = min(float(np.ptp(k.length(poses))) / c.stroke for k, c in own)
+    except MachineFileError:
+        return 0.0
+    return used * float((high - low) / (upper - lower))
+
+
+def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, int, Own]]]:
+    """Causes, simple ones first, each with the arm and cylinders that it would leave."""
+    (lower, upper), at = arm.limits[joint], arm.joints[joint]
+    if at.revolute and max(abs(lower), abs(upper)) > TURN:
+        words = f"limits [{lower:g}, {upper:g}] rad look like degrees"
+        remedy = f'write lower="{rounded(lower * deg)}" upper="{rounded(upper * deg)}"'
+        in_degrees = arm.within(joint, lower * deg, upper * deg)
+        yield Cause(path="limits", words=words, remedy=remedy), (in_degrees, joint, own)
+    axis, other = (" ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
+    words = (
+        f"its axis ({axis}) looks reversed: with ({other}) the strokes fit its limits [{lower:g},"
+        f" {upper:g}] {at.unit}"
+    )
+    remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {at.unit}'
+    reversed_arm = arm.within(joint, -upper, -lower)
+    yield Cause(path="axis", words=words, remedy=remedy), (reversed_arm, joint, own)
+    for unit, factor in MISTAKEN["mm"].items():
+        for keys, enlarged in _enlarged(own, factor):
+            yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
+    enlarged = [_scaled(pair, _everything(pair), 1e3) for pair in own]
+    yield _of_all_lengths(arm, own), (arm, joint, enlarged)
+
+
+def _of_all_lengths(arm: Arm, own: Own) -> Cause:
+    """The cause that all lengths of the URDF are in mm, or all of the cylinders in metres."""
+    places = [link.translation for link in arm.links.values()]
+    places += [joint.translation for joint in arm.joints]
+    if max(float(np.linalg.norm(place)) for place in places) > LARGEST_ARM:
+        words = "its lengths look like millimetres beside the cylinders' lengths"
+        remedy = "a URDF is in metres: divide its lengths by 1000"
+        return Cause(path="urdf", words=words, remedy=remedy)
+    words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
+    return Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy)
+
+
+def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:
+    return [*LENGTHS, *pair[0].places]
+
+
+def _enlarged(own: Own, factor: float) -> Iterator[tuple[list[tuple[int, str]], Own]]:
+    """Lengths or pins, one or several that go together, and the cylinders with them enlarged."""
+    for i, pair in enumerate(own):
+        pins, bars = pair[0].pin_names, pair[0].bar_names
+        together = [names for names in ([*LENGTHS], bars, pins, [*pins, *bars]) if len(names) > 1]
+        for names in ([name] for name in _everything(pair)), together:
+            for chosen in names:
+                enlarged = [*own[:i], _scaled(pair, chosen, factor), *own[i + 1 :]]
+                if enlarged[i][1].stroke < enlarged[i][1].closed_length:
+                    yield [(i, name) for name in chosen], enlarged
+
+
+def _scaled(
+    pair: tuple[Linkage, Cylinder], names: Iterable[str], factor: float
+) -> tuple[Linkage, Cylinder]:
+    """A cylinder with some of its lengths and places times a factor."""
+    linkage, cylinder = pair
+    for name in names:
+        if name in LENGTHS:
+            (key,) = LENGTHS[name]
+            cylinder = dataclasses.replace(cylinder, **{key: factor * getattr(cylinder, key)})
+        else:
+            linkage = linkage.with_place(name, [factor * x for x in linkage.place(name) or ()])
+    return linkage, cylinder
+
+
+def _in_mm(values: list[float]) -> str:
+    """Lengths [m] as a file has them in mm: one number, or several in brackets."""
+    text = ", ".join(rounded(value / mm) for value in values)
+    return f"[{text}]" if len(values) > 1 else text
+
+
+def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -> Cause:
+    """The cause that lengths or pins of cylinders are in another unit."""
+    rewritten: list[tuple[str, str, str]] = []
+    for i, name in which:
+        linkage, cylinder = own[i]
+        path = f"cylinder.{cylinder.name}"
+        if name in LENGTHS:
+            values: tuple[float, ...] = (getattr(cylinder, LENGTHS[name][0]),)
+            path = f"{path}.{name}"
+        else:
+            values, path = linkage.place(name) or (), f"{path}.{linkage.key_of(name)}"
+        now, then = (_in_mm([x * value for value in values]) for x in (1.0, factor))
+        rewritten.append((path, now, then))
+    first = rewritten[0][0]
+    looks = "looks" if len(rewritten) == 1 else "look"
+    words = f"{' and '.join(now for _, now, _ in rewritten)} mm {looks} like {unit}"
+    base = ".".join(first.split(".")[:2]) + "."
+    remedy = "write " + " and ".join(
+        f"{path.removeprefix(base)} = {new}" for path, _, new in rewritten
+    )
+    return Cause(path=first, words=words, remedy=remedy, least=0.0 if factor > 100 else BY_CHANCE)

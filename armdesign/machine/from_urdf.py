@@ -10,13 +10,15 @@ from typing import Any
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file import machine_file
-from armdesign.machine.file.schema_types import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.schema import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
 PLURAL = {"cylinder": "cylinders", "payload": "payloads", "motor": "motors"}  # arguments
+BANDS = {"structure": [0.0, 1.0]}
+OF_BANDS = "what is not known exactly: an estimate, replace it where something was measured"
 SUPPLY = {"pressure_bar": 250.0, "return_pressure_bar": 5.0, "flow_l_per_min": 100.0}
 
 
@@ -77,9 +79,11 @@ def machine_text(
         "payload": given.get("payload") or {"empty": {"mass_kg": 0.0}},
         "fluid": {**FLUID, **given.get("fluid", {})},
         "supply": {**SUPPLY, **given.get("supply", {})},
+        "bands": given.get("bands", BANDS),
     }
     present = {key: value for key, value in data.items() if value is not None}
-    return dump(present, f"made from {path.name}")
+    text = dump(present, f"made from {path.name}")
+    return text if "bands" in given else text.replace("[bands]", f"[bands]  # {OF_BANDS}")
 
 
 def _robot(text: str, source: str) -> ET.Element:

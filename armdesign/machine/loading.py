@@ -7,7 +7,7 @@ from pathlib import Path
 from armdesign import transaction
 from armdesign.errors import MachineFileError, choose
 from armdesign.machine.file import machine_file
-from armdesign.machine.file.key_lines import lines_of
+from armdesign.machine.file.toml_reading import lines_of
 from armdesign.machine.machine import Machine
 
 

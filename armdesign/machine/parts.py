@@ -6,9 +6,8 @@ import math
 from typing import Any
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
-from armdesign.hydraulics.fluid import Fluid
+from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.hydraulics.friction import Friction
-from armdesign.hydraulics.supply import Supply
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
 from armdesign.machine.file.schema import (
     CylinderSection,
@@ -18,14 +17,16 @@ from armdesign.machine.file.schema import (
     MotorSection,
     PayloadSection,
     PinSection,
+    Section,
+    SpringSection,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.schema_types import Section
 from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
+from armdesign.mechanism.spring import Spring
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 
@@ -60,6 +61,29 @@ def supply(section: SupplySection) -> Supply:
         flow_limited=section.pump == "flow_limited",
         cut_off=section.cut_off_percent / 100,
         line_volume=section.line_volume_l * litre,
+    )
+
+
+def coordinates(section: MachineSection) -> tuple[Any, ...]:
+    """What of a machine file an arm depends on: joints, and where others stand."""
+    standing = [(spring.joint, spring.at) for spring in springs_of(section)]
+    return section.joints, section.frozen, standing
+
+
+def springs_of(section: MachineSection) -> tuple[Spring, ...]:
+    """Springs in the order of the file."""
+    return tuple(_spring(name, table) for name, table in section.spring.items())
+
+
+def _spring(name: str, section: SpringSection) -> Spring:
+    turns = section.stiffness_N_m_per_rad is not None
+    return Spring(
+        name=name,
+        joint=section.joint,
+        revolute=turns,
+        stiffness=section.stiffness_N_m_per_rad or section.stiffness_N_per_m or math.nan,
+        damping_ratio=section.damping_ratio,
+        at=(section.at_deg or 0.0) * deg if turns else (section.at_mm or 0.0) * mm,
     )
 
 
@@ -175,7 +199,7 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
-    """Motors of the joints that are coordinates; those of frozen joints stand still."""
+    """Motors of the joints that are coordinates; motors of frozen joints stand still."""
     motors = (_motor(name, motor) for name, motor in section.motor.items())
     return tuple(motor for motor in motors if motor.joint in section.joints)
 

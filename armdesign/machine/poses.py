@@ -1,27 +1,42 @@
-"""Poses: what inertia, gravity, oil and geometry are at n joint positions. Axis 0 is the pose.
+"""Poses: inertia, gravity, oil and geometry at n joint positions, and positions that cannot be.
 
-Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added here. With trapped
-oil the arm sits on
+Axis 0 is the pose. Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added
+here. With trapped oil the arm sits on
 
-    K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i        (hydraulic + gravity + geometric stiffness)
+    K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i + diag(0, κ)
+        (hydraulic + gravity + geometric stiffness + springs)
 
 where R holds the moment arms ∂ℓ/∂q, H their derivatives and F the static cylinder forces (g =
-RᵀF).
+RᵀF). Coordinates are the joints of q, then the springs' joints, which no actuator drives: their
+columns of R are zero, and their preload holds g there.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags
+from armdesign.errors import PoseError
+from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.spring import least_stiffness_factors
+from armdesign.units import deg, outward
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.arm import RigidPoses
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Poses:
     """Everything at n poses of a machine with nq joints and nc actuators; arrays are read-only.
+
+    Over k = nq + ns coordinates where it has springs: the joints of q, then its ns springs.
 
     Actuators are the cylinders and after them the motors, see ``Machine.actuators``. For a motor
     read angle of its joint [rad] for length, torque [N m] for force, and [N m/rad] for the unit of
@@ -29,15 +44,16 @@ class Poses:
 
     Attributes:
         q: joint positions (n, nq) [rad, m].
-        mass_matrix: joint-space inertia M, payload included (n, nq, nq) [kg m², kg].
-        gravity_torque: g (n, nq) [N m, N].
-        gravity_stiffness: ∂g/∂q (n, nq, nq).
+        mass_matrix: joint-space inertia M, payload included (n, k, k) [kg m², kg].
+        gravity_torque: g (n, k) [N m, N].
+        gravity_stiffness: ∂g/∂q (n, k, k).
         lengths: pin-to-pin cylinder lengths ℓ (n, nc) [m].
-        moment_arms: R = ∂ℓ/∂q (n, nc, nq) [m/rad].
-        moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, nq, nq).
+        moment_arms: R = ∂ℓ/∂q (n, nc, k) [m/rad].
+        moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, k, k).
         extensions: share of the stroke that is out (n, nc), 0…1; 0 for a motor.
         cylinder_forces: static force of each actuator (n, nc) [N, + pushes].
         oil_stiffness: k_h of each actuator with its valve closed (n, nc) [N/m].
+        spring_stiffness: κ of each spring (n, ns) [N m/rad, N/m].
         tool: position of the tool in the root link (n, 3) [m].
     """
 
@@ -51,6 +67,7 @@ class Poses:
     extensions: Array
     cylinder_forces: Array
     oil_stiffness: Array
+    spring_stiffness: Array
     tool: Array
 
     def __post_init__(self) -> None:
@@ -66,28 +83,62 @@ class Poses:
 
     @cached_property
     def hydraulic_stiffness(self) -> Array:
-        """Rᵀ diag(k_h) R (n, nq, nq)."""
+        """Rᵀ diag(k_h) R (n, k, k)."""
         weighted = self.moment_arms * self.oil_stiffness[:, :, None]
         return np.asarray(np.swapaxes(self.moment_arms, 1, 2) @ weighted)
 
     @cached_property
     def geometric_stiffness(self) -> Array:
-        """−Σ F_i H_i (n, nq, nq): the moment arms change under static load."""
+        """−Σ F_i H_i (n, k, k): the moment arms change under static load."""
         return -np.einsum("nc,ncij->nij", self.cylinder_forces, self.moment_arm_derivatives)
 
     @cached_property
     def stiffness_matrix(self) -> Array:
-        """K (n, nq, nq): minus the derivative of the net torque by q with the oil trapped."""
-        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+        """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
+        stiffness = self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+        diagonal = np.einsum("nii->ni", stiffness)
+        diagonal[:, self.q.shape[1] :] += self.spring_stiffness
+        return stiffness
 
 
-def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
-    """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, nq), g = RᵀF.
+def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
+    """Everything of a machine at the poses; what is impossible is inf or NaN."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        actuation = [drive.actuation(rigid) for drive in machine.drives]
+    moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
+    lengths = np.stack([a.length for a in actuation], axis=1)
+    mass, gravity, gravity_stiffness = machine.loaded(rigid)
+    forces = static_forces(moment_arms, gravity, machine.bore_areas, len(machine.joints))
+    extension = lengths - machine.closed_lengths
+    stiffness = [
+        actuator.stiffness(extension[:, i], forces[:, i], machine.fluid, machine.supply)
+        for i, actuator in enumerate(machine.actuators)
+    ]
+    return Poses(
+        q=rigid.q,
+        mass_matrix=mass,
+        gravity_torque=gravity,
+        gravity_stiffness=gravity_stiffness,
+        lengths=lengths,
+        moment_arms=moment_arms,
+        moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
+        extensions=extension / machine.strokes,
+        cylinder_forces=forces,
+        oil_stiffness=np.stack(stiffness, axis=1),
+        spring_stiffness=np.tile(machine.spring_stiffness, (len(rigid), 1)),
+        tool=np.array(machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))),
+    )
 
-    They are inf where a pose is singular. With more cylinders than joints equilibrium leaves a
+
+def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joints: int) -> Array:
+    """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, k), g = RᵀF.
+
+    Of the k coordinates the first ``joints`` count; springs after them hold by their preload.
+    Forces are inf where a pose is singular. With more cylinders than joints equilibrium leaves a
     choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g with W = diag(A²), bore areas
     ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
+    moment_arms, gravity_torque = moment_arms[..., :joints], gravity_torque[..., :joints]
     singular, own = is_singular(np.real(moment_arms)), own_joints(moment_arms)
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
     if own is not None:
@@ -115,7 +166,7 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Ar
 def is_singular(moment_arms: Array) -> Flags:
     """Whether a motion is free (…,): R (…, nc, nq) without full column rank, or not finite.
 
-    The smallest singular value is compared with 1 µm per radian: a cylinder within that of its
+    The smallest singular value is compared with 1 µm per radian: a cylinder within this of its
     dead centre.
     """
     nc, nq = moment_arms.shape[-2:]
@@ -139,3 +190,140 @@ def own_joints(moment_arms: Array) -> Array | None:
         and np.all(used.sum(axis=1) == 1)
     )
     return np.asarray(used.argmax(axis=1)) if alone else None
+
+
+STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
+
+
+def joint_positions(machine: Machine, q: ArrayLike) -> Array:
+    """Joint positions as an array (n, nq) of finite numbers; one pose may be given alone (nq,).
+
+    Raises:
+        PoseError: they are no such array.
+    """
+    part, nq = f"{machine.name}: q", len(machine.joints)
+    try:
+        if np.iscomplexobj(q):
+            raise TypeError
+        array = np.array(q, dtype=float)
+    except (TypeError, ValueError):
+        raise PoseError(part, "is not an array of numbers", f"give shape (n, {nq})") from None
+    array = array[None] if array.ndim == 1 else array
+    if array.ndim != 2 or array.shape[1] != nq:
+        raise PoseError(
+            part, f"has shape {array.shape}", f"give (n, {nq}): {', '.join(machine.joints)}"
+        )
+    if not np.all(np.isfinite(array)):
+        raise PoseError(part, "holds a number that is not finite", "give finite joint positions")
+    return array
+
+
+def refuse_unreachable(machine: Machine, poses: Poses) -> None:
+    """Raise for the first pose that the machine cannot take.
+
+    Raises:
+        PoseError: out of stroke, a four-bar that does not close, or singular.
+    """
+    pairs = zip(machine.linkages, machine.cylinders, poses.lengths.T, strict=False)
+    for linkage, cylinder, length in pairs:
+        part = f"{machine.name}: {cylinder.name} cylinder"
+        if np.any(open_ := ~np.isfinite(length)):
+            raise PoseError(
+                part,
+                f"its {linkage.title} does not close at {_pose_text(machine, poses.q[open_][0])}",
+                f"stay in the range of {_range_text(machine, linkage)}",
+            )
+        out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (
+            length > cylinder.open_length + STROKE_TOLERANCE
+        )
+        if np.any(out):
+            raise PoseError(
+                part,
+                f"length {length[out][0]:.4f} m is outside its stroke "
+                f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m "
+                f"at {_pose_text(machine, poses.q[out][0])}",
+                f"stay in the range of {_range_text(machine, linkage)} or change stroke and pins",
+            )
+    if np.any(singular := is_singular(poses.moment_arms[..., : len(machine.joints)])):
+        where = _pose_text(machine, poses.q[singular][0])
+        raise PoseError(
+            f"{machine.name}: pose",
+            f"singular at {where}: a cylinder is at its dead centre",
+            "avoid it",
+        )
+
+
+def refuse_toppling(machine: Machine, poses: Poses) -> None:
+    """Raise for the pose that asks most of a spring, where springs are too soft for gravity.
+
+    Poses at which joints on their oil are unstable, whatever the springs, are left to their
+    frequency of zero.
+
+    Raises:
+        PoseError: K is not positive definite, and would be on stiffer springs.
+    """
+    if not machine.springs:
+        return
+    try:
+        np.linalg.cholesky(poses.stiffness_matrix)
+    except np.linalg.LinAlgError:
+        factors = least_stiffness_factors(poses.stiffness_matrix, machine.spring_stiffness)
+        least = factors.min(axis=1)
+        worst = int(np.where(np.isinf(least), 0.0, least).argmax())
+        if 1 <= least[worst] < np.inf:
+            raise _too_soft(machine, poses.q[worst], factors[worst]) from None
+
+
+def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
+    """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
+    chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
+    spring = machine.springs[min(chosen, len(machine.springs) - 1)]
+    path = f"spring.{spring.name}.{spring.stiffness_key}"
+    least = f"{outward(factor * spring.stiffness, 4, up=True):g} {spring.stiffness_unit}"
+    remedy = f"give more than {least}"
+    if chosen == len(machine.springs):
+        names = ", ".join(spring.name for spring in machine.springs)
+        remedy = f"multiply the stiffness of all springs ({names}) by more than {factor:g}"
+    fault = (
+        f"{spring.stiffness:g} {spring.stiffness_unit} does not hold the machine upright at"
+        f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
+    )
+    place = f"{machine.source.name}: {path}"
+    return PoseError(place, fault, remedy, machine.line_of(path))
+
+
+def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
+    """Raise for the first pose at which the load case at work does not exist.
+
+    Raises:
+        PoseError: they are no joint positions, or a link is tipped out of the load case's pitch.
+    """
+    positions, case = joint_positions(machine, q), machine.payload
+    unheld = ~machine.holds(positions)
+    if case.pitch is None or case.link is None or not unheld.any():
+        return
+    pitch = machine.arm.pitch(machine.arm.kinematics(positions[unheld][:1]), case.link)[0]
+    low, high = case.pitch
+    middle = (low + high) / 2
+    nearest = middle + math.remainder(pitch - middle, 2 * math.pi)
+    raise PoseError(
+        f"{machine.name}: payload {case.name}",
+        f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
+        f" at {_pose_text(machine, positions[unheld][0])}, it holds the load at"
+        f" {low / deg:g}…{high / deg:g} deg",
+        "choose another pose or load case",
+    )
+
+
+def _pose_text(machine: Machine, q: Array) -> str:
+    return ", ".join(
+        f"{joint.name} {value:.4f} {joint.unit}"
+        for joint, value in zip(machine.arm.joints, q, strict=True)
+    )
+
+
+def _range_text(machine: Machine, linkage: Linkage) -> str:
+    ranges = ((machine.arm.joints[j], *machine.ranges[j]) for j in linkage.joints)
+    return " and ".join(
+        f'joint "{joint.name}" [{low:.4f}, {high:.4f}] {joint.unit}' for joint, low, high in ranges
+    )

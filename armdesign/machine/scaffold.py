@@ -3,7 +3,7 @@
 Every number is to be replaced.
 
 The links form a chain that folds downwards; each joint has one pin-to-pin cylinder, whose stroke
-covers the joint's range. The proportions are those of small loader booms: the arms of the triangle
+covers the joint's range. The proportions are of small loader booms: the arms of the triangle
 joint, base pin, rod-end pin scale with the length of the link that carries the base. Booms of more
 than four links have larger ones before the boom of four, as concrete pumps do.
 """
@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.schema_types import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.schema import NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {
@@ -28,7 +28,7 @@ LENGTHS = {1: (3.0,), 2: (3.0, 2.0), 3: (3.0, 2.0, 1.0), 4: (3.0, 2.0, 1.5, 1.0)
 MASS_PER_LENGTH = (100.0, 75.0, 55.0, 40.0)  # [kg/m]
 SIZES = ((100, 56), (80, 45), (50, 28), (40, 22))  # bore, rod [mm]
 SECTION = (0.22, 0.17, 0.13, 0.10)  # height of a link's box [m]
-# links before those of the longest boom: length [m], mass per length [kg/m], bore, rod [mm],
+# links before the longest boom's own: length [m], mass per length [kg/m], bore, rod [mm],
 # height [m]
 LARGER = ((3.5, 130.0, 120, 70, 0.26), (4.0, 160.0, 135, 80, 0.30))
 MOST = 4 + len(LARGER)
@@ -49,7 +49,7 @@ flow_l_per_min = 60                     # replace: pump flow at working speed
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _BoomStage:
     """A link with its joint and cylinder.
 
     Angles [rad], pins [mm] in the frames of carrier and link.
@@ -95,8 +95,8 @@ def _links(links: int) -> list[tuple[str, float, float, int, int, float]]:
     return [(name, *values) for name, values in zip(names, chosen, strict=True)]
 
 
-def _stages(links: int) -> list[_Stage]:
-    stages: list[_Stage] = []
+def _stages(links: int) -> list[_BoomStage]:
+    stages: list[_BoomStage] = []
     for name, length, mass_per_length, bore, rod, height in _links(links):
         at = stages[-1].length if stages else 0.0
         if not stages:  # from below: the cylinder pushes the boom up
@@ -107,7 +107,7 @@ def _stages(links: int) -> list[_Stage]:
             base, rod_end = (round(at / mm) + x, z), _polar(0.17 * at, 165)
             lower, upper = -130.0, -50.0
         stages.append(
-            _Stage(
+            _BoomStage(
                 name=name,
                 carrier=stages[-1].name if stages else "base",
                 at=at,
@@ -164,7 +164,7 @@ def _aligned(text: str) -> str:
     )
 
 
-def _machine_file(name: str, stages: list[_Stage]) -> str:
+def _machine_file(name: str, stages: list[_BoomStage]) -> str:
     last = stages[-1]
     tip = f'link = "{last.name}", at_mm = [{last.length / mm:.0f}, 0, 0]'
     joints = ", ".join(f'"{stage.name}"' for stage in stages)
@@ -198,10 +198,14 @@ at_mm = [{last.length / mm:.0f}, 0, 0]
 [requirements]                          # what a new design must keep; all optional, see README
 end_margin = 0.02                       # share of the stroke that stays free at both ends
 holding_share = 0.87                    # static load over what the supply holds
+
+[bands]                                 # what is not known exactly; a design is made for all of it
+structure = [0.0, 1.0]                  \
+# estimate: what the structure yields, over what the oil does
 """
 
 
-def _cylinder(stage: _Stage) -> str:
+def _cylinder(stage: _BoomStage) -> str:
     closed, opened = stage.ends
     return f"""[cylinder.{stage.name}]
 count = 1                               # replace: equal cylinders in parallel, sharing pins
@@ -228,13 +232,13 @@ damping_ratio = 0.8
 """
 
 
-def _litres(stage: _Stage) -> str:
+def _litres(stage: _BoomStage) -> str:
     """A tenth of what the cap side sweeps."""
     closed, opened = stage.ends
     return f"{0.1 * math.pi / 4 * stage.bore**2 * (opened - closed) / 1e6:.2f}"
 
 
-def _urdf(name: str, stages: list[_Stage]) -> str:
+def _urdf(name: str, stages: list[_BoomStage]) -> str:
     return f"""<?xml version="1.0"?>
 <!-- {name}: a starting point, made by `armdesign new`. EVERY NUMBER IS A \
 PLACEHOLDER: replace masses, centres of mass,
@@ -266,7 +270,7 @@ x forward, y to the left, z up; positive joint values raise.
 """
 
 
-def _link(stage: _Stage) -> str:
+def _link(stage: _BoomStage) -> str:
     m, length, side = stage.mass, stage.length, stage.height
     along, across = m * 2 * side**2 / 12, m * (side**2 + length**2) / 12
     return f"""

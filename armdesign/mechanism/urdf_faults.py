@@ -17,6 +17,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import MachineFileError, choose
+from armdesign.mechanism.spring import Spring
 from armdesign.units import deg
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -41,10 +42,10 @@ class Part:
     name: str
     element: ET.Element
 
-    def fault(self, problem: str, remedy: str, at: ET.Element | None = None) -> MachineFileError:
+    def fault(self, fault: str, remedy: str, at: ET.Element | None = None) -> MachineFileError:
         """A fault in the line of ``at``, an element within the part; None: the part itself."""
         line = line_of(self.element if at is None else at)
-        return MachineFileError(self.name, problem, remedy, line)
+        return MachineFileError(self.name, fault, remedy, line)
 
 
 def line_of(element: ET.Element) -> int | None:
@@ -96,42 +97,53 @@ def _locate(robot: ET.Element, text: str) -> None:
 
 
 def faults(
-    text: str, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
+    text: str,
+    joints: Sequence[str] | None,
+    frozen: Mapping[str, float],
+    source: str,
+    springs: Sequence[Spring] = (),
 ) -> list[MachineFileError]:
     """Every fault of a URDF's text; one alone if it cannot be parsed."""
     try:
         robot = parse(text, source)
     except MachineFileError as error:
         return [error]
-    return list(faults_of(robot, joints, frozen, source))
+    return list(faults_of(robot, joints, frozen, source, springs))
 
 
 def faults_of(
-    robot: ET.Element, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
+    robot: ET.Element,
+    joints: Sequence[str] | None,
+    frozen: Mapping[str, float],
+    source: str,
+    springs: Sequence[Spring] = (),
 ) -> Iterator[MachineFileError]:
     """Faults of a parsed URDF, from single names to the tree.
 
     Args:
         robot: the URDF, parsed.
-        joints: names of the coordinates; None if that is not known.
+        joints: names of the joints of poses; None if that is not known.
         frozen: value of other joints [rad or m].
         source: file name for messages.
+        springs: passive joints, coordinates too.
     """
     yield from _of_names(robot, source)
     present = [joint.get("name", "") for joint in robot.findall("joint")]
     movable = movable_joints(robot)
     named = {f"joints.{index}": name for index, name in enumerate(joints or ())}
     named |= {f"frozen.{name}": name for name in frozen}
+    named |= {f"spring.{spring.name}.joint": spring.joint for spring in springs}
     for key, name in named.items():
         if name not in present:
-            problem = f"is not in the URDF (named in {key.split('.')[0]})"
+            fault = f"is not in the URDF (named in {key.split('.')[0]})"
             part = f"{source}: joint {name}"
-            yield MachineFileError(part, problem, choose(name, movable), key=key)
+            yield MachineFileError(part, fault, choose(name, movable), key=key)
     # with a coordinate that is not known, it is not known which other joints move
-    unsure = joints is None or not set(joints) <= set(present)
+    coordinates = {*(joints or ()), *(spring.joint for spring in springs)}
+    unsure = joints is None or not coordinates <= set(present)
     for joint in _parts(robot, "joint", source):
         name = joint.element.get("name", "")
-        moves: bool | None = name in (joints or ())
+        moves: bool | None = name in coordinates
         if not moves and unsure and name not in frozen:
             moves = None
         yield from _of_joint(joint, moves, frozen.get(name))
@@ -168,8 +180,8 @@ def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
         names = [element.get("name", "") for element in robot.findall(kind)]
         for index, name in enumerate(names):
             if not name:
-                problem = f"a {kind} has no name (number {index + 1} of the file)"
-                yield MachineFileError(source, problem, f'write <{kind} name="…">', lines[index])
+                fault = f"a {kind} has no name (number {index + 1} of the file)"
+                yield MachineFileError(source, fault, f'write <{kind} name="…">', lines[index])
             elif names.index(name) == index and (count := names.count(name)) > 1:
                 words = {2: "two", 3: "three"}.get(count, str(count))
                 second = lines[names.index(name, index + 1)]
@@ -184,11 +196,11 @@ def _of_numbers(
     values = numbers(element, key, default)
     if len(values) != count or not np.all(np.abs(values) <= LARGEST):
         text = default if element is None else element.get(key, default)
-        problem = f'{key}="{text:.60}" is not {count} finite number(s) up to {LARGEST:g}'
+        fault = f'{key}="{text:.60}" is not {count} finite number(s) up to {LARGEST:g}'
         remedy = "correct the URDF"
         if meant := _without_commas(text, count):
             remedy = f'a decimal comma? write {key}="{meant}"'
-        yield part.fault(problem, remedy, element)
+        yield part.fault(fault, remedy, element)
 
 
 def _without_commas(text: str, count: int) -> str:
@@ -209,13 +221,14 @@ def _of_joint(joint: Part, moves: bool | None, frozen: float | None) -> Iterator
     """Faults of a joint; ``moves`` is None where it is not known whether it is a coordinate."""
     kind, mimic = joint.element.get("type"), joint.element.find("mimic")
     if kind not in (*MOVABLE, "fixed"):
-        problem = f'type "{kind}" cannot be used'
-        yield joint.fault(problem, "use revolute, continuous, prismatic or fixed")
+        fault = f'type "{kind}" cannot be used'
+        yield joint.fault(fault, "use revolute, continuous, prismatic or fixed")
     if mimic is not None:
         yield joint.fault("mimics another joint", "make it a joint of its own or fix it", mimic)
     yield from _of_origin(joint.element, joint)
     if kind == "fixed" and moves:
-        yield joint.fault("is fixed and cannot be a coordinate", "take it out of joints")
+        remedy = "take it out of joints or spring, or give it another type"
+        yield joint.fault("is fixed and cannot be a coordinate", remedy)
     if kind == "fixed" and frozen is not None and not moves:
         yield joint.fault("is fixed in the URDF and cannot be frozen", "take it out of frozen")
     if kind in MOVABLE:
@@ -246,14 +259,14 @@ def _of_limits(
     yield from wrong
     lower, upper = (math.nan if wrong else float(numbers(limit, key, "0")[0]) for key in ends)
     if moves and lower >= upper:
-        problem = f"limits [{lower:g}, {upper:g}] are empty"
-        yield joint.fault(problem, "lower must be below upper", limit)
+        fault = f"limits [{lower:g}, {upper:g}] are empty"
+        yield joint.fault(fault, "lower must be below upper", limit)
     if moves is False and not wrong and not lower <= frozen <= upper:
-        problem = f"is frozen at {frozen:g}, outside its limits [{lower:g}, {upper:g}]"
+        fault = f"is frozen at {frozen:g}, outside its limits [{lower:g}, {upper:g}]"
         remedy, turns = "give frozen another value", joint.element.get("type") == "revolute"
         if turns and abs(frozen) > 2 * math.pi and lower <= frozen * deg <= upper:
             remedy = f"it looks like degrees: write {frozen * deg:.6g} rad"
-        yield joint.fault(problem, remedy, limit)
+        yield joint.fault(fault, remedy, limit)
     for key in ("effort", "velocity") if moves else ():
         wrong = list(_of_numbers(limit, key, "0", 1, joint))
         yield from wrong
@@ -269,8 +282,8 @@ def _of_inertial(link: Part) -> Iterator[MachineFileError]:
     yield from _of_origin(inertial, link)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
-        problem = "<inertial> lacks <mass> or <inertia>"
-        yield link.fault(problem, "give both, or no <inertial>", inertial)
+        fault = "<inertial> lacks <mass> or <inertia>"
+        yield link.fault(fault, "give both, or no <inertial>", inertial)
     if mass is not None:
         wrong = list(_of_numbers(mass, "value", "", 1, link))
         yield from wrong
@@ -291,8 +304,8 @@ def _of_inertia(inertia: ET.Element, link: Part) -> Iterator[MachineFileError]:
     slack = 1e-6 * float(np.abs(principal).max()) + 1e-12
     if principal[0] < -slack or principal[2] > principal[0] + principal[1] + slack:
         values = ", ".join(f"{value:g}" for value in principal)
-        problem = f"no body has principal inertias {values} kg m²"
-        yield link.fault(problem, "each must be ≥ 0 and at most the sum of the other two", inertia)
+        fault = f"no body has principal inertias {values} kg m²"
+        yield link.fault(fault, "each must be ≥ 0 and at most the sum of the other two", inertia)
 
 
 def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
@@ -308,13 +321,13 @@ def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
             if link is None:
                 yield joint.fault(f"has no {end}", f'add <{end} link="…"/>')
             elif link not in links:
-                problem = f'{end} link "{link}" does not exist'
-                yield joint.fault(problem, choose(link, links), element)
+                fault = f'{end} link "{link}" does not exist'
+                yield joint.fault(fault, choose(link, links), element)
             else:
                 ends[end] = link
         if ends.get("child") in parents:
-            problem = f'link "{ends["child"]}" has two parents'
-            yield joint.fault(problem, "a URDF is a tree: one parent each")
+            fault = f'link "{ends["child"]}" has two parents'
+            yield joint.fault(fault, "a URDF is a tree: one parent each")
         elif len(ends) == 2:
             parents[ends["child"]] = ends["parent"]
             continue
@@ -329,8 +342,8 @@ def _of_roots(
     """No or several roots, and links that no root carries because they carry each other."""
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
-        problem = f"{len(roots)} root links" + (f" ({', '.join(roots)})" if roots else "")
-        yield MachineFileError(source, problem, "one link must have no parent")
+        fault = f"{len(roots)} root links" + (f" ({', '.join(roots)})" if roots else "")
+        yield MachineFileError(source, fault, "one link must have no parent")
     lost: dict[frozenset[str], list[str]] = {}
     for link in links:
         upwards = [link]
@@ -340,5 +353,5 @@ def _of_roots(
             ring = frozenset(upwards[upwards.index(parents[upwards[-1]]) :])
             lost.setdefault(ring, []).append(link)
     for members in lost.values():
-        problem = f"links {', '.join(members)} are not connected to the root"
-        yield MachineFileError(source, problem, "a URDF is one tree: no link may carry itself")
+        fault = f"links {', '.join(members)} are not connected to the root"
+        yield MachineFileError(source, fault, "a URDF is one tree: no link may carry itself")

@@ -1,6 +1,6 @@
 """The paper's 40 configurations in closed form: eight load masses m2 times five link lengths l2.
 
-The paper gives no number of any of them; those of the machine ``paper_1dof`` and the constants
+The paper gives no number of any of them; machine ``paper_1dof`` and the constants
 below stand in.
 """
 
@@ -22,7 +22,7 @@ from armdesign.paper import formulas
 MACHINE = "paper_1dof"
 MASSES = (50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 350.0, 400.0)  # [kg]
 LENGTHS = (0.5, 0.75, 1.0, 1.25, 1.5)  # [m]
-# [rad/s], root mean square error of (11) in the paper; that of (42) is missing in our copy
+# [rad/s], root mean square error of (11) in the paper; the error of (42) is missing in our copy
 PUBLISHED = 23.49
 
 FORMULAS = {
@@ -189,8 +189,8 @@ def grid(
     for name, values in (("masses", masses), ("lengths", lengths)):
         wrong = [value for value in values if not (math.isfinite(value) and value > 0)]
         if wrong or len(values) == 0:
-            problem = f"{wrong[0]:g} is not allowed" if wrong else "none given"
-            raise ArmDesignError(f"paper: {name}", problem, "give positive numbers in kg and m")
+            fault = f"{wrong[0]:g} is not allowed" if wrong else "none given"
+            raise ArmDesignError(f"paper: {name}", fault, "give positive numbers in kg and m")
     pairs = np.array(list(product(masses, lengths)))
     return Mechanism.of(machine, pairs[:, 0], pairs[:, 1])
 

@@ -209,7 +209,7 @@ def _coefficients(
 
 
 def _gravity_stiffness(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
-    """What gravity takes from the stiffness at θ = π/2 [N m/rad]: −∂g/∂θ + F0 ∂r/∂θ."""
+    """Stiffness that gravity takes away at θ = π/2 [N m/rad]: −∂g/∂θ + F0 ∂r/∂θ."""
     return m2 * GRAVITY * a1 * (1 + l2 * d1 / (a1**2 + d1**2))
 
 

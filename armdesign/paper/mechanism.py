@@ -144,8 +144,8 @@ def static_force(
     lengths = {**pins, "link_length": link_length}
     m2, a1, d1, l2, theta = numbers("static_force", load_mass=load_mass, **lengths, angle=angle)
     if np.any(dead := np.abs(np.sin(theta)) < _DEAD_CENTRE):
-        problem = f"{theta[dead].flat[0]:g} rad is a dead centre: the cylinder has no moment arm"
-        raise ArmDesignError("static_force: angle", problem, "give it between 0 and π")
+        fault = f"{theta[dead].flat[0]:g} rad is a dead centre: the cylinder has no moment arm"
+        raise ArmDesignError("static_force: angle", fault, "give it between 0 and π")
     torque = gravity_torque(load_mass=m2, link_pin_distance=a1, link_length=l2, angle=theta)
     return torque / moment_arm(link_pin_distance=a1, base_pin_distance=d1, angle=theta)
 

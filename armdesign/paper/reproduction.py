@@ -134,7 +134,7 @@ class Reproduction:
 
         Returns the figure.
         """
-        from armdesign.paper.figures import paper_pair
+        from armdesign.paper.sheets import paper_pair
 
         return paper_pair(self, formula)
 

@@ -1,5 +1,6 @@
 """Pictures of results; ``canvas``, the door to matplotlib, opens with the first figure."""
 
+from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
 from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
 from armdesign.plots.maps import (
@@ -16,6 +17,7 @@ __all__ = [
     "INK",
     "MARK",
     "before_after",
+    "calibration_figure",
     "drawn_joints",
     "figure",
     "frequency_map",

@@ -68,9 +68,9 @@ def choose_font_cache() -> None:
     try:
         tempfile.gettempdir()  # the last place where matplotlib looks itself
     except FileNotFoundError:
-        problem = "no folder can be written for its list of fonts"
+        fault = "no folder can be written for its list of fonts"
         remedy = "set MPLCONFIGDIR to a folder that can"
-        raise ArmDesignError("matplotlib", problem, remedy) from None
+        raise ArmDesignError("matplotlib", fault, remedy) from None
 
 
 def save(fig: Any, path: Path) -> Path:

@@ -175,7 +175,7 @@ def _labelled_plane(
 
 
 def _others(machine: Machine) -> str:
-    """What a picture over the drawn joints does not show."""
+    """Words on what a picture over the drawn joints does not show."""
     shown = len(drawn_joints(machine))
     return "all loads" if len(machine.joints) == shown else "all other joints and loads"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armdesign.frequency.bands import Bands
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
-from armdesign.report.sheet import Sheet, dimensions, pose_text
+from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -20,16 +20,16 @@ NEAREST = 6  # requirements shown where sizes come in steps
 
 
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
-    """Gain, sizes and pins, binding requirements, loads, percentiles and bands of one design."""
+    """Gain, also within bands, sizes and pins, binding requirements, loads and percentiles."""
     both = {"today": (design.today, design.workspace), "new": (design.machine, design.workspace)}
-    sheets = [
+    return [
         _gain(design, units),
+        *([] if design.bands == Bands() else [_bands(design)]),
         _sizes(design, units),
         _binding(design, units) if design.selection is None else _tightest(design, units),
         loads_sheet(both, design.requirements.digging, units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
-    return sheets if design.bands == Bands() else [*sheets, _bands(design)]
 
 
 def _gain(design: Design, units: Units) -> Sheet:
@@ -47,13 +47,14 @@ def _gain(design: Design, units: Units) -> Sheet:
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         *(["all that follows: in the worst case of the bands"] if robust else []),
         f"before rounding {design.unrounded:.3f} Hz",
+        *filter(None, [spring_note(design.machine, after.cylinder)]),
     ]
     title = design.today.section.title or design.today.name
     return Sheet(
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
         rows=(*rows, ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", "")),
-        note="; ".join(notes) + _bound(design) + notes_on_starts(design),
+        note=_vanishing(design) + "; ".join(notes) + _bound(design) + notes_on_starts(design),
         bold=(2,),
     )
 
@@ -105,29 +106,53 @@ def notes_on_starts(design: Design) -> str:
 
 
 def _bands(design: Design) -> Sheet:
-    rows = [
-        (label, *(f"{f:.3f} Hz" for f in (band.low.frequency, band.nominal, band.high.frequency)))
-        for label, band in (("today", design.band_before), ("new", design.band_after))
+    before, after = design.band_before, design.band_after
+    columns = [
+        [before.low.frequency, after.low.frequency],
+        [before.nominal, after.nominal],
+        [before.high.frequency, after.high.frequency],
     ]
-    shares = {
-        "oil": design.bands.bulk_modulus,
-        "dead volume": design.bands.dead_volume,
-        "payload": design.bands.payload,
-        "links": design.bands.link_mass,
-    }
-    notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items()]
-    if design.bands.air:
-        low, high = (100 * air for air in design.bands.air)
-        notes.append(f"entrained air {low:g} to {high:g} %")
+    gains = [f"{100 * (new / old - 1):+.1f} %" if old > 0 else "" for old, new in columns]
     robust = design.problem.dynamics.bands != Bands()
     designed = "; the new machine was designed for the lowest" if robust else ""
+    rigid = design.bands.structure is not None and design.bands.structure[0] == 0
     return Sheet(
-        title="Worst frequency within the bands of uncertainty",
-        columns=("", "lowest", "at file values", "highest"),
-        rows=tuple(rows),
-        note=f"{', '.join(notes)}; at the poses of the workspace{designed}",
-        bold=(1,),
+        title="Worst frequency within the bands of what is not known exactly",
+        columns=("", "softest", "at file values", "rigid" if rigid else "stiffest"),
+        rows=(
+            ("today", *(f"{today:.3f} Hz" for today, _ in columns)),
+            ("new", *(f"{new:.3f} Hz" for _, new in columns)),
+            ("gain", *gains),
+        ),
+        note=f"{_widths(design.bands)}; at the poses of the workspace{designed}",
+        bold=(2,),
     )
+
+
+def _widths(bands: Bands) -> str:
+    """The ends of all bands, in words."""
+    shares = {
+        "oil": bands.bulk_modulus,
+        "dead volume": bands.dead_volume,
+        "payload": bands.payload,
+        "links": bands.link_mass,
+    }
+    notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items()]
+    if bands.air:
+        low, high = (100 * air for air in bands.air)
+        notes.append(f"entrained air {low:g} to {high:g} %")
+    if bands.structure:
+        low, high = bands.structure
+        notes.insert(0, f"structure {low:g} to {high:g} × as soft as today's oil")
+    return ", ".join(notes)
+
+
+def _vanishing(design: Design) -> str:
+    """Where within the bands the new machine gains nothing; empty if nowhere."""
+    if design.bands == Bands():
+        return ""
+    least = design.band_after.least_gain(design.band_before)
+    return "" if least > 0 else f"the gain vanishes within the bands: {100 * least:+.1f} % there; "
 
 
 def _sizes(design: Design, units: Units) -> Sheet:
@@ -261,6 +286,8 @@ def summary(design: Design) -> str:
     before, after = design.before.worst, design.after.worst
     gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
+    if stuck := spring_note(design.machine, after.cylinder):
+        limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"

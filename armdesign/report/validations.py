@@ -51,7 +51,7 @@ def _row(label: str, sweep: Sweep, friction: bool) -> tuple[str, ...]:
 
 
 def _failures(label: str, sweep: Sweep) -> list[str]:
-    """Why a sweep, or its repetition with dry friction, failed; empty if neither did."""
+    """Reason why a sweep, or its repetition with dry friction, failed; else empty."""
     from armdesign.simulation.sweeps import Failure, Run
 
     both = (sweep, sweep.with_friction if isinstance(sweep, Run) else None)
@@ -86,7 +86,7 @@ def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
 
 
 def verdict(validations: Sequence[Validation]) -> str:
-    """How many of all sweeps agree, what the others remark, and the largest deviation."""
+    """Number of sweeps that agree, remarks of the others, and the largest deviation."""
     from armdesign.simulation.sweeps import Run
 
     runs = [run for validation in validations for run in validation.runs]

@@ -14,8 +14,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.breakpoints import Breaks
 from armdesign.simulation.excitation import SymmetricValve
+from armdesign.simulation.integrator import Breaks
 from armdesign.simulation.plant.compiled import Records, compiled
 from armdesign.simulation.plant.plant import Plant
 
@@ -134,11 +134,9 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
     if not isinstance(command, Mapping):
         count = np.size(_function(command, f"{machine}: command")(0.0))
         if count != len(names) or np.ndim(command(0.0)) != 1:
-            problem = f"gives {count} number{'s' * (count != 1)}"
+            fault = f"gives {count} number{'s' * (count != 1)}"
             raise SimulationError(
-                f"{machine}: command",
-                problem,
-                f"give a list, one per cylinder: {', '.join(names)}",
+                f"{machine}: command", fault, f"give a list, one per cylinder: {', '.join(names)}"
             )
         return command
     for name, part in command.items():
@@ -159,7 +157,7 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
 
 
 def breaks_of(command: Command | ByName, machine: str) -> Breaks:
-    """When a command may jump, by the ``breakpoints`` of its functions.
+    """Instants at which a command may jump, by the ``breakpoints`` of its functions.
 
     Args:
         command: as given.

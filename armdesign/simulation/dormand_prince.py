@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.simulation.breakpoints import INSTANT
 from armdesign.simulation.plant.compiled import compiled
 
+INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 MOST_JUMPS = 50  # unannounced, one right after the other
 
 
-class Rows(NamedTuple):
+class Running(NamedTuple):
     """Cases under way: one row of every array each.
 
     Attributes:
@@ -61,7 +61,7 @@ class Rows(NamedTuple):
 
     @property
     def under_way(self) -> Flags:
-        """Which are not at their end (n,)."""
+        """Flags of cases that are not at their end (n,)."""
         return np.asarray(self.time < self.end)
 
 
@@ -71,7 +71,7 @@ class Tableau(NamedTuple):
     Attributes:
         nodes: c of the stages after the first (6,).
         weights: a of these stages (6, 6), below the diagonal; the last row is b.
-        error: b less those of order 4 (7,).
+        error: b less the weights of order 4 (7,).
         interpolant: P (7, 4).
     """
 
@@ -152,7 +152,7 @@ class Records(NamedTuple):
 
 
 @compiled
-def place_stage(stage: int, tableau: Tableau, rows: Rows, stages: Stages) -> None:
+def place_stage(stage: int, tableau: Tableau, rows: Running, stages: Stages) -> None:
     """Write y + h Σ_k a_k K_k of every case, and its time t + c h within its stretch."""
     n, m = rows.state.shape
     for case in range(n):
@@ -167,7 +167,7 @@ def place_stage(stage: int, tableau: Tableau, rows: Rows, stages: Stages) -> Non
 
 @compiled
 def finish_steps(
-    tableau: Tableau, rows: Rows, stages: Stages, records: Records, tolerance: float
+    tableau: Tableau, rows: Running, stages: Stages, records: Records, tolerance: float
 ) -> int:
     """Take or refuse the step of every case by its error, and choose the size of the next one.
 
@@ -202,7 +202,7 @@ def finish_steps(
 
 
 @compiled
-def _error_norm(row: int, tableau: Tableau, rows: Rows, stages: Stages) -> float:
+def _error_norm(row: int, tableau: Tableau, rows: Running, stages: Stages) -> float:
     """Root mean square of a step's error, relative and absolute."""
     total, m = 0.0, rows.state.shape[1]
     for i in range(m):
@@ -215,7 +215,9 @@ def _error_norm(row: int, tableau: Tableau, rows: Rows, stages: Stages) -> float
 
 
 @compiled
-def _take_step(row: int, tableau: Tableau, rows: Rows, stages: Stages, records: Records) -> None:
+def _take_step(
+    row: int, tableau: Tableau, rows: Running, stages: Stages, records: Records
+) -> None:
     """Move a case ahead, and record what lies within: y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j."""
     begin, h, case = rows.time[row], rows.step[row], rows.case[row]
     reached = rows.stop[row] - (begin + h) < 1e-14 * rows.stop[row]

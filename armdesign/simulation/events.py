@@ -83,6 +83,13 @@ def pump_events(
     yield from _event(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
 
 
+def payload_events(machine: Machine, time: Array, q: Array) -> Iterator[tuple[float, str]]:
+    """First time [s] and words of the load that would fall out, at joint positions (n, nq)."""
+    case = machine.payload
+    words = f"the {case.link} was tipped beyond the pitch at which it holds payload {case.name}"
+    yield from _event(time, ~machine.holds(q), words)
+
+
 def _event(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:
     if is_so.any():
         first, share = float(time[np.argmax(is_so)]), float(is_so.mean())

@@ -36,9 +36,9 @@ class Step:
             if not isinstance(given, Real):
                 raise SimulationError(f"step: {name}", f"{given!r} is not a number", "give one")
         if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
-            problem = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
+            fault = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
             raise SimulationError(
-                "step", problem, "give a finite size and begin, and an end after it"
+                "step", fault, "give a finite size and begin, and an end after it"
             )
 
     @property
@@ -68,12 +68,12 @@ class Table:
             except (TypeError, ValueError):
                 given = np.array(math.nan)
             if given.ndim != 1 or not len(given) or not np.all(np.isfinite(given)):
-                problem = f"{getattr(self, name)!r} are not finite numbers"
-                raise SimulationError(f"table: {name}", problem, "give a list, one or more")
+                fault = f"{getattr(self, name)!r} are not finite numbers"
+                raise SimulationError(f"table: {name}", fault, "give a list, one or more")
             object.__setattr__(self, name, tuple(given.tolist()))
         if len(self.times) != len(self.values):
-            problem = f"{len(self.times)} times for {len(self.values)} values"
-            raise SimulationError("table", problem, "give one time per value")
+            fault = f"{len(self.times)} times for {len(self.values)} values"
+            raise SimulationError("table", fault, "give one time per value")
         for early, late in pairwise(self.times):
             if late < early:
                 raise SimulationError(

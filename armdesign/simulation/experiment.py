@@ -54,7 +54,7 @@ HOLD_SHARE = (
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What the sweeps of one cylinder at one pose have in common.
+    """Common ground of the sweeps of one cylinder at one pose.
 
     Attributes:
         machine: under the payload at work.
@@ -63,7 +63,7 @@ class Experiment:
         mode: that it sweeps over, 0 is the lowest.
         linear: the plant linearised at its equilibrium.
         frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints,
-            those of the modes on trapped oil. The two differ where oil with air rests under other
+            the modes' on trapped oil. The two differ where oil with air rests under other
             pressures than the load alone makes.
         band: of the sweep [Hz].
         duration: of the sweep [s].
@@ -145,7 +145,7 @@ class Experiment:
 
     @property
     def modes(self) -> int:
-        """How many modes lie in the band."""
+        """Number of modes in the band."""
         return _count(self.frequencies, self.band)
 
     @property
@@ -199,15 +199,15 @@ class Experiment:
         part = f"{self.machine.name}: sweep of {self.cylinder}"
         if not np.any(excitation):
             overlap = 100 * self.valve.valve.overlap
-            problem = f"the spool stays within its overlap of {overlap:g} %"
-            raise SimulationError(part, problem, "raise the amplitude, or give a faster spool")
+            fault = f"the spool stays within its overlap of {overlap:g} %"
+            raise SimulationError(part, fault, "raise the amplitude, or give a faster spool")
         speed = motion.speeds[:, self.index]
         return identify_forced_response(
             motion.time, excitation, speed, self.band, self.modes, part
         )
 
     def peak(self, motion: Simulation) -> float:
-        """Where the interpolated spectrum of the piston's speed is highest near the mode [Hz]."""
+        """Frequency near the mode at which the spectrum of the piston's speed peaks [Hz]."""
         near = (
             max(self.band[0], self.target / NEIGHBOUR),
             min(self.band[1], self.target * NEIGHBOUR),
@@ -258,7 +258,7 @@ class Experiment:
         return column
 
     def _pressure_room(self, pressures: Array) -> Array:
-        """How far pressures (nc,) may swing [Pa]: half of the way to vapour, supply or relief.
+        """Room of pressures (nc,) to swing [Pa]: half of the way to vapour, supply or relief.
 
         With air little, as it changes the bulk modulus.
         """
@@ -268,7 +268,7 @@ class Experiment:
         return np.minimum(SHARE * np.maximum(ways, 0.1 * bar), soft)
 
     def _relief_room(self, pressures: Array) -> Array:
-        """How far pressures (nc,) may rise [Pa] before a relief below the supply opens.
+        """Room of pressures (nc,) to rise [Pa] before a relief below the supply opens.
 
         Where the other chamber is at return pressure, its edges let in more than out, and both
         pressures climb from swing to swing.
@@ -280,7 +280,7 @@ class Experiment:
         return np.where(relief < supply.pressure, room, np.inf)
 
     def _ends(self) -> Array:
-        """How far the pistons may swing (nc,) [m]; motors without end."""
+        """Room of the pistons to swing (nc,) [m]; motors have no end."""
         places = self.plant.evaluate(
             self.equilibrium[None], np.zeros((1, self.plant.nc))
         ).extensions[0]
@@ -301,8 +301,8 @@ class Experiment:
             ends = self.machine.rigid_poses(self.pose + share * np.array([way, -way]))
             change = 1.0
             if np.all(self.machine.margins(ends) > 0):
-                found = natural_modes(self.machine.evaluate(ends)).frequencies[:, self.mode]
-                change = float(np.abs(found / frequency - 1).max())
+                frequencies = natural_modes(self.machine.evaluate(ends)).frequencies[:, self.mode]
+                change = float(np.abs(frequencies / frequency - 1).max())
             if change <= DETUNING:
                 break
             share *= max(0.9 * DETUNING / change, 0.2)
@@ -334,16 +334,16 @@ def _refuse_limits(plant: Plant, equilibrium: Array) -> None:
         # Behind a valve that leaks the flow makes the pressure, too.
         stands = "rests at {:.{}f} bar" if leaks else "needs {:.{}f} bar to hold the load"
         if pressure >= supply.pressure:
-            problem = f"{stands.format(pressure / bar, 0)}, supply is {supply.pressure / bar:.0f}"
+            fault = f"{stands.format(pressure / bar, 0)}, supply is {supply.pressure / bar:.0f}"
             remedy = "choose a lighter load, a larger cylinder or another pose"
-            raise SimulationError(part, f"{problem} bar", remedy)
+            raise SimulationError(part, f"{fault} bar", remedy)
         if pressure > relief - BARELY:
-            problem = f"{stands.format(pressure / bar, 1)}, its relief opens at"
+            fault = f"{stands.format(pressure / bar, 1)}, its relief opens at"
             remedy = "raise relief_bar, or choose a lighter load or another pose"
-            raise SimulationError(part, f"{problem} {relief / bar:.1f} bar", remedy)
+            raise SimulationError(part, f"{fault} {relief / bar:.1f} bar", remedy)
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
-            problem = f"is {end / mm:.2f} mm from its end stop"
-            raise SimulationError(part, problem, "choose a pose inside its stroke")
+            fault = f"is {end / mm:.2f} mm from its end stop"
+            raise SimulationError(part, fault, "choose a pose inside its stroke")
 
 
 def _softening(fluid: Fluid, pressure: float) -> float:

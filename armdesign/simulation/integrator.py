@@ -1,4 +1,4 @@
-"""Many initial value problems at once, each with its own steps: ``integrate``.
+"""Many initial value problems at once, each with its own steps between its breakpoints.
 
 All cases take a step of ``dormand_prince`` at the same time, but each one has its own instant,
 step and error norm: so a case comes out as if it were alone, whatever its company, one that meets
@@ -16,6 +16,7 @@ that one is taken.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -23,10 +24,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.breakpoints import Breaks, stretches
 from armdesign.simulation.dormand_prince import (
+    INSTANT,
     Records,
-    Rows,
+    Running,
     Stages,
     Tableau,
     finish_steps,
@@ -34,6 +35,57 @@ from armdesign.simulation.dormand_prince import (
 )
 from armdesign.simulation.plant.compiled import resolved
 from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
+
+
+class Breaks(NamedTuple):
+    """Instants at which the rates of a case, or a derivative of them, jump.
+
+    Attributes:
+        instants: ascending [s]; those outside of the run do not matter.
+        complete: whether there are no others. Else no step is longer than half the interval
+            between records, so that nothing longer than half of that passes unseen, though the
+            case be at rest.
+    """
+
+    instants: Sequence[float] = ()
+    complete: bool = False
+
+
+class Stretch(NamedTuple):
+    """Time without a breakpoint.
+
+    Attributes:
+        low: when rates are evaluated first [s], just inside.
+        high: when they are evaluated last [s].
+        stop: its end [s].
+    """
+
+    low: float
+    high: float
+    stop: float
+
+
+def stretches(instants: Sequence[float], end: float) -> list[Stretch]:
+    """All stretches of a case, the first one last.
+
+    Instants closer to each other than the resolution of time count as one.
+
+    Args:
+        instants: breakpoints, ascending [s].
+        end: of the run [s].
+    """
+    parts, low = list[Stretch](), 0.0
+    for instant in (float(t) for t in instants if 0 <= t <= end):
+        room = INSTANT * max(instant, 1.0)
+        if instant - low > 4 * room:
+            parts.append(Stretch(low, instant - room, instant))
+        low = instant + room
+    if not parts or end - low > 4 * INSTANT * max(end, 1.0):
+        parts.append(Stretch(low, math.inf, end))
+    else:
+        parts[-1] = parts[-1]._replace(stop=end)
+    return parts[::-1]
+
 
 # A case is stiff when its steps over a window are this much shorter than stability asks.
 WINDOW, STIFF = 300, 20.0
@@ -73,7 +125,7 @@ class Span(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How fast the cases are.
+    """Largest ω of the oscillations of the cases.
 
     Attributes:
         undamped: largest ω of undamped oscillations (n,) [rad/s]; 0: none.
@@ -158,7 +210,7 @@ class _Stepper:
         needed = np.minimum(needed, STIFF / HELD * longest)
         most = np.minimum(most, longest)
         time, low, high, stop, step, before = np.zeros((6, n))
-        self.rows = Rows(
+        self.rows = Running(
             case=np.arange(n),
             end=end,
             longest=longest,
@@ -272,7 +324,7 @@ class _Stepper:
         at.step[row] = min(at.size[row], at.stop[row] - at.time[row])
 
     def under_way(self) -> list[int]:
-        """Rows that are not at their end."""
+        """Cases that are not at their end."""
         return [int(row) for row in np.flatnonzero(self.rows.under_way)]
 
     def drop_finished(self) -> bool:
@@ -280,7 +332,7 @@ class _Stepper:
         left = self.under_way()
         if 0 < 2 * len(left) <= len(self.rows.time):
             self.system = self.system.picked(left)
-            self.rows = Rows(*(values[left] for values in self.rows))
+            self.rows = Running(*(values[left] for values in self.rows))
         return len(left) == 0
 
     def give_up(self, row: int, cause: str) -> None:

@@ -79,8 +79,8 @@ class LinearModel:
         size = len(self.A) - 2 * len(self.inputs)
         joints = (size - 2 * len(self.inputs)) // 2
         poles = _by_size(np.linalg.eigvals(self.A[:size, :size]))
-        found = poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
-        return found[-joints:]
+        oscillating = poles[(poles.imag > 0) & (np.abs(poles) > NEGLIGIBLE * np.abs(poles).max())]
+        return oscillating[-joints:]
 
     @property
     def natural_frequencies(self) -> Array:

@@ -15,10 +15,11 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
+from armdesign.machine.poses import refuse_unheld
 from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
-from armdesign.simulation.events import events, pump_events
+from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
-from armdesign.simulation.plant.equilibrium import Equilibrium, Holding, find_equilibrium
+from armdesign.simulation.plant.equilibrium import Equilibrium, StaticHold, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
@@ -45,6 +46,7 @@ class Simulation:
         tool: position of the tool in the root link (n, 3) [m].
         cylinders: names, in order.
         joints: names, in order.
+        payload: name of the load case.
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank
             (n,) [J].
@@ -54,8 +56,8 @@ class Simulation:
             left out here and in ``supplied``: see ``plant``.
         dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
         supply: pressure of the pump (n,) [Pa].
-        events: what limited the motion, in words and in order: loads that cannot be held, stops,
-            cavitation, reliefs, the pump.
+        events: what limited the motion, in words and in order: loads that cannot be held or fall
+            out, stops, cavitation, reliefs, the pump.
     """
 
     time: Array
@@ -75,6 +77,7 @@ class Simulation:
     supply: Array
     joints: tuple[str, ...]
     cylinders: tuple[str, ...]
+    payload: str
     events: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -104,6 +107,7 @@ class Case:
     q: ArrayLike
     command: Command | ByName
     duration: float
+    payload: str | float | None = None
     rate: float = 200.0
     velocity: ArrayLike | None = None
     hold: float | None = None
@@ -117,6 +121,7 @@ def simulate(
     command: Command | ByName,
     *,
     duration: float,
+    payload: str | float | None = None,
     rate: float = 200.0,
     velocity: ArrayLike | None = None,
     hold: float | None = None,
@@ -124,7 +129,7 @@ def simulate(
     supply_pressure: float | None = None,
     tolerance: float = TOLERANCE,
 ) -> Simulation:
-    """Motion of the machine under its payload from one pose, by the nonlinear model of ``Plant``.
+    """Motion of the machine under a load case from one pose, by the nonlinear model of ``Plant``.
 
     It starts from equilibrium: the loaded chamber carries the load, the other is at return
     pressure or at the preload that the machine file asks for. Without leakage a machine with
@@ -141,6 +146,8 @@ def simulate(
             ``breakpoints`` [s], ascending, when it or its slope jumps, as ``Step`` and ``Table``
             do, is followed exactly, however short a pulse.
         duration: [s].
+        payload: a load case by name, which must exist at the pose, or a mass [kg]; None: the
+            machine's own. ``Simulation.payload`` says which it was.
         rate: instants recorded per second. Under a command without ``breakpoints`` no step is
             longer than half the interval between them: a pulse that is shorter may be missed.
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
@@ -152,7 +159,8 @@ def simulate(
         tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
 
     Raises:
-        PoseError: the pose cannot be taken.
+        ArmDesignError: there is no such load case.
+        PoseError: the pose cannot be taken, or the load case does not exist there.
         SimulationError: a valve is missing, or the integration gives up.
     """
     case = Case(
@@ -160,6 +168,7 @@ def simulate(
         q=q,
         command=command,
         duration=duration,
+        payload=payload,
         rate=rate,
         velocity=velocity,
         hold=hold,
@@ -201,7 +210,7 @@ def attempt_all(
     if not 0 < tolerance < 1:
         raise SimulationError("tolerance", f"{tolerance:g} is not in (0, 1)", "give one like 1e-6")
     stacks: dict[Hashable, list[int]] = {}
-    cases = [_supplied(case) for case in cases]
+    cases = [_supplied(_loaded(case)) for case in cases]
     for index, case in enumerate(cases):
         _refuse(case)
         stacks.setdefault(stack_shape(case.machine), []).append(index)
@@ -209,6 +218,15 @@ def attempt_all(
     for rows in stacks.values():
         runs |= dict(zip(rows, _stacked([cases[row] for row in rows], tolerance), strict=True))
     return [runs[index] for index in range(len(cases))]
+
+
+def _loaded(case: Case) -> Case:
+    """The case with its machine under the load case that it names."""
+    if case.payload is None:
+        return case
+    machine = case.machine.with_payload(case.payload)
+    refuse_unheld(machine, case.q)
+    return replace(case, machine=machine)
 
 
 def _supplied(case: Case) -> Case:
@@ -248,9 +266,9 @@ def _refuse(case: Case) -> None:
     if case.velocity is not None:
         given, joints = np.asarray(case.velocity, dtype=float), case.machine.joints
         if given.shape != (len(joints),) or not np.all(np.isfinite(given)):
-            problem = f"{given.tolist()} is not one finite number per joint"
+            fault = f"{given.tolist()} is not one finite number per joint"
             raise SimulationError(
-                f"{name}: velocity", problem, f"give {', '.join(joints)} [rad/s, m/s]"
+                f"{name}: velocity", fault, f"give {', '.join(joints)} [rad/s, m/s]"
             )
 
 
@@ -283,7 +301,7 @@ def _start(plant: Plant, case: Case) -> Equilibrium:
     return start
 
 
-def _unheld(holdings: Sequence[Holding]) -> list[tuple[float, str]]:
+def _unheld(holdings: Sequence[StaticHold]) -> list[tuple[float, str]]:
     """Loads above a relief, and leaks that no spool position makes up for, as events at 0 s."""
     overcome = [f"{one.overcome} at 0 s" for one in holdings if one.overcome]
     creeps = [f"{one.creeps} from 0 s on" for one in holdings if one.creeps]
@@ -331,7 +349,7 @@ def likely_cause(
     cause: str = "",
     tolerance: float = TOLERANCE,
 ) -> str:
-    """What to look at when an integration has stopped at a pose, under a command, for a cause."""
+    """Likely cause, for a remedy, of an integration that stopped at a pose under a command."""
     for value in command:
         if not math.isfinite(value):
             return f"the command gives {value:g} there: give −1…1"
@@ -387,11 +405,13 @@ def _recorded(
         events=(),
         joints=machine.joints,
         cylinders=tuple(actuator.name for actuator in machine.actuators),
+        payload=machine.payload.name,
     )
     taken, relief = evaluation.outputs["supplied"], plant.parameters.actuators["relief"][0]
     timed = [
         *events(machine, relief, time, run.extensions, plant.pressures(body), spool, taken),
         *pump_events(machine, time, run.supply, taken),
+        *payload_events(machine, time, q),
         *unheld,
     ]
     return replace(run, events=tuple(words for _, words in sorted(timed)))

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.breakpoints import INSTANT
+from armdesign.simulation.dormand_prince import INSTANT
 
 FIRST_STEP = 1e-4  # [s], at most
 
 
 class Limits(NamedTuple):
-    """What a case may do.
+    """Settings of a case that is finished alone.
 
     Attributes:
         longest: step [s].

@@ -190,7 +190,9 @@ def validate(
         names = [machine.payload.name] if payloads is None else payloads
         loaded = [machine if payloads is None else machine.with_payload(name) for name in names]
         numbered = enumerate(machine.at(q).q, 1)
-        places = [Place(str(number), case, pose) for number, pose in numbered for case in loaded]
+        places = [
+            NamedPose(str(number), case, pose) for number, pose in numbered for case in loaded
+        ]
     validation = _validations([_plan(places, cylinders, amplitude)])[0]
     if not validation.runs:
         raise_together([failure.error for failure in validation.failures])
@@ -212,7 +214,7 @@ def _refuse_empty(machine: Machine, **arguments: object) -> None:
             raise SimulationError(f"{machine.name}: {name}", "is empty", remedy)
 
 
-class Place(NamedTuple):
+class NamedPose(NamedTuple):
     """A pose (nq,) [rad, m] by its name, and the machine under its load case."""
 
     name: str
@@ -220,15 +222,15 @@ class Place(NamedTuple):
     pose: Array
 
 
-def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[Place]:
+def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[NamedPose]:
     """The worst, the median and the best place of a map."""
     machine, names = map_.machine, list(map_.worst_of if payloads is None else payloads)
     cases = {name: machine.with_payload(name).payload.name for name in names}
     worst = min((map_.worst_of[cases[name]] for name in names), key=lambda w: w.frequency)
     frame = map_.frame[map_.frame["payload"].isin(names)].sort_values("f1_hz", kind="stable")
     rows = {"median": frame.iloc[len(frame) // 2], "best": frame.iloc[-1]}
-    return [Place("worst", machine.with_payload(worst.payload), worst.q)] + [
-        Place(
+    return [NamedPose("worst", machine.with_payload(worst.payload), worst.q)] + [
+        NamedPose(
             name,
             machine.with_payload(str(row["payload"])),
             row[list(machine.joints)].to_numpy(dtype=float),
@@ -269,7 +271,7 @@ class PlannedSweep:
         return self.experiment.case(self.experiment.swept_sine(self.sweep.amplitude))
 
     def result(self, motion: Simulation | SimulationError) -> Run | Failure:
-        """What is identified in the motion."""
+        """Identified modes of the motion."""
         sweep = vars(self.sweep)
         if isinstance(motion, SimulationError):
             return Failure(**sweep, error=motion)
@@ -296,7 +298,7 @@ class Plan(NamedTuple):
 
 
 def _plan(
-    places: Sequence[Place], cylinders: Sequence[str] | None, amplitude: float | None
+    places: Sequence[NamedPose], cylinders: Sequence[str] | None, amplitude: float | None
 ) -> Plan:
     """The sweeps at some places, of some cylinders."""
     groups: list[list[PlannedSweep] | Failure] = []

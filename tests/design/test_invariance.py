@@ -16,7 +16,8 @@ from armdesign import Machine, Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
-from tests.machines import random_machine, scaled
+from tests.machines import random_machine
+from tests.scaled_machines import scaled
 
 # three and two joints, slides among them; without air, whose atmosphere has no scale
 SEEDS = [11, 24]

@@ -20,7 +20,7 @@ from armdesign.design.requirements.check import check, cylinder_mass
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.hydraulics.cylinder_mass import estimated_mass
+from armdesign.hydraulics.cylinder_build import estimated_mass
 from armdesign.units import mm
 from tests.design.designs import as_machine, double, problem_of, single, workspace_of
 

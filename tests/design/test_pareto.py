@@ -17,7 +17,7 @@ from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
 from armdesign.units import mm
 from tests import machines
-from tests.design.catalogue.test_catalogue import enumerated
+from tests.design.catalogue.enumeration import enumerated
 from tests.design.designs import MACHINES, workspace_of
 
 

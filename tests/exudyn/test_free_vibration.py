@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import tomlkit
 
 import armdesign as ad
 from armdesign import Machine
@@ -20,38 +19,17 @@ from armdesign.hydraulics.friction import Friction
 from armdesign.simulation.linearization import linearize
 from tests import machines
 from tests.checks import difference
-from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, common, holding_pressures
+from tests.exudyn.exudyn_machines import FOUR_BARS, named
+from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, holding_pressures
 
 ONE_JOINT = ("paper_1dof", "patu_boom")
+
+
 DIRECT = (*ONE_JOINT, "direct_bucket", "spatial", "crossing", "branched", "random_3", "random_8")
-FOUR_BARS = ("excavator_20t", "excavator_12t", "mini_excavator_2t", "loader_crane")
+
+
 # the last: the 20 t machine whose cylinders, rocker and coupler all weigh
 LOOPS = *FOUR_BARS, "heavy_bars"
-# [kg] in place of the shipped machines' massless rocker, which Exudyn's solver finds singular
-ROCKER = 95.0
-
-
-def named(name: str) -> Machine:
-    """The machine under its last load case, as Exudyn can have it."""
-    machine = direct_bucket() if name == "direct_bucket" else machines.named(name)
-    if name in FOUR_BARS:
-        pairs = zip(machine.cylinders, machine.linkages, strict=True)
-        machine = machine.replace(
-            {f"cylinder.{c.name}.four_bar.rocker_kg": ROCKER for c, arm in pairs if arm.bar_names}
-        )
-    return common(machine.with_payload(machine.payloads[-1].name))
-
-
-def direct_bucket() -> Machine:
-    """The 20 t machine whose bucket cylinder pushes the bucket's lug itself: three joints, no
-    loop.
-    """
-    machine = ad.load("excavator_20t")
-    text = tomlkit.parse(machine.text)
-    bucket = text["cylinder"]["bucket"]
-    bucket["rod_end"] = bucket.pop("four_bar")["lug"]
-    bucket |= {"closed_length_mm": 1700, "stroke_mm": 1000}
-    return Machine.from_text(tomlkit.dumps(text), machine.urdf_text, machine.source)
 
 
 def poles(machine: Machine, pose: np.ndarray) -> np.ndarray:

@@ -8,20 +8,24 @@ Exudyn's actuator lacks, goes into its openings.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign import Machine
-from armdesign.hydraulics.valve import LAMINAR_DROP, Valve
+from armdesign.hydraulics.valve import LAMINAR_DROP
+from tests.exudyn.exudyn_machines import named
 from tests.exudyn.exudyn_twin import Twin, Valves
-from tests.exudyn.test_free_vibration import named
+from tests.exudyn.exudyn_valve import step_response
 
 DURATION, RATE = 0.5, 100.0  # [s], records per second to compare
+
+
 COUNTS = (10, 20, 40)  # Exudyn's steps per record
+
+
 # machine: Exudyn's solver, pose, steps of the commands; pressures stay between vapour and reliefs
 RUNS = {
     "paper_1dof": ("ExplicitMidpoint", (0.1,), (0.03,)),
@@ -29,20 +33,6 @@ RUNS = {
     "direct_bucket": ("ExplicitMidpoint", (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)),
     "excavator_20t": ("TrapezoidalIndex2", (0.3, -1.2, -1.0), (0.1, -0.1, 0.05)),
 }
-
-
-def step_response(valve: Valve) -> Callable[[float], float]:
-    """Of a second-order lag with ζ < 1: 1 − e^(−ζω t)(cos ω_d t + ζω/ω_d sin ω_d t), ω_d = ω √(1 −
-    ζ²).
-    """
-    omega, zeta = 2 * math.pi * valve.natural_frequency, valve.damping_ratio
-    damped = omega * math.sqrt(1 - zeta**2)
-
-    def response(t: float) -> float:
-        swing = math.cos(damped * t) + zeta * omega / damped * math.sin(damped * t)
-        return 1 - math.exp(-zeta * omega * t) * swing
-
-    return response
 
 
 def laminar_share(drop: float) -> float:

@@ -5,6 +5,7 @@ worse.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.frequency.bands import Corner, FrequencyBand, Scenario
 from armdesign.frequency.cases import scaled_links
 from tests import machines
+
+
+def stated(machine: ad.Machine, bands: str) -> str:
+    """The text of a machine's file with other bands."""
+    return f"{machine.text.partition('[bands]')[0]}\n[bands]\n{bands}\n"
+
 
 BANDS = ad.Bands(
     bulk_modulus=(0.8, 1.2), dead_volume=(0.9, 1.3), payload=(0.7, 1.25), link_mass=(0.9, 1.1)
@@ -109,16 +117,94 @@ def test_softer_oil_more_air_more_volume_are_never_better(
     assert np.all(np.diff(reached) < 0)
 
 
+def test_structure_in_series_by_hand() -> None:
+    """At an end of s a cylinder with A1 ≠ A2 has 1/k = 1/k_oil + s c, with c = V/(β A²) of both
+    chambers at mid stroke from the file's own numbers; oil with its own bands leaves c alone.
+    """
+    machine = machines.named("excavator_20t")
+    bands = ad.Bands(structure=(0.3, 1.5), bulk_modulus=(0.8, 1.2))
+    for softest, share, modulus in ((True, 1.5, 0.8), (False, 0.3, 1.2)):
+        for cylinder in bands.at_end(machine, softest).cylinders:
+            text = machine.section.cylinder[cylinder.name]
+            bore, annulus = (
+                text.count * math.pi / 4 * (text.bore_mm**2 - rod**2) * 1e-6
+                for rod in (0, text.rod_mm)
+            )
+            middle, dead = text.stroke_mm / 2000, text.dead_volume_l
+            of_oil = 1200e6 * (
+                bore**2 / (bore * middle + dead.cap * 1e-3)
+                + annulus**2 / (annulus * middle + dead.annulus * 1e-3)
+            )
+            assert_allclose(cylinder.compliance, share / of_oil, rtol=1e-12)
+        q = machine.ranges.mean(axis=1)
+        poses = replace(bands.at_end(machine, softest), cylinders=tuple(
+            replace(c, compliance=0.0) for c in bands.at_end(machine, softest).cylinders
+        )).at(q)  # fmt: skip
+        plain = machine.replace({"fluid.bulk_modulus_MPa": 1200 * modulus}).at(q)
+        assert_allclose(poses.oil_stiffness, plain.oil_stiffness, rtol=1e-12)
+
+
+def test_structure_of_the_20_t_machine(rigid_excavator: ad.Machine) -> None:
+    """Issue 13: oil 42.9, 22.6, 17.9 MN/m at mid stroke; worst 0.910 Hz rigid, 0.767 at 0.4 of the
+    oil's compliance, 0.640 where structure is as soft as the oil, found with another program.
+    """
+    machine = rigid_excavator
+    oil = [1e-6 / c.oil_compliance(machine.fluid, machine.supply) for c in machine.cylinders]
+    assert_allclose(oil, [42.9, 22.6, 17.9], atol=0.05)
+    workspace = ad.Workspace.grid(machine, points=(9, 9, 17))
+    for share, frequency in ((0.0, 0.910), (0.4, 0.767), (1.0, 0.640)):
+        band = ad.frequency_band(machine, workspace, ad.Bands(structure=(share, 1.0)))
+        assert band.high.frequency == pytest.approx(frequency, abs=5e-4)
+
+
+def test_a_new_machine_keeps_the_structure_of_todays() -> None:
+    """In m/N: larger cylinders have stiffer oil, but brackets and pins are those of today."""
+    today = machines.named("excavator_20t")
+    new = today.replace({"cylinder.boom.bore_mm": 150, "cylinder.stick.stroke_mm": 1600})
+    bands = ad.Bands(structure=(0.0, 1.0))
+    kept, own = bands.at_end(new, True, today), bands.at_end(new, True)
+    for one, other in zip(kept.cylinders, bands.at_end(today, True).cylinders, strict=True):
+        assert one.compliance == other.compliance
+    assert own.cylinders[0].compliance < kept.cylinders[0].compliance
+    assert own.cylinders[1].compliance > kept.cylinders[1].compliance
+
+
+def test_least_gain_is_that_of_the_poorest_corner() -> None:
+    """By hand: gains of 0.6/0.5, 0.9/1 and at the file's values 0.8/0.7."""
+    today, new = (
+        FrequencyBand(
+            scenarios=tuple(
+                Scenario(frequency=f, payload="full", q=np.zeros(1), corner=Corner(soft, 1.0, 1.0))
+                for f, soft in ((low, True), (high, False))
+            ),
+            nominal=nominal,
+        )
+        for low, nominal, high in ((0.5, 0.7, 1.0), (0.6, 0.8, 0.9))
+    )
+    assert new.least_gain(today) == pytest.approx(-0.1)
+    assert today.least_gain(today) == 0
+
+
 def test_bands_are_read_from_the_file(excavator: ad.Machine) -> None:
-    text = (
-        excavator.text
-        + "\n[bands]\nbulk_modulus_share = [0.7, 1.1]\nentrained_air_percent = [0, 1.5]\n"
+    text = stated(
+        excavator,
+        "bulk_modulus_share = [0.7, 1.1]\nentrained_air_percent = [0, 1.5]\nstructure = [0, 0.8]",
     )
     machine = ad.Machine.from_text(text, excavator.urdf_text, excavator.source)
-    assert ad.Bands.of(machine) == ad.Bands(bulk_modulus=(0.7, 1.1), air=(0.0, 0.015))
+    assert ad.Bands.of(machine) == ad.Bands(
+        bulk_modulus=(0.7, 1.1), air=(0.0, 0.015), structure=(0.0, 0.8)
+    )
 
 
 FAULTS = [
+    (
+        "structure = [0.5, 0.2]",
+        r"bands\.structure: \[0\.5, 0\.2\] is in the wrong order; give \[lower, upper\]",
+    ),
+    (
+        "structure = [-0.1, 1]",
+        r"bands\.structure\.0: -0\.1 is not allowed; give a number in \[0, 10\]",
+    ),
     (
         "bulk_modulus_share = [1.2, 0.8]",
         r"bands\.bulk_modulus_share: \[1\.2, 0\.8\] is in the wrong order; give \[lower, upper\]",
@@ -137,9 +223,7 @@ FAULTS = [
 @pytest.mark.parametrize(("line", "message"), FAULTS)
 def test_faults_are_said(excavator: ad.Machine, line: str, message: str) -> None:
     with pytest.raises(ad.ArmDesignError, match=message):
-        ad.Machine.from_text(
-            f"{excavator.text}\n[bands]\n{line}\n", excavator.urdf_text, excavator.source
-        )
+        ad.Machine.from_text(stated(excavator, line), excavator.urdf_text, excavator.source)
 
 
 @pytest.mark.parametrize("band", [(1.2, 0.8), (0.0, 1.0), (float("nan"), 1.0), (1.0,), ("a", 1.0)])

@@ -30,8 +30,8 @@ from tests.machines import (
     named,
     random_machine,
     redundant,
-    scaled,
 )
+from tests.scaled_machines import scaled
 
 
 def squared_frequencies(stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:

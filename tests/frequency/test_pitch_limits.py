@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.frequency.pitch_limits import onto_pitch_limit, tipping_joints
+from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from tests import machines
 from tests.frequency.cached import workspace
 

@@ -11,7 +11,7 @@ import armdesign as ad
 from armdesign import plots
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.frequency.pitch_limits import onto_pitch_limit, tipping_joints
+from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from tests import machines
 from tests.frequency.cached import mapped
 

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.oil_spring import oil_stiffness
-from armdesign.hydraulics.supply import Supply
 from armdesign.units import MPa, bar
 
 OIL = Fluid(bulk_modulus=1200 * MPa)

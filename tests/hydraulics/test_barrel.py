@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.testing import assert_allclose
 
-from armdesign.hydraulics.barrel import BARREL_STRESS, barrel_ratio
+from armdesign.hydraulics.cylinder_build import BARREL_STRESS, barrel_ratio
 from armdesign.units import MPa
 
 

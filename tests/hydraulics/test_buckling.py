@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from armdesign.hydraulics.buckling import (
+from armdesign.hydraulics.cylinder_build import (
     STEEL_MODULUS,
     euler_load,
     euler_safety,

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
-from armdesign.hydraulics.chamber_pressures import holding_force, static_pressures
-from armdesign.hydraulics.supply import Supply
+from armdesign.hydraulics.fluid import Supply
+from armdesign.hydraulics.oil_spring import holding_force, static_pressures
 from armdesign.units import bar
 
 

@@ -8,8 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.errors import ArmDesignError
-from armdesign.hydraulics.barrel import barrel_ratio
-from armdesign.hydraulics.cylinder_mass import estimated_mass
+from armdesign.hydraulics.cylinder_build import barrel_ratio, estimated_mass
 from armdesign.units import MPa, bar
 
 

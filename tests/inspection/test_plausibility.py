@@ -16,14 +16,15 @@ from typing import Any
 import pytest
 
 import armdesign as ad
-from armdesign.inspection.finding import Finding
 from armdesign.inspection.inspection import inspect
+from armdesign.inspection.yardstick import Finding
 from armdesign.machine import scaffold
 from armdesign.machine.file import machine_file, toml_writing
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from armdesign.units import deg
 from tests import machines
+from tests.scaled_machines import scaled
 
 EXCAVATOR, CRANE = machines.named("excavator_20t"), machines.named("loader_crane")
 IN = {
@@ -323,14 +324,14 @@ def test_no_new_machine_is_suspected(links: int) -> None:
 def test_no_copy_of_another_size_is_suspected(name: str, length: float) -> None:
     """Laboratory models and mining shovels, of the same mass or of the same density."""
     for mass in (1.0, length**3):
-        assert suspected(machines.scaled(machines.named(name), length=length, mass=mass)) == []
+        assert suspected(scaled(machines.named(name), length=length, mass=mass)) == []
 
 
 @pytest.mark.parametrize("length", [0.03, 0.1])
 @pytest.mark.parametrize("name", ["mini_excavator_2t", "loader_crane"])
 def test_no_small_pump_is_suspected(name: str, length: float) -> None:
     """Flows of a copy that moves as its original does shrink with the squares of its lengths."""
-    machine = machines.scaled(machines.named(name), length=length, mass=length**3)
+    machine = scaled(machines.named(name), length=length, mass=length**3)
     flows = {
         path: value * length**2
         for path, value in machine_file.flat(machine.section).items()

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.hydraulics.chamber_pressures import static_pressures
 from armdesign.hydraulics.fluid import bulk_modulus
+from armdesign.hydraulics.oil_spring import static_pressures
 from tests.checks import assert_same, difference
 from tests.machines import inner_poses
 

@@ -7,7 +7,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.paper.configurations import Mechanism, grid
-from armdesign.paper.parameter_scan import scan
+from armdesign.paper.errata import scan
 from armdesign.paper.reproduction import Reproduction, reproduce
 from tests.paper.dimensions import CORNERS, LENGTH, MASS
 

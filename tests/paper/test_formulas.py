@@ -9,8 +9,6 @@ from the published example that is named.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,76 +19,18 @@ from armdesign.paper import formulas
 from armdesign.units import GRAVITY, MPa, mm
 from tests.checks import difference
 from tests.machines import named
-
-MASSES = np.arange(50.0, 401.0, 50.0)  # [kg], the paper's eight; the numbers are stand-ins
-LENGTHS = np.array([0.5, 0.75, 1.0, 1.25, 1.5])  # [m], the paper's five
-PINS = {"link_pin_distance": 0.15, "base_pin_distance": 0.5}
-GRID = {"load_mass": MASSES[:, None], "link_length": LENGTHS, **PINS}
-SYMMETRIC = {"area": 2e-3, "chamber_volume": 3e-4, "bulk_modulus": 1200 * MPa}
-ASYMMETRIC = {"bore_area": 3e-3, "annulus_area": 2e-3, "cap_volume": 4e-4, "annulus_volume": 3e-4}
-VALVE = {"leakage": 2e-12, "valve_gain": 3e-6, "supply_pressure": 21 * MPa, "density": 870.0}
-
-
-class Nonlinear:
-    """Eq.
-
-    (22) and (34) before linearisation, from coordinates: rod pin at a1 (cos θ, sin θ), base pin at
-    (d1, 0).
-    """
-
-    def __init__(self, mass: float, length: float) -> None:
-        self.a1, self.d1, self.m2, self.l2 = *PINS.values(), mass, length
-        self.A, self.V0, self.beta = SYMMETRIC.values()
-        self.C_L, self.K_v, self.p_p, self.rho = VALVE.values()
-
-    # every quantity is a column (n, 1)
-
-    def length(self, angle: np.ndarray) -> np.ndarray:
-        return np.hypot(self.a1 * np.cos(angle) - self.d1, self.a1 * np.sin(angle))
-
-    def height(self, angle: np.ndarray) -> np.ndarray:
-        return self.a1 * np.sin(angle) + self.l2 * np.cos(angle)
-
-    def net_torque(self, angle: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        weight = self.m2 * GRAVITY * slope(self.height, angle)
-        return slope(self.length, angle) * self.A * pressure - weight
-
-    @property
-    def inertia(self) -> float:
-        return self.m2 * (self.a1**2 + self.l2**2)
-
-    @property
-    def static_pressure(self) -> float:
-        """The pressure difference at which the torque, linear in it, vanishes at θ = π/2."""
-        at_0, at_1 = (self.net_torque(REST, np.array([[p]])).item() for p in (0.0, 1.0))
-        return at_0 / (at_0 - at_1)
-
-    def trapped_torque(self, angle: np.ndarray) -> np.ndarray:
-        """Net torque when the oil was shut in at θ = π/2: both chambers, of V0 each, change by A(ℓ
-        − ℓ0).
-        """
-        travel = self.length(angle) - self.length(REST)
-        return self.net_torque(
-            angle, self.static_pressure - 2 * self.beta * self.A / self.V0 * travel
-        )
-
-    def rate(self, state: np.ndarray) -> np.ndarray:
-        """d/dt of θ, θ̇ and Δp; the fourth column of the state (n, 4) is the valve signal."""
-        angle, speed, pressure, signal = (state[:, [i]] for i in range(4))
-        flow = self.K_v * signal * math.sqrt(self.p_p / self.rho) - 2 * self.C_L * pressure
-        flow = flow - 2 * self.A * slope(self.length, angle) * speed
-        return np.hstack(
-            [speed, self.net_torque(angle, pressure) / self.inertia, self.beta / self.V0 * flow]
-        )
-
-
-REST = np.array([[math.pi / 2]])
-
-
-def slope(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """dfunction/dx of a column (n, 1)."""
-    return difference(function, x)[..., 0]
-
+from tests.paper.nonlinear import (
+    ASYMMETRIC,
+    GRID,
+    LENGTHS,
+    MASSES,
+    PINS,
+    REST,
+    SYMMETRIC,
+    VALVE,
+    Nonlinear,
+    slope,
+)
 
 # -------------------------------------------------------------------------------------- rigid load
 
@@ -358,132 +298,3 @@ def test_the_papers_findings() -> None:
     assert np.all(np.diff(coupled, axis=0) < 0)
     assert np.all(np.diff(coupled, axis=1) < 0)
     assert np.all(rigid > coupled)
-
-
-# ------------------------------------------------------------------------ arguments that cannot be
-
-DISTANCES = ("link_pin_distance", "base_pin_distance", "moment_arm")
-WHOLE: dict[str, dict[str, object]] = {  # every function of the module with arguments that suit it
-    "symmetric_stiffness": SYMMETRIC,
-    "rigid_load": {"mass": 100.0, **SYMMETRIC},
-    "rigid_load_asymmetric": {"mass": 80.0, "bulk_modulus": 1e9, **ASYMMETRIC},
-    "rigid_load_asymmetric_as_printed": {"mass": 80.0, "bulk_modulus": 1e9, **ASYMMETRIC},
-    "equivalent_mass": {"static_force": -1000.0},
-    "reflected_mass": {"joint_inertia": 90.0, "moment_arm": 0.14},
-    "cylinder_length": {**PINS, "angle": 1.0},
-    "joint_angle": {**PINS, "length": 0.5},
-    "moment_arm": {**PINS, "angle": 1.0},
-    "joint_inertia": {"load_mass": 100.0, "link_pin_distance": 0.15, "link_length": 0.9},
-    "gravity_torque": {
-        "load_mass": 100.0,
-        "link_pin_distance": 0.15,
-        "link_length": 0.9,
-        "angle": 1.0,
-    },
-    "static_force": {"load_mass": 100.0, **PINS, "link_length": 0.9, "angle": 1.0},
-    "static_pressure_difference": {"load_mass": 100.0, **PINS, "link_length": 0.9, "area": 1e-3},
-    "static_pressure_difference_as_printed": {
-        "load_mass": 100.0,
-        **PINS,
-        "link_length": 0.9,
-        "area": 1e-3,
-    },
-    "joint_coupled": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC},
-    "joint_coupled_as_printed": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC},
-    "transfer_function": {"load_mass": 100.0, **PINS, "link_length": 0.9, **SYMMETRIC, **VALVE},
-    "transfer_function_as_printed": {
-        "load_mass": 100.0,
-        **PINS,
-        "link_length": 0.9,
-        **SYMMETRIC,
-        **VALVE,
-    },
-}
-EACH = [(name, argument) for name, given in WHOLE.items() for argument in given]
-
-
-def test_every_function_is_looked_at() -> None:
-    public = {name for name, value in vars(formulas).items() if callable(value)}
-    assert set(WHOLE) == public - {"TransferFunction"}
-    assert public == set(formulas.__all__)
-
-
-@pytest.mark.parametrize(("name", "argument"), EACH)
-def test_what_an_argument_cannot_be_is_refused(name: str, argument: str) -> None:
-    """No function answers with NaN: not finite, no number, complex, a distance ≤ 0; alone or
-    within an array.
-    """
-    formula, given = getattr(formulas, name), WHOLE[name]
-    wrong: list[object] = [math.nan, math.inf, "x", "", 1j, [given[argument], math.nan], {}]
-    if argument in DISTANCES:
-        wrong += [0, -0.1, [given[argument], 0.0], [given[argument], -1e-9]]
-    elif argument not in ("link_length", "angle", "static_force"):
-        wrong += [-1e-9, [given[argument], -1.0]]
-    for value in wrong:
-        with pytest.raises(ad.ArmDesignError, match=f"{argument}: ") as caught:
-            formula(**{**given, argument: value})
-        assert "give" in str(caught.value)
-
-
-@pytest.mark.parametrize(("name", "argument"), EACH)
-def test_arrays_are_answered_element_by_element(name: str, argument: str) -> None:
-    """Lists and arrays of numbers, whole ones too: each element as if it had been given alone."""
-    formula, given = getattr(formulas, name), WHOLE[name]
-    values = [given[argument], 0.9 * given[argument]]  # type: ignore[operator]
-    alone = [np.atleast_1d(formula(**{**given, argument: value})) for value in values]
-    for shape in (values, np.array(values)[:, None]):
-        answer = formula(**{**given, argument: shape})
-        terms = answer if name.startswith("transfer") else [answer]
-        found = np.stack([np.broadcast_to(np.ravel(term), 2) for term in terms], axis=1)
-        assert_allclose(found, np.stack(alone), rtol=1e-14)
-
-
-def test_shapes_that_do_not_go_together_are_refused() -> None:
-    for name, given in WHOLE.items():
-        for first, other in pairwise(given):
-            arrays = {first: [given[first]] * 2, other: [given[other]] * 3}
-            with pytest.raises(ad.ArmDesignError, match="shapes do not go together"):
-                getattr(formulas, name)(**{**given, **arrays})
-
-
-def test_a_load_on_the_other_side_is_right() -> None:
-    """l2 < 0: the frequency of the nonlinear model, linearised by differences, as on this side; it
-    pushes the rod.
-    """
-    model = Nonlinear(250, -0.9)
-    data = {"load_mass": 250, "link_length": -0.9, **PINS}
-    angle, step = math.pi / 2, 1e-5
-    forces = [formulas.static_force(**data, angle=angle + sign * step) for sign in (-1, 1)]
-    assert formulas.static_force(**data) == pytest.approx(sum(forces) / 2, rel=1e-6)
-    assert (
-        formulas.static_force(**data) > 0 > formulas.static_force(**{**data, "link_length": 0.9})
-    )
-    rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
-    scale = np.array([1.0, 1.0, 1e6, 1e-3])
-    slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
-    terms = formulas.transfer_function(**data, **SYMMETRIC, **VALVE)
-    assert_allclose(np.poly(slopes[:, :3])[1:] * terms.K, [terms.F, terms.Q, -terms.H], rtol=1e-7)
-    assert_allclose(
-        formulas.joint_coupled(**data, **SYMMETRIC), math.sqrt(terms.Q / terms.K) / (2 * math.pi)
-    )
-
-
-def test_places_without_a_moment_arm() -> None:
-    """In line with the joint the arm vanishes and no force holds a load; pins in one place have no
-    direction.
-    """
-    alike = {"link_pin_distance": 0.5, "base_pin_distance": 0.5}
-    assert formulas.cylinder_length(**alike, angle=0.0) == 0
-    with pytest.raises(
-        ad.ArmDesignError,
-        match=r"moment_arm: angle: both pins .* in one place; give it in \(0, π\)",
-    ):
-        formulas.moment_arm(**alike, angle=[1.0, 0.0])
-    assert_allclose(formulas.moment_arm(**PINS, angle=[0.0, math.pi]), 0, atol=1e-16)
-    with pytest.raises(
-        ad.ArmDesignError, match=r"static_force: angle: 3\.14159 rad is a dead centre"
-    ):
-        formulas.static_force(**PINS, load_mass=1.0, link_length=1.0, angle=[1.0, math.pi])
-    near = formulas.cylinder_length(link_pin_distance=0.3, base_pin_distance=0.3, angle=1e-9)
-    # a chord is radius × angle; 1 − cos of it would be 0
-    assert near == pytest.approx(0.3e-9, rel=1e-12)

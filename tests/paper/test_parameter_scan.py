@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from armdesign.paper.configurations import PUBLISHED
-from armdesign.paper.parameter_scan import HELD
+from armdesign.paper.errata import HELD
 from tests.paper.dimensions import G, hertz
 
 

@@ -14,15 +14,14 @@ from scipy.integrate import solve_ivp
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.simulation.breakpoints import Breaks
 from armdesign.simulation.controlled_plant import breaks_of
 from armdesign.simulation.excitation import SweptSine, SymmetricCommand
-from armdesign.simulation.integrator import Pace, Span, integrate
+from armdesign.simulation.integrator import Breaks, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, simulate, simulate_all
+from tests.simulation.valves import WORST
 
-WORST = (1.154, -1.199, -2.191)
 SIZE = 0.3
 
 

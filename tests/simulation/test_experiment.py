@@ -9,8 +9,7 @@ import armdesign as ad
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.simulate import simulate_all
 from tests.simulation.oscillator import multisine
-
-WORST = (1.154, -1.199, -2.191)
+from tests.simulation.valves import WORST
 
 
 @pytest.mark.parametrize(("name", "pose"), [("paper_1dof", [0.0]), ("excavator_20t", WORST)])

@@ -21,8 +21,7 @@ from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation import valves as helpers
-
-WORST = (1.154, -1.199, -2.191)
+from tests.simulation.valves import WORST
 
 
 def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:

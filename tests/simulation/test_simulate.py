@@ -18,8 +18,7 @@ from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation import valves as helpers
-
-WORST = (1.154, -1.199, -2.191)  # near the 20 t machine's worst pose with a full bucket
+from tests.simulation.valves import WORST
 
 
 def pulse(size: float, until: float = 0.5):  # type: ignore[no-untyped-def]
@@ -215,3 +214,47 @@ def test_faults_of_strikes() -> None:
             SimulationError, match=r"paper_1dof: velocity: .* is not one finite number per joint"
         ):
             simulate(machine, [0.0], {}, velocity=velocity, duration=1.0)
+
+
+def test_the_load_case_is_named_and_told(excavator: Machine) -> None:
+    """As by ``with_payload``: a name or a mass [kg]; None leaves the machine's own."""
+    for payload, name in (("empty", "empty"), (800.0, "800 kg"), (None, "full")):
+        loaded = excavator if payload is None else excavator.with_payload(payload)
+        runs = [
+            simulate(machine, WORST, {"boom": pulse(-0.05)}, payload=given, duration=0.3)
+            for machine, given in ((excavator, payload), (loaded, None))
+        ]
+        assert [run.payload for run in runs] == [name] * 2
+        np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+def test_faults_of_load_cases(excavator: Machine) -> None:
+    """The file's bucket holds its load at a pitch of 120…240°; at the sum of the joints, −1.9 rad,
+    it has 360° − 108.9°.
+    """
+    level = (0.3, -1.2, -1.0)
+    for payload, problem in (
+        ("ful", r'payload ful: no such load case; did you mean "full"\?'),
+        (-5.0, r"payload: -5 kg is not allowed; give a mass in \[0, ∞\) kg"),
+        (
+            "full",
+            "payload full: the bucket has a pitch of 251.1 deg at boom 0.3000 rad, .* it holds the"
+            " load at 120…240 deg; choose another pose or load case",
+        ),
+    ):
+        with pytest.raises(ad.ArmDesignError, match=problem) as caught:
+            simulate(excavator, level, {}, payload=payload, duration=1.0)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_load_that_would_fall_out_is_an_event(excavator: Machine) -> None:
+    tipped = simulate(excavator, WORST, {"bucket": pulse(-1.0, 1.0)}, duration=1.0)
+    late = next(words for words in tipped.events if "tipped" in words)
+    assert "the bucket was tipped beyond the pitch at which it holds payload full" in late
+    assert not excavator.holds(tipped.q[-1])[0]
+    assert not any(
+        "tipped" in words
+        for words in simulate(
+            excavator, WORST, {"bucket": pulse(-1.0, 1.0)}, payload="empty", duration=1.0
+        ).events
+    )

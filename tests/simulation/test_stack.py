@@ -12,14 +12,12 @@ import pytest
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
-from armdesign.simulation.breakpoints import Breaks
-from armdesign.simulation.integrator import GaveUpError, Pace, Span, integrate
+from armdesign.simulation.integrator import Breaks, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import Case, attempt_all, simulate, simulate_all
 from tests import machines
-
-WORST = (1.154, -1.199, -2.191)
+from tests.simulation.valves import WORST
 
 
 @dataclass

@@ -10,6 +10,7 @@ from armdesign import Machine
 from armdesign.hydraulics.friction import Friction
 from armdesign.hydraulics.valve import Valve
 
+WORST = (1.154, -1.199, -2.191)  # near the 20 t machine's worst pose with a full bucket
 VALVE = Valve(rated_flow=2e-3, rated_drop=35e5, natural_frequency=30.0, damping_ratio=0.8)
 
 

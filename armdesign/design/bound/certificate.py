@@ -1,13 +1,18 @@
-"""An upper bound on the worst frequency that no pins and areas can exceed.
+"""An upper bound on the worst frequency that no pins and areas, or no areas, can exceed.
 
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
-enclosed from above by branch and bound on intervals (``branch_and_bound``), which no local optimum
+enclosed from above by branch and bound on intervals (``cylinder_term``), which no local optimum
 can fool. Every round of better multipliers gives a bound; the lowest counts. What remains of the
 gap is the duality gap between designs and their mixtures.
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
 at, and a stiffer arm.
+
+Areas alone, for given pins: stiffness, convex in the areas, is replaced by its chord over the box
+of allowed areas, and so is buckling, which is reverse-convex; the multipliers of that semidefinite
+programme certify the bound, see ``dual_bound``. Own masses are affine in the areas: see
+``bound_of_moving_mass``.
 """
 
 from __future__ import annotations
@@ -19,16 +24,82 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.columns import sole_drives
-from armdesign.design.bound.given_pins import bound_of_areas
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.bound.mass_enclosure import bar_enclosures
-from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, constraints_at
+from armdesign.design.program.constraints import (
+    CONSTRAINT_TOLERANCE,
+    constraints_at,
+    convex_relaxation,
+)
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import contradicted
+from armdesign.design.search.semidefinite import (
+    bound_of_moving_mass,
+    certificate,
+    contradicted,
+    dual_bound,
+    padded,
+    programme,
+)
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
+
+# the bound of areas: programmes with more poses each
+ROUNDS_OF_AREAS = 6
+JOINING = 8  # poses at a time
+CLOSE_FOR_AREAS = 1e-4  # of ω², between the bound and the lowest pose, where rounds end
+
+
+def bound_of_areas(search: Search) -> float | None:
+    """Worst frequency [Hz] that no areas can exceed with the pins of a search.
+
+    None where no bound is known.
+    """
+    try:
+        enclosed = convex_relaxation(search.problem)
+    except InfeasibleError:  # by less than the search lets pass
+        return None
+    if enclosed is None:
+        return None
+    linear, low, high = enclosed
+    bound = _bound_of_poses(
+        search,
+        (*padded(linear.values, linear.jacobian), np.zeros(len(low)), high - low),
+        (low, high),
+    )
+    return hertz(bound * search.reference) if math.isfinite(bound) else None
+
+
+def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, Array]) -> float:
+    """The lowest bound on ω² over the reference of a few programmes of few poses each."""
+    problem, x, rows, bound = search.problem, search.x, search.rows, math.inf
+    squared = problem.dynamics.omega_squared(x, rows)
+    near = squared.min() if problem.vector.moving_masses else 0.0
+    base, slopes = (
+        part / search.reference
+        for part in problem.dynamics.scaled_stiffness_chords(*ends, rows, x, near)
+    )
+    light = problem.dynamics.scaled_fixed_mass(x, rows)
+    chosen = np.flatnonzero(np.isin(rows, search.active(squared)))
+    for _ in range(ROUNDS_OF_AREAS):
+        one = programme(len(chosen), base.shape[1], len(room[0]), len(ends[0]))
+        try:
+            step = one.solve(base[chosen], slopes[:, chosen], *room)
+        except InfeasibleError:  # the solver gave up: what is known so far still holds
+            break
+        of_chords = dual_bound(step, base[chosen], slopes[:, chosen], *room)
+        moving = bound_of_moving_mass(
+            of_chords, near / search.reference, certificate(step), light[chosen]
+        )
+        bound = min(bound, moving)
+        lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
+        worse = np.setdiff1d(np.argsort(lowest)[:JOINING], chosen)
+        if len(worse) == 0 or lowest.min() > bound * (1 - CLOSE_FOR_AREAS):
+            break
+        chosen = np.concatenate([chosen, worse])
+    return bound
+
 
 # of branching, without and with air in the oil, which makes two more numbers of every cylinder
 ROUNDS, AIRY = 6, 2
@@ -86,10 +157,10 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
     is allowed, is refused.
     """
-    found = _unchecked(problem, x, rows)
-    if found is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
-        return found
-    return found.above(hertz(float(problem.dynamics.omega_squared(x).min())))
+    bound = _unchecked(problem, x, rows)
+    if bound is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
+        return bound
+    return bound.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
 
 def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:

@@ -104,10 +104,10 @@ def columns_around(
     some: tuple[SoleDrive, ...], designs: Array, random: np.random.Generator
 ) -> Columns:
     """Columns at and around one design (nd, 3) of each drive."""
-    found = Columns(drive=np.empty(0, dtype=int), design=np.empty((0, 3)), volume=np.empty((0, 2)))
+    pool = Columns(drive=np.empty(0, dtype=int), design=np.empty((0, 3)), volume=np.empty((0, 2)))
     for k, drive in enumerate(some):
         low, high = drive.shape.region
         steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
         near = np.clip(designs[k] + np.vstack([np.zeros(3), steps]), low, high)
-        found = joined(found, allowed_columns(drive, k, near))
-    return found
+        pool = joined(pool, allowed_columns(drive, k, near))
+    return pool

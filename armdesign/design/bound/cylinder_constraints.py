@@ -1,4 +1,4 @@
-"""What the requirements ask of one cylinder alone, over boxes of shapes and swept volumes.
+"""Requirements of one cylinder alone, over boxes of shapes and swept volumes.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
 rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
@@ -18,8 +18,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
-from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
-from armdesign.design.program.convex_relaxation import buckling_factor
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
 from armdesign.design.program.problem import Problem
 
 HOLDING_ANGLES = 5  # of most push and pull today
@@ -226,10 +225,10 @@ def _holding(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> tuple[Ar
     chosen = np.unique(
         [np.argsort(sign * end / arms)[-HOLDING_ANGLES:] for end in extremes.T for sign in (1, -1)]
     )
-    found = extremes[chosen]
+    enclosed = extremes[chosen]
     for bar in bars:
         rigid = problem.workspace.rigid[problem.dynamics.nominal_rows.pose[rows[chosen].ravel()]]
         added = bar.gravity(rigid)[:, joint]
-        found[:, 0] += added.low[::2]
-        found[:, 1] += added.high[1::2]
-    return angles[chosen], found
+        enclosed[:, 0] += added.low[::2]
+        enclosed[:, 1] += added.high[1::2]
+    return angles[chosen], enclosed

@@ -25,7 +25,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.bound.pin_triangles import PinBoxes
+from armdesign.design.bound.pin_triangles import TriangleBoxes
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import sweep
@@ -40,7 +40,7 @@ STRAIGHT = 1e-9  # how far from plane an arm may be
 class Shape:
     """Coefficients c (n, 3) and s (n, 3, 2) at n angles, and the region of b and scale.
 
-    The first two angles are those of the closed and of the open cylinder. ``sign`` is that of the
+    The first two angles are of the closed and the open cylinder. ``sign`` is the sign of the
     moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
     exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None
     if all of the region do.
@@ -53,7 +53,7 @@ class Shape:
     high: Array
     scale: tuple[float, float]
     fixed: tuple[float, float] | None = None
-    pin_boxes: PinBoxes | None = None
+    pin_boxes: TriangleBoxes | None = None
 
     @property
     def region(self) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ class Shape:
         return np.append(self.low, self.scale[0]), np.append(self.high, self.scale[1])
 
     def at(self, angles: Array) -> Shape:
-        """The same shape at its two ends and, of the angles after them, those of some indices."""
+        """The shape at its two ends and at some of the angles after them, by their indices."""
         chosen = np.concatenate([[0, 1], angles + 2]).astype(int)
         return replace(self, constant=self.constant[chosen], slope=self.slope[chosen])
 
@@ -78,7 +78,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Natural:
-    """What a shape can be over boxes ``b`` (m, 2) at n angles, by interval arithmetic alone.
+    """Enclosure of a shape over boxes ``b`` (m, 2) at n angles, by interval arithmetic alone.
 
     place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths, stroke
     (m,), its slope (m, 2). What no working cylinder can be (an arm of the other sign, a negative
@@ -218,7 +218,7 @@ class Natural:
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """What a shape can be over boxes: ``wide`` cut with the mean value form about ``centre``.
+    """Enclosure of a shape over boxes: ``wide`` cut with the mean value form about ``centre``.
 
     Only where the box is whole: else the way from the centre may lead through what was cut off.
     """
@@ -266,7 +266,7 @@ def _around(centre: Interval, spread: Array) -> Interval:
 
 
 def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
-    """Shape of cylinder ``i`` at angles of its joint (n,), after those of its ends.
+    """Shape of cylinder ``i`` at angles of its joint (n,), which follow the angles of its ends.
 
     None where none is known.
 
@@ -293,19 +293,19 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
 
 
 def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
-    """How far each pin of a cylinder may move, down and up (2, 2: x and z) [m].
+    """Reach of each pin of a cylinder, down and up (2, 2: x and z) [m].
 
     None if another part varies too.
     """
-    found: dict[str, Array] = {}
+    reaches: dict[str, Array] = {}
     for v in problem.vector.variables:
         if v.cylinder != i or v.pin is None:
             continue
         if v.pin not in ("base", "rod_end") or v.axis not in (0, 2):
             return None
-        reach = found.setdefault(v.pin, np.zeros((2, 2)))
+        reach = reaches.setdefault(v.pin, np.zeros((2, 2)))
         reach[:, v.axis // 2] = np.array([-1.0, 1.0]) * problem.vector.pin_box
-    return found
+    return reaches
 
 
 def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
@@ -362,7 +362,7 @@ def _turned(
         return None
     still = np.zeros((2, 2))
     base, end = (places[pin][[0, 2]] + moves.get(pin, still) for pin in ("base", "rod_end"))
-    boxes = PinBoxes(base=base, rod_end=end)
+    boxes = TriangleBoxes(base=base, rod_end=end)
     low, high, scale = boxes.region()
     unit = arm.direction(
         poses, rod_end.link, np.array([1.0, 0.0, 0.0]), linkage.base.link, (joint,)
@@ -381,15 +381,15 @@ def _turned(
 
 def _from_joint(linkage: Linkage, poses: RigidPoses) -> dict[str, Array]:
     """Base and rod pin (3,) [m] as seen from their joint, each in the axes of its link."""
-    arm, found = linkage.arm, {}
+    arm, levers = linkage.arm, {}
     for pin in ("base", "rod_end"):
         place = getattr(linkage, pin)
         lever = (
             arm.point(poses[:1], place.link, np.array(place.at))[0]
             - poses.translation[0, linkage.joints[0]]
         )
-        found[pin] = arm.link_rotation(poses[:1], place.link)[0].T @ lever
-    return found
+        levers[pin] = arm.link_rotation(poses[:1], place.link)[0].T @ lever
+    return levers
 
 
 def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
@@ -409,7 +409,7 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
 
 
 def _turn(linkage: Linkage, poses: RigidPoses) -> Array | None:
-    """How the rod end's link stands in the base's (n, 2, 2), in x and z.
+    """Rotation of the rod end's link in the base's (n, 2, 2), in x and z.
 
     None if not in one plane.
     """

@@ -80,7 +80,7 @@ class Interval:
         return Interval(self.low.sum(axis=axis), self.high.sum(axis=axis))
 
     def within(self, other: Interval) -> Interval:
-        """What both intervals hold: for two enclosures of one number."""
+        """Numbers in both intervals: for two enclosures of one number."""
         return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
     def above(self, least: Array | float) -> Interval:

@@ -36,7 +36,6 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.branch_and_bound import Maximum, maximum
 from armdesign.design.bound.columns import (
     Columns,
     SoleDrive,
@@ -45,13 +44,13 @@ from armdesign.design.bound.columns import (
     joined,
 )
 from armdesign.design.bound.cylinder_shape import coordinates
-from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Stiffening
+from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Maximum, Stiffening, maximum
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import Step, positive_part, programme
+from armdesign.design.search.semidefinite import ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
@@ -95,7 +94,7 @@ class LagrangianDual:
     problem: Problem
     drives: tuple[SoleDrive, ...]
     bars: Sequence[BarEnclosure]  # own masses that depend on x
-    loads: Rows  # all rows, own masses those of one design
+    loads: Rows  # all rows, with the own masses of one design
     # λ0: that design's lowest ω² where own masses depend on x, else 0, over the reference
     near: float
     watched: Array  # rows that may enter
@@ -183,7 +182,7 @@ class LagrangianDual:
             mixture=step.change[: len(self.columns)],
         )
 
-    def _step(self, inverse: Array, base: Array) -> Step:
+    def _step(self, inverse: Array, base: Array) -> ProgrammeStep:
         """The mixture of columns within the oil that has the greatest lowest ω².
 
         Shares ≥ 0 sum to one for each drive.
@@ -219,7 +218,7 @@ class LagrangianDual:
         )
 
     def _matrices(self, inverse: Array, rows: Array) -> Array:
-        """What each column adds to L⁻¹ K L⁻ᵀ at rows (c, n, nd, nd)."""
+        """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, nd, nd)."""
         across = inverse[:, :, self.columns.drive]
         return np.einsum("cn,nic,njc->cnij", self._diagonals(self.columns, rows), across, across)
 
@@ -248,7 +247,7 @@ class LagrangianDual:
         return entries / self.reference
 
     def _air(self, drive: SoleDrive, gravity: Interval) -> Air | None:
-        """What air makes of a drive's oil under torques (n,) [N m]; None without air."""
+        """Softening of a drive's oil by air under torques (n,) [N m]; None without air."""
         fluid, sign = self.problem.machine.fluid, drive.shape.sign
         if fluid.air == 0:
             return None
@@ -297,7 +296,7 @@ class LagrangianDual:
         return float(lowest.min())
 
     def _take(self, multipliers: Multipliers, new: Columns) -> None:
-        """Add columns; where there are too many, those of least share go."""
+        """Add columns; where there are too many, the ones of least share go."""
         kept = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - len(new)]
         self.columns = joined(self.columns[kept], new)
 
@@ -356,7 +355,7 @@ class LagrangianDual:
         return total
 
     def _mass_terms(self, multipliers: Multipliers) -> list[tuple[int, tuple[float, ...]]]:
-        """What own masses add to the upper bound at most [1/m²]."""
+        """Most that own masses add to the upper bound [1/m²]."""
         nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
         weights = np.zeros((len(multipliers.rows), nq, nq))
         weights[:, joints[:, None], joints] = multipliers.weight

@@ -173,7 +173,7 @@ class BarEnclosure:
 
         Unknown on the joint of a linkage that moves.
         """
-        motions, found = _pin_motions(self.problem, self.cylinder, rigid), []
+        motions, totals = _pin_motions(self.problem, self.cylinder, rigid), []
         for cell in self.cells:
             total = interval(0.0)
             for (pin, way), length, per_area, section in zip(
@@ -181,9 +181,9 @@ class BarEnclosure:
             ):
                 middle = (pin.first + way.first * 0.5)[..., 2]
                 total = total + middle * (length * section * (per_area * GRAVITY))
-            found.append(total)
+            totals.append(total)
         return Interval(
-            np.min([f.low for f in found], axis=0), np.max([f.high for f in found], axis=0)
+            np.min([f.low for f in totals], axis=0), np.max([f.high for f in totals], axis=0)
         )
 
     def most_added(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
@@ -194,11 +194,11 @@ class BarEnclosure:
         Weights are zero for the joint of a linkage that moves.
         """
         motions = _pin_motions(self.problem, self.cylinder, rigid)
-        found = [
+        most = [
             self._most_added(motions.bars(cell), cell.lengths, weights, squared)
             for cell in self.cells
         ]
-        return tuple(np.max(found, axis=0).tolist())
+        return tuple(np.max(most, axis=0).tolist())
 
     def _most_added(
         self,
@@ -207,15 +207,15 @@ class BarEnclosure:
         weights: Array,
         squared: float,
     ) -> list[float]:
-        found = []
+        largest = []
         for (pin, way), length, per_area in zip(bars, lengths, self.per_area, strict=True):
             total = (pin.second + way.second * 0.5)[..., 2] * (weights * GRAVITY)
             for along, share in POINTS:
                 total = total - _products(pin.first + way.first * along) * (
                     weights * (share * squared)
                 )
-            found.append(float((length * interval(total.high.sum()) * per_area).high))
-        return found
+            largest.append(float((length * interval(total.high.sum()) * per_area).high))
+        return largest
 
     def with_any_areas(self, added: Sequence[float]) -> float:
         """The most that bars add with any areas."""
@@ -232,7 +232,7 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
 
     None where a linkage moves that has no legs, or the first of them not on the base pin's link.
     """
-    masses, found = problem.vector.moving_masses, []
+    masses, enclosures = problem.vector.moving_masses, []
     for i, names in masses.bars.items() if masses else ():
         today, linkage = problem.machine.cylinders[i], problem.machine.linkages[i]
         sections = {
@@ -250,7 +250,7 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
             * (1 + CONSTRAINT_TOLERANCE)
             * problem.vector.areas_today[i, 0]
         )
-        found.append(
+        enclosures.append(
             BarEnclosure(
                 problem=problem,
                 cylinder=i,
@@ -259,7 +259,7 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
                 cells=tuple(_cells(problem, i)),
             )
         )
-    return found
+    return enclosures
 
 
 def _hub(linkage: Linkage) -> Pin:
@@ -281,14 +281,14 @@ def _cells(problem: Problem, i: int) -> list[PinCell]:
         np.linspace(low[v], high[v], n + 1) * problem.vector.pin_box
         for v, n in zip(moves, cut, strict=True)
     ]
-    found = []
+    cells = []
     for chosen in itertools.product(*(range(n) for n in cut)):
         pins: dict[str, Interval] = {}
         for (place, axis), edge, k in zip(moves.values(), edges, chosen, strict=True):
             at = pins.setdefault(place, Interval(*(np.zeros(3) for _ in range(2))))
             at.low[axis], at.high[axis] = edge[k], edge[k + 1]
         if problem.vector.moved_within(i):
-            found.append(_around(linkage, pins))
+            cells.append(_around(linkage, pins))
             continue
         closed = interval(today.closed_length)
         if moves:
@@ -296,8 +296,8 @@ def _cells(problem: Problem, i: int) -> list[PinCell]:
             end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
             rigid = sweep(linkage.arm, joint, np.array([end]))
             closed = _pin_motions(problem, i, rigid).span(pins).length[0]
-        found.append(PinCell(pins, closed))
-    return found
+        cells.append(PinCell(pins, closed))
+    return cells
 
 
 def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:

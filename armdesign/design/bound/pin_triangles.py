@@ -1,4 +1,4 @@
-"""Which triangles of joint, base pin and rod pin are possible while each pin stays in its box."""
+"""Triangles of joint, base pin and rod pin that are possible with each pin in its box."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TOUCH = 1e-9  # [m] by which pins may leave their boxes here: rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PinBoxes:
+class TriangleBoxes:
     """Corners (2, 2: ends, x and z) [m] of both pins' boxes, seen from the joint.
 
     The triangle is drawn with the rod pin at (scale, 0) and the base pin at scale·b: its direction
@@ -97,8 +97,8 @@ def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Arra
                 points.append(np.stack([across, rest] if axis == 0 else [rest, across], axis=2))
                 inside = (rest >= low[1 - axis] - TOUCH) & (rest <= high[1 - axis] + TOUCH)
                 allowed.append(inside & (distance[:, None] >= abs(edge) - TOUCH))
-    found, allowed_all = np.concatenate(points, axis=1), np.concatenate(allowed, axis=1)
-    angle = _wrapped(np.arctan2(found[..., 1], found[..., 0]) - centre)
+    corners, allowed_all = np.concatenate(points, axis=1), np.concatenate(allowed, axis=1)
+    angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)
     margin = TOUCH / max(_distances(box)[0], TOUCH)
     least = np.where(allowed_all, angle, np.inf).min(axis=1) - margin
     return centre, least, np.where(allowed_all, angle, -np.inf).max(axis=1) + margin

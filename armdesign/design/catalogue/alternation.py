@@ -10,9 +10,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
-from armdesign.design.catalogue.separable import allowed_sizes
+from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered
-from armdesign.design.catalogue.slack_sums import TOLERANCE
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
@@ -114,7 +113,7 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
 
 
 def _cylinder_by_cylinder(search: Search, sizes: Sizes) -> Search:
-    """Sizes near those of a search, the largest cylinder first, while the rest follows."""
+    """Sizes near a search's, the largest cylinder first, while the rest follows."""
     for i in _largest_first(search):
         search = _best_near_size(search, i, sizes)
     return search
@@ -128,7 +127,7 @@ def _largest_first(search: Search) -> list[int]:
 
 
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
-    """The best of the sizes near that of a cylinder, each tried while the rest follows."""
+    """The best of the sizes near a cylinder's, each tried while the rest follows."""
     tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
     return max(tried, key=_rank)
 

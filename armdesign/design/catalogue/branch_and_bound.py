@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.scaled_poses import ScaledPoses, scaled_poses
 from armdesign.design.catalogue.separable import AllowedSizes
-from armdesign.design.catalogue.separable_bound import separable_bound
+from armdesign.design.catalogue.separable_bound import ScaledPoses, scaled_poses, separable_bound
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.search.semidefinite import contradicted
 from armdesign.frequency.bands import Bands
@@ -61,9 +60,10 @@ def select(allowed: AllowedSizes, bands: Bands | None = None) -> SizeSelection:
     """
     bands = bands or Bands()
     placed = allowed.judge.placed
-    soft = bands.with_oil(placed, softest=True)
+    soft = bands.at_end(placed, softest=True, today=allowed.judge.today)
     cylinders = tuple(
-        tuple(bands.with_largest_volumes(c) for c in sizes) for sizes in allowed.cylinders
+        tuple(replace(at_end, bore=c.bore, rod=c.rod) for c in sizes)
+        for at_end, sizes in zip(soft.cylinders, allowed.cylinders, strict=True)
     )
     poses, reference = scaled_poses(soft, allowed.judge.workspace, bands.mass_shares(placed))
     tree = BranchAndBound(replace(allowed, cylinders=cylinders), poses, soft)

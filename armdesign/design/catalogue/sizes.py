@@ -1,4 +1,4 @@
-"""Which bores and rods can be bought: ISO 3320, a maker's 5 mm grid, or the user's own list."""
+"""Bores and rods that can be bought: ISO 3320, a maker's 5 mm grid, or the user's own list."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
     if not (bore_varies or rod_varies):
         return (own,)
     stays = [k for k, varies in enumerate((bore_varies, rod_varies)) if not varies]
-    found = tuple(size for size in sizes if all(abs(size[k] - own[k]) < SAME for k in stays))
-    if not found:
+    usable = tuple(size for size in sizes if all(abs(size[k] - own[k]) < SAME for k in stays))
+    if not usable:
         key = ("bore", "rod")[stays[0]]
         raise ArmDesignError(
             "catalogue",
@@ -119,7 +119,7 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
             f" {size_in_mm(own[stays[0]]):g} mm",
             f"offer one, or let cylinder.{cylinder.name}.{key}_mm vary too",
         )
-    return found
+    return usable
 
 
 def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:
@@ -140,7 +140,7 @@ def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = Fals
 
 
 def relative_areas(cylinder: Cylinder, bore: float, rod: float) -> tuple[float, float]:
-    """Bore and annulus area of another bore and rod [m], over those of the cylinder."""
+    """Bore and annulus area of another bore and rod [m], over the cylinder's."""
     new = sized(cylinder, bore, rod)
     return new.bore_area / cylinder.bore_area, new.annulus_area / cylinder.annulus_area
 

@@ -83,7 +83,7 @@ class DesignVector:
 
     @cached_property
     def pin_box(self) -> float:
-        """How far any pin coordinate may move [m]: the unit of their entries of x."""
+        """Half side of the pin boxes [m]: the unit of pin coordinates in x."""
         return max(box[pin] for box in self.boxes for pin in ("base", "rod_end"))
 
     @cached_property
@@ -93,7 +93,7 @@ class DesignVector:
 
     @cached_property
     def is_coordinate(self) -> Flags:
-        """Which entries of x are coordinates of pins and bars (nx,)."""
+        """Flags of the entries of x that are coordinates of pins and bars (nx,)."""
         return np.array([v.pin is not None for v in self.variables])
 
     @cached_property
@@ -145,7 +145,7 @@ class DesignVector:
 
     @cached_property
     def rod_stays(self) -> Flags:
-        """Which areas are the bore's less today's rod (nc, 2): annuli where only bores vary."""
+        """Flags of areas that are the bore's less today's rod (nc, 2): annuli whose bores vary."""
         return np.array([[False, bore and not rod] for bore, rod in self.resized])
 
     # ------------------------------------------------------------------------------------ linkages

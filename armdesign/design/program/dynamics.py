@@ -15,7 +15,6 @@ import numpy as np
 
 from armdesign.arrays import Array, remembered
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.fixed_pins import FixedPins, lowest
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
 from armdesign.frequency.bands import Bands
@@ -27,11 +26,37 @@ from armdesign.machine.poses import static_forces
 
 
 @dataclass(frozen=True, eq=False)
+class FixedPins:
+    """All rows of a problem in which only areas vary and static forces do not depend on them.
+
+    Lengths and static forces (n, nc); and with M = L Lᵀ the moment arms L⁻¹r (n, nc, nq) and
+    L⁻¹K L⁻ᵀ without oil (n, nq, nq).
+    """
+
+    length: Array
+    forces: Array
+    scaled_arm: Array
+    scaled_rest: Array
+
+    def omega_squared(self, rows: Array | slice, oil: Array) -> Array:
+        """Lowest ω² (n,) [rad²/s²] of rows with the stiffness (n, nc) [N/m] of their oil."""
+        arm = self.scaled_arm[rows]
+        oil_stiffness = np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None])
+        return lowest(self.scaled_rest[rows] + oil_stiffness)
+
+
+def lowest(scaled: Array) -> Array:
+    """Lowest eigenvalues (n,) of L⁻¹K L⁻ᵀ, 0 where a matrix is not finite; overwrites those."""
+    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
+    return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
 class Rows:
     """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q.
 
-    With the load, without masses that depend on x. Where masses have bands, a load case at other
-    masses is another one: ``payload`` counts on.
+    With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
+    Where masses have bands, a load case at other masses is another one: ``payload`` counts on.
     """
 
     pose: Array
@@ -80,11 +105,18 @@ class Dynamics:
             for payload_share, link_share in masses
             for case in load_cases(self.vector.bare, self.workspace, payload_share, link_share)
         ]
-        parts = [
-            (case.indices, np.full(case.exists.sum(), k), *case.machine.loaded(case.rigid))
-            for k, case in enumerate(cases)
-        ]
+        parts = []
+        for k, case in enumerate(cases):
+            mass, gravity, slope = case.machine.loaded(case.rigid)
+            slope = slope + np.diag(self._springs)
+            parts.append((case.indices, np.full(case.exists.sum(), k), mass, gravity, slope))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    @property
+    def _springs(self) -> Array:
+        """κ of every coordinate (k,): zero for joints."""
+        machine = self.vector.machine
+        return np.concatenate([np.zeros(len(machine.joints)), machine.spring_stiffness])
 
     def row_coordinates(self, rows: Array) -> Array:
         """Load case and joint positions, each over its range, of rows: to tell rows apart."""
@@ -147,7 +179,11 @@ class Dynamics:
         """Static forces (n, nc) [N] of ``nominal_rows`` at x."""
         arm = self._geometry(x, self.nominal_rows.pose).arm
         gravity = self.inertia_and_gravity(x, self.nominal_rows, slice(None))[1]
-        return static_forces(arm, gravity, self.vector.areas(x)[:, 0])
+        return self.static_forces(arm, gravity, self.vector.areas(x))
+
+    def static_forces(self, arm: Array, gravity: Array, areas: Array) -> Array:
+        """Forces (…, nc) [N] that hold gravity (…, k) at areas (…, nc, 2)."""
+        return static_forces(arm, gravity, areas[..., 0], len(self.vector.machine.joints))
 
     # --------------------------------------------------------------------------------- frequencies
 
@@ -207,14 +243,14 @@ class Dynamics:
 
     @cached_property
     def _fixed_pins(self) -> FixedPins | None:
-        """What areas leave alone; None where pins vary or static forces or masses depend on x."""
+        """Terms that areas leave alone; None where pins vary or forces or masses depend on x."""
         machine, g, pose = self.vector.machine, self._fixed_geometry, self.rows.pose
         redundant = len(machine.actuators) != len(machine.joints)
         if g is None or self.vector.moving_masses is not None or redundant:
             return None
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
-        forces = static_forces(arm, self.rows.gravity, self.vector.areas_today[:, 0])
+        forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
         return FixedPins(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
@@ -242,7 +278,7 @@ class Dynamics:
         g = at.geometry(self.workspace.rigid[self.rows.pose[rows]])
         mass, gravity, slope = self.stepped_inertia_and_gravity(x, self.rows, rows)
         pull = slope - 1j * squared * mass.imag
-        forces = static_forces(g.arm, gravity, at.areas[:, None, :, 0])
+        forces = self.static_forces(g.arm, gravity, at.areas[:, None])
         lengths = at.closed[:, None], at.stroke[:, None]
         stiffness = self.actuator_stiffness(g, *lengths, at.areas[:, None], forces) + pull
         lower = self.inverse_cholesky_of(mass[0].real, rows)
@@ -294,7 +330,7 @@ class Dynamics:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
         g, areas = self._geometry(x, self.rows.pose[rows]), self.vector.areas(x)
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
-        forces = static_forces(g.arm, gravity, areas[:, 0])
+        forces = self.static_forces(g.arm, gravity, areas)
         stiffness = self.actuator_stiffness(g, *self.vector.strokes(x), areas, forces)
         return stiffness + slope, mass, forces
 
@@ -311,8 +347,8 @@ class Dynamics:
 
     @cached_property
     def softest(self) -> Machine:
-        """Today's machine with the softest oil of the bands."""
-        return self.bands.with_oil(self.vector.machine, softest=True)
+        """Today's machine with the softest oil and structure of the bands."""
+        return self.bands.at_end(self.vector.machine, softest=True)
 
     def _oil(
         self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array

@@ -44,13 +44,13 @@ def masses(
     return {name: mass * shares[name] for name, mass in cylinder.moving_masses.items()}
 
 
-def with_masses(cylinder: Cylinder, found: Mapping[str, Any]) -> Cylinder:
+def with_masses(cylinder: Cylinder, masses: Mapping[str, Any]) -> Cylinder:
     """A cylinder with bars of other masses [kg], all parallel cylinders together."""
-    bars = tuple((bar, float(found.get(bar, mass))) for bar, mass in cylinder.linkage_masses)
+    bars = tuple((bar, float(masses.get(bar, mass))) for bar, mass in cylinder.linkage_masses)
     own: dict[str, Any] = {
-        f"{name}_mass": float(found[name]) / cylinder.count
+        f"{name}_mass": float(masses[name]) / cylinder.count
         for name in ("barrel", "rod")
-        if name in found
+        if name in masses
     }
     return replace(cylinder, linkage_masses=bars, **own)
 
@@ -82,7 +82,7 @@ class MovingMasses:
         return replace(self.machine, cylinders=tuple(cylinders))
 
     def rows(self, i: int) -> slice:
-        """Where the bars of cylinder ``i`` stand among all of them."""
+        """Places of the bars of cylinder ``i`` among all of them."""
         first = sum(len(names) for k, names in self.bars.items() if k < i)
         return slice(first, first + len(self.bars[i]))
 
@@ -95,10 +95,10 @@ class MovingMasses:
 
     def masses_of(self, i: int, areas: Array, closed: Any, linkage: Linkage) -> Array:
         """Mass of each bar of one cylinder (…, k) [kg]."""
-        found = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
+        each = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
         like = areas[..., 0]  # whose shape and type rocker and coupler alone would not have
         return np.stack(
-            np.broadcast_arrays(like, *(found[name] for name in self.bars[i])), axis=-1
+            np.broadcast_arrays(like, *(each[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
 
     def units(
@@ -120,6 +120,6 @@ class MovingMasses:
 
 
 def summed(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
-    """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k) from those of a kilogram of each."""
+    """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k), from terms of a kilogram of each."""
     mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
     return mass, gravity, slope

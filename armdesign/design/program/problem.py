@@ -79,7 +79,7 @@ class Problem:
 
     @property
     def vector(self) -> DesignVector:
-        """What the entries of x mean."""
+        """Meaning of the entries of x."""
         return self.dynamics.vector
 
     @property
@@ -151,7 +151,7 @@ class Problem:
 
     @property
     def softest(self) -> Problem:
-        """The problem with the softest oil of the bands: only bands of masses are left."""
+        """The problem with the softest oil and structure: only bands of masses are left."""
         bands, machine = self.dynamics.bands, self.dynamics.softest
         masses = Bands(payload=bands.payload, link_mass=bands.link_mass)
         vector = replace(self.vector, machine=machine)

@@ -83,7 +83,7 @@ def chosen(machine: Machine, vary: Sequence[str]) -> set[str]:
         remedy = "make a joint that a cylinder moves a coordinate"
         raise ArmDesignError("vary", "no cylinder of the machine moves: nothing can vary", remedy)
     known = _known(machine)
-    found: set[str] = set()
+    places: set[str] = set()
     for word in vary:
         names = (
             [f"cylinder.{c.name}.{key}" for c in machine.cylinders for key in WORDS[word]]
@@ -93,8 +93,8 @@ def chosen(machine: Machine, vary: Sequence[str]) -> set[str]:
         if not names and word not in known:
             raise _unknown(machine, word, list(known))
         for name in names or [word]:
-            found |= known.get(name, set())
-    return found
+            places |= known.get(name, set())
+    return places
 
 
 def _known(machine: Machine) -> dict[str, set[str]]:
@@ -121,23 +121,23 @@ def _coordinates(machine: Machine, i: int) -> dict[str, tuple[str, int]]:
     linkage, name = machine.linkages[i], machine.cylinders[i].name
     if len(linkage.joints) != 1:
         return {}
-    found: dict[str, tuple[str, int]] = {}
+    coordinates: dict[str, tuple[str, int]] = {}
     for place in linkage.places:
         path = f"cylinder.{name}.{linkage.key_of(place)}"
         if place in linkage.bar_names:
-            found[path] = (place, 0)
+            coordinates[path] = (place, 0)
         else:
-            found |= {f"{path}.{axis}": (place, axis) for axis in range(3)}
-    return found
+            coordinates |= {f"{path}.{axis}": (place, axis) for axis in range(3)}
+    return coordinates
 
 
 def _unknown(machine: Machine, word: str, known: list[str]) -> ArmDesignError:
-    """What to say of a word or path that nothing varies by."""
+    """The error for a word or path that nothing varies by."""
     for name, frozen in machine.idle.items():
         if f"{word}.".startswith(f"cylinder.{name}."):
-            problem = f"the {name} cylinder stands still: joint {', '.join(frozen)} is frozen"
+            fault = f"the {name} cylinder stands still: joint {', '.join(frozen)} is frozen"
             return ArmDesignError(
-                f"vary {word}", problem, "vary another one, or make the joint a coordinate"
+                f"vary {word}", fault, "vary another one, or make the joint a coordinate"
             )
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         places = [f"cylinder.{cylinder.name}.{linkage.key_of(place)}" for place in linkage.places]

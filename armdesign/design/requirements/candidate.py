@@ -32,7 +32,7 @@ class Candidate(Protocol):
 
     @property
     def machine(self) -> Machine:
-        """What the design leaves as it is: counts, walls, supply."""
+        """The machine from which the design takes counts, walls and supply."""
 
     @property
     def areas(self) -> Array:
@@ -135,7 +135,7 @@ class MachineCandidate:
         ]
 
     def _range(self, linkage: Linkage) -> tuple[Arm, tuple[float, ...], int]:
-        """What a sweep over today's range of a linkage's joint depends on, for remembering it."""
+        """All that a sweep over today's range of a linkage's joint depends on: its key."""
         today = self.reference.today
         ends = tuple(today.ranges[linkage.joints[0]].tolist())
         return today.arm, ends, self.reference.samples
@@ -207,7 +207,7 @@ def _transmission(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: 
 
 
 def peak(values: Array, curve: Array) -> tuple[Array, Array]:
-    """Where |curve| (b, k) is largest over even values (k,), and how large: by a parabola."""
+    """Place and size of the largest |curve| (b, k) over even values (k,), by a parabola."""
     k = int(np.abs(curve[0].real).argmax())
     middle = np.sign(curve[0, k].real) * curve[:, k]
     if k in (0, len(values) - 1):

@@ -13,10 +13,10 @@ from armdesign.design.requirements.candidate import (
     SizeCandidates,
     reference_of,
 )
-from armdesign.design.requirements.cylinder_mass import estimated_masses
-from armdesign.design.requirements.digging_force import digging_forces as forces_at_tool
+from armdesign.design.requirements.leverage import digging_forces as forces_at_tool
 from armdesign.design.requirements.record import Check, Evaluation
 from armdesign.design.requirements.settings import Requirements, evaluations
+from armdesign.design.requirements.strength import estimated_masses
 from armdesign.design.requirements.strokes_and_boxes import strokes_and_boxes
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace

@@ -1,9 +1,9 @@
-"""What a requirement is: one record, evaluated on designs, judged on a machine, or conceded.
+"""A requirement: one record, evaluated on designs, judged on a machine, or conceded.
 
 To add one, say a largest rod speed (two files, about fifteen lines):
 
-1. ``machine/file/requirements_schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
-2. The file of its family here (``speeds.py``): a field with its meaning,
+1. ``machine/file/schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
+2. The file of its family here (``oil.py``): a field with its meaning,
    ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
 3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a
    ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit bends.
@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.units import Units
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +91,7 @@ class Evaluation(Requirement):
 
     @cached_property
     def limit_sensitivity(self) -> Array:
-        """What the constraint gains per 100 % of the limit (b, k)."""
+        """Gain of the constraint per 100 % of the limit (b, k)."""
         own = abs(self.limit) / self._scale if self.reformulated is None else self.reformulated[1]
         return np.broadcast_to(own, self.constraint.shape)
 
@@ -127,23 +126,6 @@ class Check(Requirement):
         worst = int(slack.argmin())
         value = float(evaluation.value[0, worst].real)
         return cls(**evaluation.identity, value=value, slack=float(slack[worst]))
-
-    def sentence(self, gain: float, at_margin: float, units: Units) -> str:
-        """Statement that it binds, with the relative frequency ``gain`` of a 1 % relaxation.
-
-        And the gain ``at_margin`` per 1 %, for a small relaxation, where it is clearly larger.
-        """
-        bound = "at least" if self.at_least else "at most"
-        limit, value = units.short(self.limit, self.unit), units.short(self.value, self.unit)
-        soon = (
-            f" ({100 * at_margin:.2g} % at the margin: then another limit binds)"
-            if at_margin > 1.2 * gain
-            else ""
-        )
-        return (
-            f"{self.words} ({self.name}) binds: it is {value}, {bound} {limit} is allowed; "
-            f"relaxed by 1 % the frequency rises by {100 * gain:.2g} %{soon}"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,17 +13,25 @@ from typing import Any
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
-from armdesign.design.requirements.cylinder_mass import CylinderMass, cylinder_mass
-from armdesign.design.requirements.digging_force import DiggingForce, digging_force
-from armdesign.design.requirements.holding import Holding, holding
-from armdesign.design.requirements.leverage import MomentArms, leverage, transmissions
-from armdesign.design.requirements.lifts import Lifts, lifts
-from armdesign.design.requirements.oil import Oil, oil
-from armdesign.design.requirements.places import Places, clearances, outlines
+from armdesign.design.requirements.holding import Holding, Lifts, holding, lifts
+from armdesign.design.requirements.leverage import (
+    DiggingForce,
+    MomentArms,
+    digging_force,
+    leverage,
+    transmissions,
+)
+from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
+from armdesign.design.requirements.places import PinPlaces, clearances, outlines
 from armdesign.design.requirements.record import Concession, Evaluation
-from armdesign.design.requirements.speeds import Speeds, speeds
 from armdesign.design.requirements.stated import Frozen, Stated, check_numbers
-from armdesign.design.requirements.strength import Buckling, Thrust, strength
+from armdesign.design.requirements.strength import (
+    Buckling,
+    CylinderMass,
+    Thrust,
+    cylinder_mass,
+    strength,
+)
 from armdesign.design.requirements.strokes_and_boxes import PinBoxes
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
@@ -31,7 +39,7 @@ from armdesign.machine.machine import Machine
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements(
-    Places,
+    PinPlaces,
     Lifts,
     Speeds,
     CylinderMass,
@@ -46,7 +54,7 @@ class Requirements(
 ):
     """Limits of a new design: shares of what today's machine has, or absolute.
 
-    The attributes are those of its bases, a family of requirements each.
+    Each base is a family of requirements and has its attributes.
     """
 
     def __post_init__(self) -> None:
@@ -68,17 +76,17 @@ class Requirements(
 
     @classmethod
     def _stated(cls) -> dict[str, Stated]:
-        """How the file states each field."""
+        """Statement of each field in the file."""
         return {field.name: field.metadata["stated"] for field in fields(cls)}
 
     def _field(self, path: str) -> tuple[str, Stated, str]:
         """The field whose key a path begins with, how it is stated, and the rest of the path."""
-        found = [
+        matches = [
             (name, how, rest)
             for name, how in self._stated().items()
             if (rest := how.rest(path)) is not None
         ]
-        return max(found, key=lambda each: len(each[1].key))
+        return max(matches, key=lambda each: len(each[1].key))
 
     def setting(self, path: str) -> float:
         """A number by its key under ``[requirements]`` of a machine file, in that key's unit.
@@ -115,8 +123,8 @@ class Requirements(
             for path, kind, names, known in how.names(getattr(self, field_name), machine):
                 for name in names:
                     if name not in known:
-                        problem, remedy = f'no {kind} "{name}"', choose(name, known)
-                        raise ArmDesignError(f"requirements.{path}", problem, remedy)
+                        fault, remedy = f'no {kind} "{name}"', choose(name, known)
+                        raise ArmDesignError(f"requirements.{path}", fault, remedy)
 
 
 def evaluations(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:

@@ -1,4 +1,4 @@
-"""How a machine file states requirements: each field knows its key under ``[requirements]``.
+"""Statements of requirements in a machine file: each field knows its key there.
 
 By it a field is read from the file, asked for and changed in the key's own unit, and checked.
 """
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.machine.file.requirements_schema import RequirementsSection
+from armdesign.machine.file.schema import RequirementsSection
 from armdesign.machine.machine import Machine
 from armdesign.units import deg, mm
 
@@ -45,7 +45,7 @@ class Frozen:
 
 @dataclass(frozen=True, kw_only=True)
 class Stated:
-    """How the file states one field.
+    """Statement of one field in the file.
 
     Attributes:
         key: under ``[requirements]``.
@@ -65,12 +65,12 @@ class Stated:
     check: Callable[[Any], None] = lambda value: None
 
     def rest(self, path: str) -> str | None:
-        """What follows the key in a key path; None where the path is not below the key."""
+        """Rest of a key path after the key; None where the path is not below the key."""
         return path.removeprefix(self.key)[1:] if f"{path}.".startswith(f"{self.key}.") else None
 
 
 def stated(how: Stated, default: Any = MISSING) -> Any:
-    """A field of the requirements with how the file states it; default: that of the schema."""
+    """A field of the requirements with its statement in the file; the default is the schema's."""
     default = RequirementsSection.model_fields[how.key].default if default is MISSING else default
     if isinstance(default, Mapping):
         return field(default_factory=FrozenMapping, metadata={"stated": how})
@@ -132,8 +132,8 @@ def entries(
 
     def every(machine: Machine) -> tuple[Any, ...]:
         sections = getattr(machine.section.requirements, table)
-        found = (read(machine, name, section) for name, section in sections.items())
-        return tuple(entry for entry in found if entry is not None)
+        every_entry = (read(machine, name, section) for name, section in sections.items())
+        return tuple(entry for entry in every_entry if entry is not None)
 
     def is_of(entry: Any, rest: str) -> bool:
         return bool(getattr(entry, label) == rest.removesuffix(f".{key}"))

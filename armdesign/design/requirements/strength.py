@@ -1,4 +1,4 @@
-"""Strength and build of a cylinder: thrust, dead length, buckling of its rod."""
+"""Strength and build of a cylinder: thrust, dead length, buckling of its rod, mass."""
 
 from __future__ import annotations
 
@@ -13,8 +13,14 @@ from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Stated, check_word, number, stated
-from armdesign.hydraulics.barrel import barrel_outer
-from armdesign.hydraulics.buckling import STEEL_MODULUS, euler_load, second_moment, stepped_load
+from armdesign.hydraulics.cylinder_build import (
+    STEEL_MODULUS,
+    barrel_outer,
+    estimated_mass,
+    euler_load,
+    second_moment,
+    stepped_load,
+)
 
 ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
 
@@ -57,7 +63,7 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
     The bound states them again for one cylinder alone: ``bound/cylinder_constraints.py``;
     ``test_branching_against_dense_sampling`` ties them. Buckling has a convex relaxation in
-    ``program/convex_relaxation.py``, tied by
+    ``program/constraints.py``, tied by
     ``test_relaxed_constraints_hold_wherever_the_true_ones_do``.
     """
     requirements, pressure = reference.requirements, new.machine.supply.pressure
@@ -150,3 +156,36 @@ def _buckling_safety(new: Candidate, i: int, pressure: float, column: str) -> Ar
 def rod_area_factor(cylinder_count: int, pressure: float, safety: float) -> float:
     """The c in rod area ≥ L √(c A1) for a safety π E (A1 − A2)²/(4 n L² p A1) of n cylinders."""
     return safety * 4 * cylinder_count * pressure / (math.pi * STEEL_MODULUS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CylinderMass:
+    """Settings: mass.
+
+    Attributes:
+        cylinder_mass: estimated mass of all cylinders together [kg], at most; None: no such limit.
+    """
+
+    cylinder_mass: float | None = number("cylinder_mass_kg")
+
+
+def cylinder_mass(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
+    """Estimated mass of all cylinders, where it is limited."""
+    if reference.requirements.cylinder_mass is not None:
+        yield Evaluation(
+            name="cylinder_mass",
+            words="estimated mass of all cylinders",
+            unit="kg",
+            value=estimated_masses(new),
+            limit=reference.requirements.cylinder_mass,
+            setting="cylinder_mass_kg",
+        )
+
+
+def estimated_masses(new: Candidate) -> Array:
+    """Estimated mass of all cylinders together (b,) [kg]."""
+    total = np.zeros(len(new.areas))
+    for i, cylinder in enumerate(new.machine.cylinders):
+        mass = estimated_mass(*diameters(new, i), new.stroke[:, i], new.machine.supply.pressure)
+        total = total + cylinder.count * mass
+    return total

@@ -45,7 +45,7 @@ class PinBoxes:
     )
 
     def box(self, machine: Machine, workspace: Any) -> float:
-        """How far pin coordinates may move where no box of their own is given [m]."""
+        """Half side of a pin's box where no box of its own is given [m]."""
         if self.pin_box is not None:
             return self.pin_box
         tool = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
@@ -58,7 +58,7 @@ class PinBoxes:
         return replace(self, pin_box=self.box(machine, workspace))
 
     def box_of(self, cylinder: str, pin: str, common: float) -> float:
-        """How far the coordinates of one pin may move [m]; ``common`` where it has no own box."""
+        """Half side of one pin's box [m]; ``common`` where it has no own."""
         return self.pin_boxes.get(cylinder, {}).get(pin, common)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import Step
+from armdesign.design.search.semidefinite import ProgrammeStep
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.trust_region import box_around
 from armdesign.errors import InfeasibleError
@@ -91,8 +91,8 @@ def marginal_prices(search: Search) -> dict[str, float]:
     return gains
 
 
-def _at_end(step: Step, box: tuple[Array, Array]) -> Array:
-    """Multipliers of the ends of x, without those of the trust region."""
+def _at_end(step: ProgrammeStep, box: tuple[Array, Array]) -> Array:
+    """Multipliers of the ends of x; the trust region's are left out."""
     upper = np.where(box[1] < TRUST, step.high_multipliers, 0)
     return np.asarray(upper + np.where(box[0] > -TRUST, step.low_multipliers, 0))
 

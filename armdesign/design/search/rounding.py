@@ -20,8 +20,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.drawing_grid import diameters, neighbours
-from armdesign.design.search.file_changes import changes_of, pin_changes
+from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands, worst_within
@@ -128,7 +127,7 @@ def worst_on_poses(machine: Machine, problem: Problem) -> float:
     """Lowest coupled frequency over poses, load cases and the problem's bands [Hz]."""
     workspace = problem.workspace
     if problem.dynamics.bands != Bands():
-        return worst_within(machine, workspace, problem.dynamics.bands).frequency
+        return worst_within(machine, workspace, problem.dynamics.bands, problem.machine).frequency
     return worst_frequency(machine, workspace).frequency
 
 

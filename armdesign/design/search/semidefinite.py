@@ -23,7 +23,7 @@ MISSED_SHARE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ProgrammeStep:
     """Answer of one programme: change of x, λ foreseen, and multipliers."""
 
     change: Array  # (nx,)
@@ -68,7 +68,7 @@ class StepProgramme:
 
     def solve(
         self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
-    ) -> Step:
+    ) -> ProgrammeStep:
         """Solve with matrices ``base`` (n, nq, nq) and ``slopes`` (nx, n, nq, nq).
 
         Raises:
@@ -89,7 +89,7 @@ class StepProgramme:
         self._value.value, self._jacobian.value = value, jacobian
         self._low.value, self._high.value = low, high
         _solve(self._problem)
-        return Step(
+        return ProgrammeStep(
             change=np.clip(np.asarray(self._change.value), low, high),
             value=float(np.sum(self._lambda.value)),
             violation=float(np.sum(self._excess.value)),
@@ -135,14 +135,20 @@ def positive_part(weights: Array) -> Array:
     return np.asarray(vectors @ (np.maximum(size, 0.0)[:, :, None] * np.swapaxes(vectors, 1, 2)))
 
 
-def certificate(step: Step) -> Array:
+def certificate(step: ProgrammeStep) -> Array:
     """Multipliers of the matrix inequalities for weak duality: Z_j ⪰ 0, Σ tr Z_j = 1."""
     weights = positive_part(step.weights)
     return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
 
 
 def dual_bound(
-    step: Step, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
+    step: ProgrammeStep,
+    base: Array,
+    slopes: Array,
+    value: Array,
+    jacobian: Array,
+    low: Array,
+    high: Array,
 ) -> float:
     """An upper bound on λ that holds whatever the solver did.
 

@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import Constraints, constraints_at, holding_rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import Step, padded, programme
+from armdesign.design.search.semidefinite import ProgrammeStep, padded, programme
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend, box_around
 from armdesign.errors import InfeasibleError
 
@@ -57,7 +57,7 @@ class Linearised:
     value: Array
     jacobian: Array
 
-    def solve(self, box: Box) -> Step:
+    def solve(self, box: Box) -> ProgrammeStep:
         """The best step within a box.
 
         Raises:
@@ -279,7 +279,7 @@ class Search:
 
 
 def _missed(at: Constraints) -> Array:
-    """What each requirement is missed by; infinite where that is not known."""
+    """Miss of each requirement; infinite where that is not known."""
     return np.where(np.isnan(at.values), np.inf, np.maximum(-at.values, 0.0))
 
 

@@ -57,7 +57,7 @@ def _lowest(search: Search) -> Array:
 
 
 def _climbed(search: Search, rows: Array) -> Array:
-    """Where SLSQP leads: the highest t below the lowest ω² of some rows, under all limits."""
+    """End of SLSQP: the highest t below the lowest ω² of some rows, under all limits."""
     from scipy.optimize import minimize
 
     programme = _Programme(search, rows)

@@ -34,12 +34,12 @@ class Point(Protocol):
 P = TypeVar("P", bound=Point)
 Box = tuple[Array, Array]  # least and largest change of every entry of x
 # from a point, within a box, with the trials refused there: a trial and its promise; None to end
-Step = Callable[[P, Box, Sequence[P]], tuple[P, float] | None]
+Proposer = Callable[[P, Box, Sequence[P]], tuple[P, float] | None]
 
 
 @dataclass(frozen=True)
 class TrustRegion:
-    """How far steps may go at first, below which radius they end, and how many there may be."""
+    """First radius of steps, the radius below which they end, and their largest number."""
 
     radius: float
     smallest: float
@@ -51,7 +51,7 @@ def box_around(x: Array, bounds: tuple[Array, Array], radius: float) -> Box:
     return np.maximum(bounds[0] - x, -radius), np.minimum(bounds[1] - x, radius)
 
 
-def ascend(point: P, step: Step[P], bounds: tuple[Array, Array], region: TrustRegion) -> P:
+def ascend(point: P, step: Proposer[P], bounds: tuple[Array, Array], region: TrustRegion) -> P:
     """The point that steps lead to, each within the trust region."""
     radius = region.radius
     refused: list[P] = []

@@ -1,26 +1,28 @@
-"""What the schema cannot say of a machine file: keys that must agree with each other."""
+"""Faults that the schema cannot state: keys that do not agree, names that do not exist."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
-from armdesign.errors import MachineFileError
+from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
-from armdesign.machine.file.requirements_schema import LiftSection, RequirementsSection
 from armdesign.machine.file.schema import (
     CylinderSection,
+    LiftSection,
     MachineSection,
     PayloadSection,
+    RequirementsSection,
+    Section,
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.schema_types import Section
+from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
-COLUMNS = {  # of the CSV files, beside those of joints
+COLUMNS = {  # of the CSV files, beside the joints'
     "payload",
     "tool_x_m",
     "tool_y_m",
@@ -31,13 +33,13 @@ COLUMNS = {  # of the CSV files, beside those of joints
     "identified_hz",
     "deviation",
 }
-Fault = tuple[str, str, str]  # key path, problem, remedy
+Fault = tuple[str, str, str]  # key path, words, remedy
 
 
 def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFileError]:
     """Every fault of keys that do not agree with each other."""
-    for path, problem, remedy in _faults(machine):
-        yield MachineFileError(f"{source}: {path}", problem, remedy)
+    for path, fault, remedy in _faults(machine):
+        yield MachineFileError(f"{source}: {path}", fault, remedy)
 
 
 def _faults(machine: MachineSection) -> Iterator[Fault]:
@@ -54,10 +56,11 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
     for kind, actuators in (("cylinder", machine.cylinder), ("motor", machine.motor)):
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
+    yield from _of_springs(machine)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
-            problem = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
-            yield f"bands.{key}", problem, "give [lower, upper]"
+            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
+            yield f"bands.{key}", fault, "give [lower, upper]"
     yield from _of_requirements(machine)
 
 
@@ -75,6 +78,36 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
 
 
+def _of_springs(machine: MachineSection) -> Iterator[Fault]:
+    """A spring has a joint of its own, and numbers of one that turns or of one that slides."""
+    springs = machine.spring
+    for name, spring in springs.items():
+        path, joint = f"spring.{name}", spring.joint
+        turns, slides = spring.stiffness_N_m_per_rad, spring.stiffness_N_per_m
+        if (turns is None) == (slides is None):
+            words = "neither" if turns is None else "both"
+            fault = f"{words} stiffness_N_m_per_rad {'nor' if turns is None else 'and'}"
+            remedy = "give the first for a joint that turns, the second for one that slides"
+            yield path, f"{fault} stiffness_N_per_m given", remedy
+        elif spring.at_mm is not None and slides is None:
+            yield f"{path}.at_mm", "is of a joint that slides", "give at_deg"
+        elif spring.at_deg is not None and turns is None:
+            yield f"{path}.at_deg", "is of a joint that turns", "give at_mm"
+        if name in machine.cylinder or name in machine.motor:
+            yield path, "is the name of an actuator too", "give the spring a name of its own"
+        if joint in machine.joints:
+            fault = f'"{joint}" is one of joints, which poses move'
+            yield f"{path}.joint", fault, "take it out of joints, or choose another joint"
+        if joint in machine.frozen:
+            yield f"{path}.joint", f'"{joint}" is frozen too', "take it out of frozen"
+        for motor, table in machine.motor.items():
+            if joint == (table.joint or motor):
+                remedy = "choose another joint, or give the motor compliance_rad_per_N_m"
+                yield f"{path}.joint", f'"{joint}" is driven by motor.{motor}', remedy
+        if other := next((k for k, s in springs.items() if s.joint == joint and k < name), None):
+            yield f"{path}.joint", f'"{joint}" carries spring.{other} too', "choose another joint"
+
+
 def _of_supply(supply: SupplySection) -> Iterator[Fault]:
     back = supply.return_pressure_bar
     if back >= supply.pressure_bar:
@@ -82,8 +115,8 @@ def _of_supply(supply: SupplySection) -> Iterator[Fault]:
         unit = meant(keys, back, usual(keys))
         if unit and back > 100:
             remedy = f"it looks like {unit.unit}: {unit.remedy}, or {remedy}"
-        problem = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
-        yield "supply.return_pressure_bar", problem, remedy
+        fault = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
+        yield "supply.return_pressure_bar", fault, remedy
 
 
 def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
@@ -93,8 +126,8 @@ def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
     if payload.pitch_deg is not None:
         low, high = payload.pitch_deg
         if not low < high or high - low > 360:
-            problem = f"[{low:g}, {high:g}] deg is empty"
-            yield f"{path}.pitch_deg", problem, "give [lower, upper] within one turn"
+            fault = f"[{low:g}, {high:g}] deg is empty"
+            yield f"{path}.pitch_deg", fault, "give [lower, upper] within one turn"
         if payload.link is None:
             yield f"{path}.link", "missing: pitch_deg needs a link", "add link"
 
@@ -106,8 +139,8 @@ def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
         ("cylinder", path, "bore_mm"), bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x
     )
     if rod >= bore and unit:
-        problem = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
-        yield f"{path}.bore_mm", problem, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
+        fault = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
+        yield f"{path}.bore_mm", fault, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
     elif rod >= bore:
         remedy = f"give a rod in (0, {bore:g}) mm"
         yield f"{path}.rod_mm", f"{rod:g} mm does not fit the bore", remedy
@@ -133,8 +166,8 @@ def _of_hoses(path: str, hose: Section, volumes: Section) -> Iterator[Fault]:
 def _of_friction(path: str, static: float, coulomb: float, unit: str) -> Iterator[Fault]:
     if static and static < coulomb:
         key = f"{path}.friction.static_{unit.replace(' ', '_')}"
-        problem = f"{static:g} {unit} is below the Coulomb friction"
-        yield key, problem, f"give 0 or at least {coulomb:g} {unit}"
+        fault = f"{static:g} {unit} is below the Coulomb friction"
+        yield key, fault, f"give 0 or at least {coulomb:g} {unit}"
 
 
 def _of_preload(path: str, valve: ValveSection | None, supply: SupplySection) -> Iterator[Fault]:
@@ -181,3 +214,47 @@ def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Ite
         yield f"lift.{name}.joint_mm", "joint", lift.joint_mm
     for name, clearance in requirements.clearance.items():
         yield f"clearance.{name}.cylinders", "cylinder", clearance.cylinders
+
+
+def unknown_links(
+    section: MachineSection, links: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every link that the URDF does not have."""
+    return [
+        MachineFileError(f"{source}: {path}", f'no link "{link}" in the URDF', choose(link, links))
+        for path, link in _links(section)
+        if link is not None and link not in links
+    ]
+
+
+def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
+    """Every link that a machine file names, with its key path."""
+    requirements = section.requirements
+    for link in requirements.outline:
+        yield "requirements.outline", link
+    for name, case in section.payload.items():
+        yield f"payload.{name}.link", case.link
+    yield "tool.link", section.tool.link
+    for name, lift in requirements.lift.items():
+        yield f"requirements.lift.{name}.link", lift.link
+    for name, clearance in requirements.clearance.items():
+        yield f"requirements.clearance.{name}.link", clearance.link
+    for name, cylinder in section.cylinder.items():
+        for key, pin in pin_sections(cylinder).items():
+            yield f"cylinder.{name}.{key}.link", pin.link
+
+
+def unknown_joints(
+    section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
+) -> list[MachineFileError]:
+    """A fault for every motor on a joint that the URDF does not have."""
+    named = ((name, motor.joint or name) for name, motor in section.motor.items())
+    return [
+        MachineFileError(
+            f"{source}: motor.{name}.joint",
+            f'no joint "{joint}" in the URDF',
+            choose(joint, movable),
+        )
+        for name, joint in named
+        if joint not in joints
+    ]

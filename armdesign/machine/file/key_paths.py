@@ -1,4 +1,4 @@
-"""What the schema says at a key path of the machine file: type, range, unit."""
+"""Type, range and unit that the schema states at a key path of the machine file."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_types import Name, Section
+from armdesign.machine.file.schema import MachineSection, Name, Section
 
 Location = tuple[Any, ...]  # a key path in its parts: names of keys, indices of lists
 
@@ -25,6 +24,8 @@ UNITS = {  # by the end of the key, longer ends first
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "N_m_per_rad": "N m/rad",
+    "N_per_m": "N/m",
     "ms": "ms",
     "percent": "%",
     "MPa": "MPa",

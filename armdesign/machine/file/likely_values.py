@@ -65,7 +65,7 @@ class Meant:
 
     @property
     def remedy(self) -> str:
-        """What to write."""
+        """The remedy: numbers to write."""
         return f"write {' or '.join(map(rounded, self.values))}"
 
 

@@ -14,10 +14,9 @@ from pydantic import ValidationError
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
-from armdesign.machine.file.key_lines import Places, lines_of
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.schema_faults import explained, first_fault, location_of, mend
-from armdesign.machine.file.toml_reading import read_toml
+from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
 
 MENDING = 8  # passes in which tables that stand in for others are filled
 
@@ -88,7 +87,7 @@ def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
         return read_text(path.parent / urdf)
     except MachineFileError as error:
         raise MachineFileError(
-            f"{path.name}: urdf", f'"{urdf}": {error.problem}', error.remedy
+            f"{path.name}: urdf", f'"{urdf}": {error.fault}', error.remedy
         ) from None
 
 
@@ -108,7 +107,7 @@ def parse(text: str, source: str) -> MachineSection:
         try:
             section = MachineSection.model_validate(data)
         except ValidationError as error:
-            raise first_fault(error, source, Places(text)) from None
+            raise first_fault(error, source, KeyLines(text)) from None
         for fault in contradictions(section, source):
             raise fault
     return section
@@ -133,7 +132,7 @@ def faults(
         return None, [error], set()
     all_faults: list[MachineFileError] = []
     wrong: set[str] = set()
-    places = Places(text)
+    key_lines = KeyLines(text)
     for _ in range(MENDING):
         try:
             section = MachineSection.model_validate(data)
@@ -141,7 +140,7 @@ def faults(
         except ValidationError as error:
             invalid = error.errors(include_url=False)
             if not all_faults:  # later ones are faults of stand-ins
-                all_faults += [explained(fault, source, places) for fault in invalid]
+                all_faults += [explained(fault, source, key_lines) for fault in invalid]
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))
                 mend(data, location)
@@ -172,4 +171,4 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
 def _table(path: str) -> str:
     """Table whose keys must agree: ``cylinder.boom`` of ``cylinder.boom.rod_mm``."""
     words = path.split(".")
-    return ".".join(words[: 2 if words[0] in ("payload", "cylinder") else 1])
+    return ".".join(words[: 2 if words[0] in ("payload", "cylinder", "spring") else 1])

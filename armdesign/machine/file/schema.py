@@ -4,22 +4,112 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
-from armdesign.machine.file.requirements_schema import RequirementsSection
-from armdesign.machine.file.schema_types import (
-    Angle,
-    Flow,
-    Length,
-    Mass,
-    Name,
-    Point,
-    Pressure,
-    Ratio,
-    Section,
-    Text,
-    Volume,
-)
+NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+Length = Annotated[float, Field(gt=0, le=100_000)]
+Volume = Annotated[float, Field(ge=0, le=10_000)]
+Flow = Annotated[float, Field(gt=0, le=100_000)]
+Mass = Annotated[float, Field(ge=0, le=1_000_000)]
+Pressure = Annotated[float, Field(gt=0, le=5_000)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Ratio = Annotated[float, Field(gt=0, le=10)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Distance = Annotated[float, Field(ge=0, le=100_000)]
+Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+class Section(BaseModel):
+    """A table of the file: no unknown keys, no other types, no NaN."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+# ------------------------------------------------------------------------------------ requirements
+
+
+class DiggingSection(Section):
+    """Cylinders whose digging force counts, and how much of today's must remain."""
+
+    cylinders: list[Name]
+    share: Ratio = 0.95
+
+
+class PinBoxSection(Section):
+    """How far the coordinates of a cylinder's pins may move."""
+
+    base: Distance | None = None
+    rod_end: Distance | None = None
+
+
+class SpeedSection(Section):
+    """A motion at pump flow."""
+
+    joint_deg_per_s: dict[Text, Rate] = {}
+    joint_mm_per_s: dict[Text, Rate] = {}
+    cylinder_mm_per_s: dict[Name, Rate] = {}
+    at: Literal["mean", "every"] = "mean"
+
+
+class LiftSection(Section):
+    """A mass to hold at a pose, or at a place."""
+
+    mass_kg: Annotated[float, Field(gt=0, le=1_000_000)]
+    link: Text | None = None
+    at_mm: Point | None = None
+    joint_deg: dict[Text, Angle] = {}
+    joint_mm: dict[Text, Coordinate] = {}
+    reach_mm: Coordinate | None = None
+    height_mm: Coordinate | None = None
+
+
+class OutlineSection(Section):
+    """A polygon in a link's x–z plane, and what pins need within it."""
+
+    points_mm: Polygon
+    pin_radius_mm: Distance = 0.0
+
+
+class ClearanceSection(Section):
+    """A polygon in a link's x–z plane, and the cylinders that keep clear of it."""
+
+    cylinders: Annotated[list[Name], Field(min_length=1)]
+    link: Text
+    points_mm: Polygon
+    distance_mm: Distance = 0.0
+
+
+class RequirementsSection(Section):
+    """What a new design must keep, relative to today's machine."""
+
+    end_margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.02
+    holding_share: Share = 0.87
+    oil_total_share: Ratio = 1.0
+    oil_each_share: Ratio = 1.1
+    thrust_share: Ratio = 1.1
+    moment_arm_share: Ratio = 0.8
+    transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
+    digging: DiggingSection | None = None
+    digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
+    buckling_share: Annotated[float, Field(ge=0, le=10)] = 1.0
+    buckling_factor: Annotated[float, Field(gt=0, le=1_000)] | None = None
+    buckling_column: Literal["rod", "stepped"] = "rod"
+    pin_box_mm: Distance | None = None
+    pin_boxes_mm: dict[Name, PinBoxSection] = {}
+    cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    speed: dict[Name, SpeedSection] = {}
+    lift: dict[Name, LiftSection] = {}
+    outline: dict[Text, OutlineSection] = {}
+    clearance: dict[Name, ClearanceSection] = {}
+
+
+# ----------------------------------------------------------------------------------------- machine
 
 
 class PinSection(Section):
@@ -52,7 +142,7 @@ class SupplySection(Section):
     pressure_bar: Pressure
     return_pressure_bar: Annotated[float, Field(ge=0, le=5_000)] = 0.0
     flow_l_per_min: Flow
-    pump: Literal["ideal", "flow_limited"] = "ideal"
+    pump: Literal["ideal", "flow_limited"] = "flow_limited"
     cut_off_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
     line_volume_l: Annotated[float, Field(gt=0, le=10_000)] = 5.0
 
@@ -192,14 +282,35 @@ class MotorSection(Section):
     friction: MotorFrictionSection = MotorFrictionSection()
 
 
+Stiffness = Annotated[float, Field(gt=0, le=1e15)]
+
+
+class SpringSection(Section):
+    """A passive joint: one that no actuator drives, on which structure yields."""
+
+    joint: Text
+    stiffness_N_m_per_rad: Stiffness | None = None
+    stiffness_N_per_m: Stiffness | None = None
+    damping_ratio: Annotated[float, Field(ge=0, le=10)] = 0.0
+    at_deg: Angle | None = None
+    at_mm: Coordinate | None = None
+
+
 ShareBand = Annotated[
     list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)
 ]
 
 
 class BandsSection(Section):
-    """What is not known exactly: lower and upper end, as shares of this file's values."""
+    """What is not known exactly: lower and upper end, as shares of this file's values.
 
+    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
+    """
+
+    structure: (
+        Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
+        | None
+    ) = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
@@ -224,5 +335,6 @@ class MachineSection(Section):
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
+    spring: dict[Name, SpringSection] = {}
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()

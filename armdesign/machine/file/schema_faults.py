@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import ValidationError
 
 from armdesign.errors import MachineFileError
-from armdesign.machine.file.key_lines import Places
 from armdesign.machine.file.key_paths import (
     Location,
     allowed,
@@ -22,10 +21,10 @@ from armdesign.machine.file.key_paths import (
     unit_of,
 )
 from armdesign.machine.file.likely_values import USUAL, meant, usual
-from armdesign.machine.file.number_writing import list_meant, number_meant
+from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
 
-def first_fault(error: ValidationError, source: str, places: Places) -> MachineFileError:
+def first_fault(error: ValidationError, source: str, key_lines: KeyLines) -> MachineFileError:
     """The fault that most likely holds the remedy, and how many more there are.
 
     An unknown key next to a missing one is most likely a misspelling, so it comes first.
@@ -33,7 +32,7 @@ def first_fault(error: ValidationError, source: str, places: Places) -> MachineF
     faults = error.errors(include_url=False)
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     more = f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else ""
-    return explained(fault, source, places, more)
+    return explained(fault, source, key_lines, more)
 
 
 def location_of(fault: Any) -> Location:
@@ -41,16 +40,16 @@ def location_of(fault: Any) -> Location:
     return tuple(part for part in fault["loc"] if part != "[key]")
 
 
-def explained(fault: Any, source: str, places: Places, more: str = "") -> MachineFileError:
+def explained(fault: Any, source: str, key_lines: KeyLines, more: str = "") -> MachineFileError:
     """One fault of the schema, the most likely cause first; ``more`` ends its remedy."""
     location = location_of(fault)
     path = ".".join(str(part) for part in location)
-    problem, remedy = _words(fault, location, places.written(path))
-    return MachineFileError(f"{source}: {path}", problem, remedy + more)
+    words, remedy = _words(fault, location, key_lines.written(path))
+    return MachineFileError(f"{source}: {path}", words, remedy + more)
 
 
 def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
-    """Problem and remedy of a fault; ``written`` is the value as the file has it."""
+    """Words and remedy of a fault; ``written`` is the value as the file has it."""
     may_be = allowed(location)
     if fault["type"] == "missing":
         return "missing", f"add {location[-1]}: {may_be}"
@@ -62,16 +61,16 @@ def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
         )
     if fault["loc"][-1:] == ("[key]",):
         return "is not a usable name", "start with a letter, then letters, digits, _ or -"
-    problem = f"{_shown(fault['input'])} is not allowed"
+    words = f"{_shown(fault['input'])} is not allowed"
     remedy = f"give {may_be or 'another value'}"
     cause, correction = _likely_cause(fault["input"], location, written)
     if cause:
-        return f"{cause}: {problem}", f"{correction}; {remedy}"
-    return problem, f"{remedy}; {correction}" if correction else remedy
+        return f"{cause}: {words}", f"{correction}; {remedy}"
+    return words, f"{remedy}; {correction}" if correction else remedy
 
 
 def _likely_cause(value: Any, location: Location, written: str) -> tuple[str, str]:
-    """What a value that is not allowed was most likely meant to be, and what to write; or ""."""
+    """Likeliest meaning of a value that is not allowed, and the correction; "" if unknown."""
     kind, constraints = annotation(location)
     if kind in (int, float) and isinstance(value, str):
         return number_meant(value, unit_of(location).strip())

@@ -1,13 +1,23 @@
-"""TOML text to data; what is wrong with a text that is no TOML, and the likeliest cause."""
+"""TOML text to data: where its keys stand, and the likeliest cause where it is no TOML.
+
+Neither ``tomllib`` nor ``tomlkit`` (python-poetry/tomlkit, issue 55) tells where a key was read,
+so the text is scanned once more: headers of tables, dotted and quoted keys, inline tables, lists.
+Only text that ``tomllib`` has read without fault may be scanned.
+"""
 
 from __future__ import annotations
 
+import bisect
+import contextlib
 import re
 import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from armdesign.errors import MachineFileError
-from armdesign.machine.file.number_writing import fault_of_line
+from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.machine.file.key_paths import UNIT_END, UNITS
 
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 
@@ -33,9 +43,9 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     if place is None:
         words += f" (at {_end_or_longest_line(text, at_end)})"
     elif fault := fault_of_line(text.split("\n")[int(place[1]) - 1], int(place[2])):
-        problem, column, remedy = fault
-        problem = f"not valid TOML: {problem} (at line {place[1]}, column {column})"
-        raise MachineFileError(source, problem, remedy)
+        words, column, remedy = fault
+        words = f"not valid TOML: {words} (at line {place[1]}, column {column})"
+        raise MachineFileError(source, words, remedy)
     xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
     remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
     raise MachineFileError(source, f"not valid TOML: {words}", remedy)
@@ -49,3 +59,248 @@ def _end_or_longest_line(text: str, at_end: bool) -> str:
     """
     at = len(text) if at_end else text.index(max(text.split("\n"), key=len))
     return f"line {text.count(chr(10), 0, at) + 1}, column {at - text.rfind(chr(10), 0, at)}"
+
+
+# -------------------------------------------------------------- numbers as TOML does not have them
+
+
+_COMMA = re.compile(r"([+-]?\d[\d_]*),(\d+)")
+_THOUSANDS = re.compile(r"[+-]?\d\d?\d?,\d\d\d")
+_GROUPED = re.compile(r"[+-]?\d\d?\d?(?:(?:\.\d\d\d)+,\d+|(?:,\d\d\d)+\.\d+)")
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*)?")
+_AT_END = re.compile(r"[=,\[]\s*([+-]?\d[\d_]*(?:\.\d[\d_]*)?(?:[eE][+-]?\d+)?)\s*$")
+_UNIT = re.compile(r"(?:[A-Za-zµ°%][\w°%/³²·^]*)(?: [A-Za-z]\w*)*(?=\s*(?:[,\]}#]|$))")
+
+
+def with_point(written: str) -> str:
+    """Remedy for a number with a decimal comma."""
+    point = written.replace(",", ".")
+    if _THOUSANDS.fullmatch(written):
+        return f"write {point}, or {written.replace(',', '')} where the comma parts thousands"
+    return f"write {point}"
+
+
+def without_groups(written: str) -> str:
+    """A number without the separators between its thousands, and with a decimal point."""
+    return re.sub(r"[.,](?=.*[.,])", "", written).replace(",", ".")
+
+
+def fault_of_line(line: str, column: int) -> tuple[str, int, str] | None:
+    """Fault of a number in a line that is no TOML, its column, and the remedy.
+
+    Args:
+        line: of the file.
+        column: where the parser stopped, counted from 1.
+    """
+    if point := _bare_point(line):
+        return "no digit on one side of a point", column, point
+    if number := re.search(rf"(?<==)\s*({_GROUPED.pattern})", line):
+        remedy = f"write {without_groups(number[1])}"
+        return f"points and commas in {number[1]}", number.start(1) + 1, remedy
+    if number := re.search(rf"(?<==)\s*({_COMMA.pattern})", line):
+        comma = number.start(1) + number[1].index(",") + 1
+        return f"a decimal comma in {number[1]}", comma, with_point(number[1])
+    number, unit = _AT_END.search(line[: column - 1]), _UNIT.match(line, column - 1)
+    if number and unit and not (number[1] == "0" and unit[0][0] in "xob"):
+        remedy = _without_unit(number[1], unit[0], line[: number.start(1)])
+        return f"a unit behind the number {number[1]}", column, remedy
+    return None
+
+
+def _without_unit(number: str, unit: str, before: str) -> str:
+    """Remedy for a number with a unit; ``before`` is the line up to the number, with its keys."""
+    named = [UNIT_END.search(key) for key in re.findall(r"([\w-]+)[\"']?\s*=", before)]
+    units = [UNITS[match[1]] for match in named if match]
+    if not units:
+        return "write the number alone"
+    same = unit.replace(" ", "").lower() == units[-1].replace(" ", "").lower()
+    value = number if same else "the number alone"
+    return f"write {value}: the key says that it is in {units[-1]}"
+
+
+def _bare_point(line: str) -> str:
+    """Remedy for a line with a number that begins or ends with its point; "" if it has none."""
+    match = re.search(r"[=,\[]\s*([+-]?)(?:(\.\d+)|(\d+)\.)\s*(?:[,\]}#\r]|$)", line)
+    return f"write {match[1]}{f'0{match[2]}' if match[2] else f'{match[3]}.0'}" if match else ""
+
+
+def list_meant(written: str, count: int) -> str:
+    """A list of so many numbers that was written with decimal commas, as TOML has it; else ""."""
+    points = _GROUPED.sub(lambda number: without_groups(number[0]), written)
+    points = _COMMA.sub(r"\1.\2", points)
+    try:
+        items = tomllib.loads(f"list = {points}")["list"]
+    except tomllib.TOMLDecodeError:
+        return ""
+    return (
+        "[" + ", ".join(map(str, items)) + "]" if points != written and len(items) == count else ""
+    )
+
+
+def number_meant(text: str, unit: str) -> tuple[str, str]:
+    """Fault of a text where a number belongs, beside the quotes, and the remedy.
+
+    Either is "" where there is nothing to say.
+    """
+    text = text.strip()
+    if _GROUPED.fullmatch(text):
+        return "points and commas, and a text", f"write {without_groups(text)}"
+    if _COMMA.fullmatch(text):
+        return "decimal comma, and a text", with_point(text)
+    if match := _NUMBER.fullmatch(text):
+        words = (
+            f"write the number alone, in {unit}"
+            if match[2] and unit
+            else "write it without quotes"
+        )
+        return "", f"{words}: {match[1]}"
+    return "", ""
+
+
+# ----------------------------------------------------------------------------------- lines of keys
+
+
+Keys = tuple[str, ...]
+_SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_SCALAR = re.compile(r"[^,\]}#\r\n]*")
+_QUOTED = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}(?!")' r"|'''.*?'{3,5}(?!')" r'|"(?:\\.|[^"\\\n])*"' r"|'[^'\n]*'",
+    re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class KeyLine:
+    """Line of a key, counted from 1, and its value as it is written; "" of a table."""
+
+    line: int
+    written: str
+
+
+def tell_line(error: ArmDesignError, key_lines: KeyLines, source: str) -> None:
+    """Give an error the line of the key that it names, if it is about a key of this file."""
+    if error.part.startswith(f"{source}: "):
+        error.tell_line(key_lines.line_of(error.part.removeprefix(f"{source}: ")))
+    elif error.key:
+        error.tell_line(key_lines.line_of(error.key), source)
+
+
+@contextlib.contextmanager
+def lines_of(text: str, source: str) -> Iterator[None]:
+    """Within it, errors about keys of a file say the line of its text.
+
+    None where the text does not have the key.
+
+    Args:
+        text: TOML, without fault wherever a key is spoken of.
+        source: the file's name in messages.
+    """
+    try:
+        yield
+    except ArmDesignError as error:
+        tell_line(error, KeyLines(text), source)
+        raise
+
+
+class KeyLines:
+    """Lines and values of all keys of a TOML text.
+
+    Args:
+        text: TOML without fault.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._found: dict[Keys, KeyLine] = {}
+
+    @cached_property
+    def by_path(self) -> dict[str, KeyLine]:
+        """Line of every key, table and list item by its path.
+
+        Of a table its header, or the key that makes it.
+        """
+        table: Keys = ()
+        at = self._past_space(0)
+        while at < len(self._text):
+            if self._text[at] == "[":
+                brackets = 2 if self._text.startswith("[[", at) else 1
+                table, end = self._key(at + brackets)
+                self._note(table, at, "")
+                at = self._text.index("]", end) + brackets
+            else:
+                at = self._pair(table, at)
+            at = self._past_space(at)
+        return {".".join(keys): place for keys, place in self._found.items()}
+
+    def line_of(self, path: str) -> int | None:
+        """Line of a key path, or of the nearest table above it that the text has.
+
+        None where it has neither.
+        """
+        while path and path not in self.by_path:
+            path = path.rpartition(".")[0]
+        return self.by_path[path].line if path else None
+
+    def written(self, path: str) -> str:
+        """The value at a key path as it is written; "" where there is none."""
+        return self.by_path[path].written if path in self.by_path else ""
+
+    @cached_property
+    def _line_ends(self) -> list[int]:
+        return [match.start() for match in re.finditer("\n", self._text)]
+
+    def _note(self, keys: Keys, at: int, written: str) -> None:
+        """Note a key that stands at ``at``, and the tables that it makes."""
+        line = bisect.bisect_left(self._line_ends, at) + 1
+        for depth in range(1, len(keys)):
+            self._found.setdefault(keys[:depth], KeyLine(line, ""))
+        self._found[keys] = KeyLine(line, written)
+
+    def _past_space(self, at: int) -> int:
+        match = _SPACE.match(self._text, at)
+        return match.end() if match else at
+
+    def _key(self, at: int) -> tuple[Keys, int]:
+        """The parts of a dotted key and where it ends."""
+        parts: list[str] = []
+        while True:
+            at = self._past_space(at)
+            if quoted := _QUOTED.match(self._text, at):
+                parts.append(str(tomllib.loads(f"key = {quoted[0]}")["key"]))
+            match = quoted or _BARE.match(self._text, at)
+            if match is None:
+                raise ValueError(f"no key at {at}: the text is not TOML")
+            if not quoted:
+                parts.append(match[0])
+            at = self._past_space(match.end())
+            if self._text[at] != ".":
+                return tuple(parts), at
+            at += 1
+
+    def _pair(self, table: Keys, at: int) -> int:
+        """Read ``key = value``; where it ends."""
+        key, equals = self._key(at)
+        start = self._past_space(equals + 1)
+        end = self._value((*table, *key), start)
+        self._note((*table, *key), at, self._text[start:end].rstrip())
+        return end
+
+    def _value(self, keys: Keys, at: int) -> int:
+        """Read a value and what is in it; where it ends."""
+        opening = self._text[at]
+        if opening not in "[{":
+            match = _QUOTED.match(self._text, at) or _SCALAR.match(self._text, at)
+            return match.end() if match else at
+        at, index = self._past_space(at + 1), 0
+        while self._text[at] not in "]}":
+            if self._text[at] == ",":
+                at += 1
+            elif opening == "{":
+                at = self._pair(keys, at)
+            else:
+                end = self._value((*keys, str(index)), at)
+                self._note((*keys, str(index)), at, self._text[at:end].rstrip())
+                at, index = end, index + 1
+            at = self._past_space(at)
+        return at + 1

@@ -31,5 +31,5 @@ class Direct(Linkage):
         )
 
     def record(self) -> dict[str, Any]:
-        """What compiled code reads of it."""
+        """Record for compiled code."""
         return super().record() | {"far": self.rod_end}

@@ -129,7 +129,7 @@ def _key(signature: Any, codegen: Any) -> tuple[object, ...]:
 
 @cache
 def cache_folders() -> tuple[tuple[Path, ...], Path | None]:
-    """Where kept code may be read, and where it may be written (None: nowhere).
+    """Folders from which kept code is read, and to which it is written (None: nowhere).
 
     Their name says all that may be compiled, so that what is in them cannot be older than any of
     it.

@@ -46,7 +46,7 @@ _VALVE = [
 _FRICTION = [field.name for field in fields(Friction)]
 _PAIRS = "areas", "sweep", "volumes", "least", "hoses", "into", "out"  # of cap and annulus
 _HOLDING = "setting", "pilot_ratio", "opening_range"
-ACTUATOR = np.dtype(  # names and units are those of Actuator, Valve, Friction and LoadHolding
+ACTUATOR = np.dtype(  # names and units as in Actuator, Valve, Friction and LoadHolding
     [
         *((name, "f8") for name in (*_ACTUATOR, "stop", "relief", *_VALVE, *_FRICTION)),
         *((name, "f8", 2) for name in _PAIRS),

@@ -70,7 +70,7 @@ class Frames(NamedTuple):
 
 
 class PinMotion(NamedTuple):
-    """How the points of a drive move.
+    """Motion of the points of a drive.
 
     Attributes:
         slope: by each joint (POINTS, nq, 3).
@@ -84,7 +84,7 @@ class PinMotion(NamedTuple):
 
 
 class BarLoads(NamedTuple):
-    """What bars add to the mass matrices M (n, nq, nq) and to the forces h (n, nq)."""
+    """Shares of bars in the mass matrices M (n, nq, nq) and the forces h (n, nq)."""
 
     mass: Array
     force: Array

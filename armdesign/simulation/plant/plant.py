@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
@@ -52,7 +53,7 @@ from armdesign.simulation.plant.kinematics import (
 from armdesign.units import bar
 
 
-class Evaluation(NamedTuple):
+class PlantInstant(NamedTuple):
     """The plant at one instant of n cases.
 
     Attributes:
@@ -95,7 +96,7 @@ class Parameters(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Where the parts of a state begin, after joint positions and speeds.
+    """First indices of the parts of a state, after joint positions and speeds.
 
     Attributes:
         chambers: pressures of caps, then of annuli.
@@ -116,7 +117,7 @@ class Plant:
     Axis 0 of every array is the case.
 
     State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed;
-    joints in the order of q, the rest in that of ``Machine.actuators``.
+    joints in the order of q, the rest in the order of ``Machine.actuators``.
 
     Args:
         machines: one per case; one alone serves any number of cases.
@@ -127,6 +128,8 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
+        if self.machine.springs:
+            raise SimulationError(f"{self.machine.name}: spring", "springs are not simulated yet")
         self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
@@ -147,7 +150,7 @@ class Plant:
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """What each number of the state is."""
+        """Names of the numbers of the state."""
         joints, cylinders = self.machine.joints, [f.name for f in self.machine.actuators]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
         kinds += [
@@ -205,7 +208,7 @@ class Plant:
         state[self._parts[4]], state[self._parts[5]] = line / bar, spool
         return state
 
-    def evaluate(self, state: Array, command: Array) -> Evaluation:
+    def evaluate(self, state: Array, command: Array) -> PlantInstant:
         """ẏ, and what it was made from.
 
         Args:
@@ -218,7 +221,7 @@ class Plant:
         if state.ndim != 2 or state.shape[1] < self.size or command.shape != (n, self.nc):
             shapes = f"states {state.shape}, commands {command.shape}"
             raise ValueError(f"{shapes}: not (n, {self.size}), (n, {self.nc})")
-        evaluation = Evaluation(
+        evaluation = PlantInstant(
             np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
         torque, bars = np.empty((n, nq)), self._no_bars
@@ -236,7 +239,7 @@ class Plant:
 
 
 def stack_shape(machine: Machine) -> Hashable:
-    """What machines must have in common to be cases of one plant."""
+    """Properties that machines must share to be cases of one plant."""
     order = tuple(machine.arm.model_order.tolist())
     return order, len(machine.actuators), machine.has_bars, machine.supply.flow_limited
 
@@ -247,7 +250,7 @@ def _evaluate(
     command: Array,
     parameters: Parameters,
     layout: Layout,
-    evaluation: Evaluation,
+    evaluation: PlantInstant,
     torque: Array,
     bars: BarLoads,
 ) -> None:

@@ -16,9 +16,9 @@ import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
 from armdesign.design.bound import certificate, lagrangian
-from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import Bound, upper_bound
 from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound

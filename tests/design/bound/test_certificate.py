@@ -12,9 +12,9 @@ import pytest
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
-from armdesign.design.bound.branch_and_bound import maximum
 from armdesign.design.bound.certificate import CLOSE, COARSE, FINE, upper_bound
 from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem

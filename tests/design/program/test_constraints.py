@@ -9,11 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign import Machine
-from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.convex_relaxation import buckling_factor
+from armdesign.design.program.constraints import buckling_factor, constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
-from armdesign.hydraulics.chamber_pressures import holding_force
+from armdesign.hydraulics.oil_spring import holding_force
 from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x
 from tests.design.requirements.shared import EVERYTHING, NEW, by_name

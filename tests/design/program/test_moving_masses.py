@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,59 +14,19 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.bound.certificate import upper_bound
-from armdesign.design.bound.given_pins import bound_of_areas
-from armdesign.design.bound.mass_enclosure import bar_enclosures
+from armdesign.design.bound.certificate import bound_of_areas
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
-from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.holding import Lift
 from armdesign.design.search.prices import prices
-from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.checks import assert_same
 from tests.design.brute_force import where_allowed, zoomed_best
 from tests.design.by_machine import slopes, true_frequencies
 from tests.design.designs import as_machine, solved, some_x
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
-
-
-@cache
-def bars(name: str, share: float = 1.0) -> Machine:
-    """Machines whose cylinders weigh, and their four-bar; made up, heavier than real ones."""
-    heavy = f"barrel_kg = {110 * share}\nrod_kg = {85 * share}"
-    lift, fold = replace(LIFT, extra=heavy), replace(FOLD, extra=heavy)
-    if name == "single":
-        return build([BOOM], [lift])
-    if name == "double":
-        return build([BOOM, STICK], [lift, fold])
-    tilt = CylinderSpec(
-        "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
-        lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=f"count = 2\n{heavy}",
-    )  # fmt: skip
-    machine = build([BOOM, STICK, BUCKET], [lift, fold, tilt])
-    four_bar = {"rocker_kg": 40 * share, "coupler_kg": 30 * share}
-    return machine.replace(
-        {f"cylinder.tilt.four_bar.{key}": value for key, value in four_bar.items()}
-    )
-
-
-def posed(
-    machine: Machine,
-    vary: tuple[str, ...],
-    points: int = 4,
-    proportional: bool = False,
-    **change: object,
-) -> Problem:
-    """The problem of a machine; changes are those of its requirements."""
-    return Problem.of(
-        machine=machine,
-        workspace=Workspace.grid(machine, points=points),
-        requirements=replace(Requirements.of(machine), **change),  # type: ignore[arg-type]
-        vary=vary,
-        proportional=proportional,
-    )
-
+from tests.design.program.weighed_machines import bars, posed
+from tests.machines import CylinderSpec, Joint, build, named
 
 # ------------------------------------------------------------------ what x stands for, derivatives
 
@@ -441,116 +400,3 @@ def test_the_saved_machine_weighs_what_its_sizes_say(tmp_path: Path) -> None:
     assert design.after.frame["f1_hz"].min() == pytest.approx(design.unrounded, rel=5e-3)
 
     """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, both ways."""
-
-
-# -------------------------------------------------------------------- the bound for pins and areas
-
-
-@pytest.mark.parametrize(
-    ("name", "pins"), [("double", "pins"), ("heavy_bars", "pins"), ("heavy_bars", "linkages")]
-)
-def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
-    """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with
-    and without bars.
-
-    Nothing is said of the joint of a four-bar that moves: a bound holds it.
-    """
-    machine = bars("double") if name == "double" else named(name)
-    problem = posed(machine, ("areas", pins))
-    enclosed, random = bar_enclosures(problem), np.random.default_rng(7)
-    assert enclosed is not None
-    assert [bar.cylinder for bar in enclosed] == list(range(len(machine.cylinders)))
-    rows = np.arange(0, len(problem.dynamics.rows), 5)
-    rigid = problem.workspace.rigid[problem.dynamics.rows.pose[rows]]
-    held = [machine.linkages[bar.cylinder].joints[0] for bar in enclosed if len(bar.per_area) > 2]
-    assert bool(held) == (pins == "linkages")
-    free = np.setdiff1d(np.arange(len(machine.joints)), held)
-    root = random.normal(size=(len(rows), len(machine.joints), len(machine.joints)))
-    root[:, held] = 0.0
-    weights, squared = root @ np.swapaxes(root, 1, 2), 400.0
-    gravity = [bar.gravity(rigid) for bar in enclosed]
-    low, high = sum(g.low for g in gravity), sum(g.high for g in gravity)
-    worths = [bar.most_added(rigid, weights, squared) for bar in enclosed]
-    bottom, top = problem.bounds
-    tried = 0
-    for _ in range(200):
-        x = np.clip(random.uniform(bottom, top), None, 1.1)
-        areas = problem.vector.areas(x)
-        if np.any(areas[:, 1] > areas[:, 0]) or not problem.vector.closes(x):
-            continue
-        mass, torque, slope = problem.dynamics.inertia_and_gravity(x, problem.dynamics.rows, rows)
-        bare = (
-            problem.dynamics.rows.mass,
-            problem.dynamics.rows.gravity,
-            problem.dynamics.rows.slope,
-        )
-        own = [part - base[rows] for part, base in zip((mass, torque, slope), bare, strict=True)]
-        scale = np.abs(own[1]).max()
-        assert np.all((own[1] >= low - 1e-9 * scale)[:, free])
-        assert np.all((own[1] <= high + 1e-9 * scale)[:, free])
-        value = float(np.einsum("nij,nij->", weights, own[2] - squared * own[0]))
-        most = sum(
-            w[0] * a[0] + w[1] * (a[0] - a[1]) + sum(w[2:])
-            for w, a in zip(worths, areas, strict=True)
-        )
-        assert value <= most + 1e-9 * abs(value)
-        tried += 1
-    assert tried > 20
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "gap"), [("single", 0.05), ("double", 0.12)])
-def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
-    """Allowed designs drawn in the boxes; ``gap``: measured and rounded up, bars here are half of
-    all inertia.
-    """
-    problem = posed(bars(name), ("areas", "pins"))
-    search, random = solved(problem, 1e-5), np.random.default_rng(8)
-    found = upper_bound(problem, search.x, search.rows)
-    assert found is not None
-    assert "own masses in proportion to areas and lengths" in found.assumptions
-    assert hertz(search.squared) <= found.frequency < hertz(search.squared) * (1 + gap)
-    low, high = problem.bounds
-    tried = 0
-    for _ in range(600):
-        pin = np.array([v.pin is not None for v in problem.vector.variables])
-        x = np.where(
-            pin, random.uniform(low, high) * random.uniform(), random.uniform(0.8, 1.1, len(low))
-        )
-        if constraints_at(problem, x).values.min() >= 0:
-            assert hertz(problem.dynamics.omega_squared(x).min()) <= found.frequency
-            tried += 1
-    assert tried > 5
-
-
-@pytest.mark.slow
-def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> None:
-    """All of its four-bar moves and weighs; designs around the start and what a rough search
-    finds, limits loose.
-    """
-    loose = {
-        "oil_total_share": 1.2,
-        "oil_each_share": 1.3,
-        "thrust_share": 1.3,
-        "holding_share": 2.0,
-    }
-    loose |= {"moment_arm_share": 0.5, "buckling_share": 0.5, "digging_share": 0.5}
-    problem = posed(named("heavy_bars"), ("areas", "linkages"), points=3, **loose)
-    search = Search(problem=problem, x=problem.vector.start).run(
-        trust=0.2, tolerance=0.02, looks=1
-    )
-    found, random = upper_bound(problem, search.x, search.rows), np.random.default_rng(8)
-    assert found is not None
-    assert found.held == ("bucket",)
-    reached = []
-    pin = np.array([v.pin is not None for v in problem.vector.variables])
-    for _ in range(60):
-        x = problem.vector.start + random.uniform() * random.uniform(
-            -0.1, 0.1, len(pin)
-        ) * np.where(pin, 1.0, 0.3)
-        x = np.clip(x, *problem.bounds)
-        if problem.vector.closes(x) and constraints_at(problem, x).values.min() >= 0:
-            reached.append(hertz(problem.dynamics.omega_squared(x).min()))
-    assert len(reached) > 3
-    assert search.violation < 1e-3
-    assert max(reached) < hertz(search.squared) <= found.frequency < 1.25 * hertz(search.squared)

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements, Workspace
-from armdesign.design.bound.given_pins import bound_of_areas
+from armdesign.design.bound.certificate import bound_of_areas
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen

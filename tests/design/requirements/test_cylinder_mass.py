@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from armdesign.hydraulics.cylinder_mass import estimated_mass
+from armdesign.hydraulics.cylinder_build import estimated_mass
 from tests.design.requirements.shared import PRESSURE, own
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armdesign import Requirements
-from armdesign.design.requirements.lifts import Lift, lift_pose
+from armdesign.design.requirements.holding import Lift, lift_pose
 from tests.design.designs import MACHINES
 from tests.design.requirements.shared import DEG, FRONT, POSED, PRESSURE, RETURN, own, reference
 from tests.reference_planar import Reference

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armdesign.design.requirements.places import Outline
-from armdesign.hydraulics.barrel import barrel_ratio
+from armdesign.hydraulics.cylinder_build import barrel_ratio
 from tests.design.requirements.shared import EVERYTHING, PRESSURE, STICK_PLATE, own, reference
 
 

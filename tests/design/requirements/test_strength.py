@@ -6,8 +6,12 @@ import math
 
 import pytest
 
-from armdesign.hydraulics.barrel import barrel_ratio
-from armdesign.hydraulics.buckling import euler_load, second_moment, stepped_load
+from armdesign.hydraulics.cylinder_build import (
+    barrel_ratio,
+    euler_load,
+    second_moment,
+    stepped_load,
+)
 from tests.design.designs import MACHINES
 from tests.design.requirements.shared import PRESSURE, judged, own
 

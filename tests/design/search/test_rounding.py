@@ -17,7 +17,7 @@ from armdesign import Requirements, Workspace
 from armdesign.design.requirements.check import check
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, workspace_of
-from tests.design.search.test_sequential_sdp import excavator_design
+from tests.design.search.excavator_designs import excavator_design
 from tests.machines import named
 
 

@@ -12,12 +12,11 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.bound.given_pins import bound_of_areas
-from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.convex_relaxation import convex_relaxation
+from armdesign.design.bound.certificate import bound_of_areas
+from armdesign.design.program.constraints import constraints_at, convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.prices import prices
-from armdesign.design.search.semidefinite import Step, dual_bound
+from armdesign.design.search.semidefinite import ProgrammeStep, dual_bound
 from armdesign.design.search.sequential_sdp import Linearised, Search, Trial
 from armdesign.design.search.trust_region import Box
 from armdesign.errors import InfeasibleError
@@ -214,7 +213,7 @@ def test_any_multipliers_give_a_bound(name: str) -> None:
     nothing = np.zeros(len(low))
     for _ in range(50):
         root = random.normal(size=base.shape)
-        step = Step(
+        step = ProgrammeStep(
             change=nothing, value=math.nan, violation=0.0,
             multipliers=random.exponential(size=len(linear.values))
                 * random.choice([0.0, 0.01, 1.0]),

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,27 +17,18 @@ from scipy.optimize import differential_evolution
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.design import Design
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.lifts import Lift
-from armdesign.design.requirements.speeds import Speed
+from armdesign.design.requirements.holding import Lift
+from armdesign.design.requirements.oil import Speed
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from tests.design.by_machine import true_frequencies
 from tests.design.designs import MACHINES, as_machine, double, problem_of, solved, workspace_of
+from tests.design.search.excavator_designs import POINTS, excavator_design
 from tests.machines import named
 from tests.reference_planar import Reference
-
-POINTS = (9, 9, 15)
-
-
-@cache
-def excavator_design() -> Design:
-    machine = named("excavator_20t")
-    return ad.optimize(machine, Workspace.grid(machine, points=POINTS))
-
 
 # -------------------------------------------------------------------------- is it really the best?
 

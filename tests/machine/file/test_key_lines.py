@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
-from armdesign.machine.file.key_lines import Places
+from armdesign.machine.file.toml_reading import KeyLines
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from tests import machines
@@ -43,11 +43,11 @@ def assert_found(text: str) -> None:
     """Every key is found; what is noted as its value parses to its value; its name stands in the
     line that is noted.
     """
-    places, data = Places(text), tomllib.loads(text)
-    assert set(places.by_path) == set(flat(data))
+    key_lines, data = KeyLines(text), tomllib.loads(text)
+    assert set(key_lines.by_path) == set(flat(data))
     lines = text.split("\n")
     for path, value in flat(data).items():
-        place = places.by_path[path]
+        place = key_lines.by_path[path]
         if not isinstance(value, dict) or place.written:
             assert tomllib.loads(f"x = {place.written}")["x"] == value, path
         last = re.split(r"\.", path)[-1]
@@ -64,7 +64,7 @@ def test_shipped_files(name: str) -> None:
         match = re.match(r"(\w+)\s*=", line)
         if match:
             assert number in {
-                p.line for path, p in Places(text).by_path.items() if path.endswith(match[1])
+                p.line for path, p in KeyLines(text).by_path.items() if path.endswith(match[1])
             }
 
 
@@ -101,7 +101,7 @@ points = [[1, 2], [3, 4], ["a,b", "]"]]
 
 def test_a_file_as_nobody_should_write_it() -> None:
     assert_found(ODD)
-    places = Places(ODD)
+    key_lines = KeyLines(ODD)
     expected = {
         "name": 2,
         "joints": 3,
@@ -124,12 +124,12 @@ def test_a_file_as_nobody_should_write_it() -> None:
         "payload.full.mass_kg": 22,
     }
     expected |= {"requirements.lift.a.joint_deg.stick": 24, "requirements.points.1.0": 25}
-    assert {path: places.line_of(path) for path in expected} == expected  # by counting
-    assert places.line_of("payload.full.at_mm") == 21, "a key that is missing: its table"
-    assert places.line_of("nothing") is None
+    assert {path: key_lines.line_of(path) for path in expected} == expected  # by counting
+    assert key_lines.line_of("payload.full.at_mm") == 21, "a key that is missing: its table"
+    assert key_lines.line_of("nothing") is None
     windows = ODD.replace("\n", "\r\n")
-    assert {k: v.line for k, v in Places(windows).by_path.items()} == {
-        k: v.line for k, v in places.by_path.items()
+    assert {k: v.line for k, v in KeyLines(windows).by_path.items()} == {
+        k: v.line for k, v in key_lines.by_path.items()
     }
 
 
@@ -198,11 +198,11 @@ def is_toml(text: str) -> bool:
 @given(documents().filter(is_toml))
 def test_random_files(text: str) -> None:
     """Keys, values and lines of any file that tomllib reads."""
-    places = Places(text)
+    key_lines = KeyLines(text)
     data = tomllib.loads(text)
-    assert set(places.by_path) == set(flat(data))
+    assert set(key_lines.by_path) == set(flat(data))
     for path, value in flat(data).items():
-        place = places.by_path[path]
+        place = key_lines.by_path[path]
         if place.written:
             assert tomllib.loads(f"x = {place.written}")["x"] == value
             assert text.split("\n")[place.line - 1].count(place.written.split("\n")[0])

@@ -19,7 +19,7 @@ from armdesign.design.program.constraints import drawn_in, evaluations_at, holdi
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.search.drawing_grid import grid_sizes
+from armdesign.design.search.file_changes import grid_sizes
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend
 from armdesign.errors import InfeasibleError
 

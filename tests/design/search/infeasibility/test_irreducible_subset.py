@@ -14,10 +14,10 @@ import armdesign as ad
 from armdesign import Machine, Requirements
 from armdesign.design.program.constraints import holding_rows
 from armdesign.design.requirements.check import check, cylinder_mass
-from armdesign.design.requirements.lifts import Lift
+from armdesign.design.requirements.holding import Lift
+from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Clearance
 from armdesign.design.requirements.record import Concession
-from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.infeasibility.concessions import conflict_error, conflict_rows
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.multistart import formulate

@@ -1,0 +1,1 @@
+"""Calibration: numbers of a machine file found from measured frequencies and pressures."""

@@ -1,0 +1,236 @@
+"""Calibration of a machine file: ``calibrate``, and what measurements say of its numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.calibration import words
+from armdesign.calibration.fit import Fit, Problem, determined, left_out, refuse_too_few
+from armdesign.calibration.measured import Measured, measured_of, read_measured
+from armdesign.calibration.prediction import Prediction, Predictor, measured_loads
+from armdesign.calibration.unknowns import Unknown, unknowns_of
+from armdesign.machine.machine import Machine
+from armdesign.machine.provenance import retold
+from armdesign.units import bar
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DIGITS = 2  # significant, of a deviation; the value ends where it ends
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """What measurements say of numbers of a machine file.
+
+    Attributes:
+        today: the machine before.
+        machine: the machine with what the measurements determine, rounded to their deviations.
+        measured: the measurements.
+        unknowns: what was to be found, in the order asked for.
+        of_all: the fit of all unknowns, from which follows what cannot be told apart.
+        fit: that of the unknowns which are determined; None if none is.
+        before: answers of today's machine at the measurements.
+        after: of the calibrated one.
+        left_out: relative errors of the frequencies (n,), each predicted without its measurement.
+    """
+
+    today: Machine
+    machine: Machine
+    measured: Measured
+    unknowns: tuple[Unknown, ...]
+    of_all: Fit
+    fit: Fit | None
+    before: Prediction
+    after: Prediction
+    left_out: Array
+
+    @cached_property
+    def values(self) -> pd.DataFrame:
+        """A row for each unknown, in the file's unit, indexed by key path.
+
+        Columns ``unit``, ``before``, ``value``, ``deviation`` (standard), ``low`` and ``high``
+        (the interval that holds the truth with 95 %), ``determined``. What the measurements do not
+        determine keeps the file's value, without deviation.
+        """
+        import pandas as pd
+
+        rows = []
+        for one in self.unknowns:
+            found = self._found(one)
+            row = {"unit": one.unit, "before": one.value, "value": one.value}
+            rows.append({**row, **(found or dict.fromkeys(KEYS[1:], math.nan))})
+            rows[-1]["determined"] = found is not None
+        return pd.DataFrame(rows, index=pd.Index([one.path for one in self.unknowns], name="path"))
+
+    def _found(self, one: Unknown) -> dict[str, float] | None:
+        """Value, deviation and interval of an unknown; None if it is not determined."""
+        if self.fit is None or one not in self.fit.problem.unknowns:
+            return None
+        k = self.fit.problem.unknowns.index(one)
+        u, sigma = float(self.fit.u[k]), float(self.fit.deviations[k])
+        value, reach = one.number(u), self.fit.quantile * sigma
+        size = value if one.positive else one.size
+        ends = one.number(u - reach), one.number(u + reach)
+        return dict(zip(KEYS, (value, size * sigma, *ends), strict=True))
+
+    @cached_property
+    def correlations(self) -> pd.DataFrame:
+        """Correlations of the determined unknowns, by key path."""
+        import pandas as pd
+
+        if self.fit is None:
+            return pd.DataFrame()
+        names = [one.path for one in self.fit.problem.unknowns]
+        sizes = self.fit.deviations
+        return pd.DataFrame(self.fit.covariance / np.outer(sizes, sizes), names, names)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row for each measurement: pose, frequencies before and after, errors, loads.
+
+        Errors are relative, computed over measured less one; ``left_out_error`` that of a fit
+        without the measurement.
+        """
+        import pandas as pd
+
+        measured, machine = self.measured, self.machine
+        rigid = Predictor(self.today, measured).rigid
+        payloads = [machine.payload.name if p is None else p for p in measured.payloads]
+        table: dict[str, Any] = {"payload": payloads}
+        table |= dict(zip(machine.joints, rigid.q.T, strict=True))
+        table |= {"mode": measured.modes + 1, "measured_hz": measured.frequencies}
+        table["deviation_hz"] = measured.deviations
+        for name, found in (("before", self.before), ("calibrated", self.after)):
+            table[f"{name}_hz"] = found.frequencies
+            table[f"{name}_error"] = found.frequencies / measured.frequencies - 1
+        table["left_out_error"] = self.left_out
+        loads = measured_loads(self.today, measured)
+        for i, actuator in enumerate(machine.actuators):
+            if np.isfinite(loads[:, i]).any():
+                table[f"{actuator.name}_load_bar"] = loads[:, i] / bar
+                computed = self.after.load_pressures[:, i]
+                table[f"{actuator.name}_calibrated_load_bar"] = computed / bar
+        return pd.DataFrame(table)
+
+    @cached_property
+    def findings(self) -> tuple[str, ...]:
+        """In words: how well it fits, what is not determined, what cannot be told apart."""
+        return words.findings(self.of_all, self.fit, self.frame, self.measured.warnings)
+
+    def written_by(self, command: str) -> Machine:
+        """The calibrated machine, with a file that tells where its values are from.
+
+        Args:
+            command: what made it, as typed in a terminal or in Python.
+        """
+        notes = {}
+        for one in self.unknowns:
+            found = self._found(one)
+            if found is not None:
+                notes[one.path] = f", fitted ± {found['deviation']:.{DIGITS}g}"
+        story = (f"Command: {command}", *(f"{words.capital(line)}." for line in self.findings))
+        return retold(self.machine, self.today, "calibrated", story, notes)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the calibrated machine file with its URDF; returns its path.
+
+        Args:
+            path: of the machine file.
+            overwrite: whether files may be replaced that this package did not make.
+
+        Raises:
+            ArmDesignError: a place that cannot be written, or holds a file of somebody else.
+        """
+        fitted = tuple(one.path for one in self.unknowns)
+        command = f"armdesign.calibrate(measured={self.measured.source!r}, fit={fitted!r})"
+        return self.written_by(command).save(path, overwrite=overwrite)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Axes with measured, computed and left-out frequencies of every measurement."""
+        from armdesign.plots.calibrations import measured_and_computed
+
+        return measured_and_computed(self, ax)
+
+
+KEYS = ("value", "deviation", "low", "high")
+
+
+def calibrate(
+    machine: Machine,
+    measured: Measured | pd.DataFrame | str | Path,
+    fit: Sequence[str],
+    priors: Mapping[str, tuple[float, float]] | None = None,
+) -> Calibration:
+    """Numbers of a machine file that measured frequencies and pressures determine.
+
+    Least squares over logarithms, weighted by the measurements' deviations; see
+    ``calibration/fit.py``. What the measurements do not determine keeps its value.
+
+    Args:
+        machine: the machine as its file describes it.
+        measured: a CSV file or table with the columns of ``calibration/measured.py``.
+        fit: key paths of the numbers to be found, as "fluid.bulk_modulus_MPa".
+        priors: what is known of them beforehand: value and standard deviation, in the file's unit.
+
+    Raises:
+        ArmDesignError: measurements that cannot be used, a path that names no number, more
+            unknowns than data.
+
+    Example:
+        >>> import armdesign as ad
+        >>> crane = ad.load("loader_crane")
+        >>> path = crane.source.parent / "measured.csv"
+        >>> found = ad.calibrate(crane, path, fit=["cylinder.lift.compliance_m_per_N"])
+        >>> print(found.values["determined"].all())
+        True
+    """
+    if not isinstance(measured, Measured):
+        if isinstance(measured, str | Path):
+            measured = read_measured(measured, machine)
+        else:
+            measured = measured_of(_rows(measured), machine)
+    unknowns = unknowns_of(machine, fit, priors)
+    predictor = Predictor(machine, measured)
+    problem = Problem(machine, predictor, unknowns)
+    refuse_too_few(problem, fit)
+    before = predictor(machine)
+    of_all, kept = determined(problem)
+    calibrated = machine if kept is None else machine.replace(_rounded(kept))
+    after = predictor(calibrated)
+    errors = after.frequencies / measured.frequencies - 1 if kept is None else left_out(kept)
+    return Calibration(
+        today=machine,
+        machine=calibrated,
+        measured=measured,
+        unknowns=unknowns,
+        of_all=of_all,
+        fit=kept,
+        before=before,
+        after=after,
+        left_out=errors,
+    )
+
+
+def _rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table by column name."""
+    return [{str(name): value for name, value in row.items()} for _, row in table.iterrows()]
+
+
+def _rounded(fit: Fit) -> dict[str, float]:
+    """Values of the file, each with the digits that its deviation leaves it and one more."""
+    changes = {}
+    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.deviations, strict=True):
+        value = one.number(float(u))
+        size = float(sigma) * (value if one.positive else one.size)
+        decimals = DIGITS - 1 - math.floor(math.log10(size))
+        changes[one.path] = round(value, decimals)
+    return changes

@@ -1,0 +1,237 @@
+"""Weighted least squares of measurements over logarithms of unknowns, and what it determines.
+
+The residuals are ln(f/f_measured) and load pressures over their deviations, and the priors'.
+With the Jacobian J of the weighted residuals the covariance is (JᵀJ)⁻¹, times χ²/(m − k) where
+the model misses by more than the measurements' deviations (Birge 1932). An unknown whose relative
+deviation exceeds ``LOOSE`` is not determined: it is held at the file's value, the least certain
+one first, and the others are found again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.calibration.prediction import Predictor, measured_loads
+from armdesign.calibration.unknowns import Unknown, varied
+from armdesign.errors import ArmDesignError
+from armdesign.machine.machine import Machine
+
+LOOSE = 0.5  # relative standard deviation of an unknown that is not determined
+CONFIDENCE = 0.95  # of the intervals
+STEP = 1e-4  # of u, for differences
+DECADES = range(-15, 4)  # in which the start of an unknown that the file says is 0 is sought
+SLOWEST = 1e-6  # [Hz] stands for an unstable pose in logarithms
+REFUSED = 1e3  # residual of a trial that no machine can be
+LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Residuals of a machine's variants.
+
+    Attributes:
+        machine: today's machine.
+        predictor: of it and the measurements.
+        unknowns: what varies (k).
+    """
+
+    machine: Machine
+    predictor: Predictor
+    unknowns: tuple[Unknown, ...]
+
+    def at(self, u: Array) -> Machine:
+        """The variant at u (k,)."""
+        changes = {one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)}
+        return varied(self.machine, changes)
+
+    @cached_property
+    def rows(self) -> Array:
+        """The measurement that each residual belongs to (m,); −1 for priors."""
+        loads = np.nonzero(self._fitted_loads)[0]
+        own = np.flatnonzero(np.isfinite(self.predictor.measured.frequencies))
+        priors = -np.ones(sum(one.prior is not None for one in self.unknowns))
+        return np.concatenate([own, loads, priors]).astype(int)
+
+    @cached_property
+    def _fitted_loads(self) -> Array:
+        measured = self.predictor.measured
+        known = np.isfinite(measured.pressures).all(axis=2)
+        return np.asarray(known & np.isfinite(measured.pressure_deviations)[:, None])
+
+    @cached_property
+    def _load_deviations(self) -> Array:
+        """Of p1 − p2 A2/A1, both pressures with their own errors (n, nc) [Pa]."""
+        ratios = np.array([a.annulus_area / a.bore_area for a in self.machine.actuators])
+        return self.predictor.measured.pressure_deviations[:, None] * np.sqrt(1 + ratios**2)
+
+    def residuals(self, u: Array) -> Array:
+        """Weighted residuals (m,) at u (k,), large where there is no such machine."""
+        try:
+            machine = self.at(u)
+            predicted = self.predictor(machine)
+        except ArmDesignError:
+            return np.full(len(self.rows), REFUSED)
+        measured = self.predictor.measured
+        known = np.isfinite(measured.frequencies)
+        frequencies = np.maximum(predicted.frequencies[known], SLOWEST)
+        logs = np.log(frequencies / measured.frequencies[known])
+        loads = predicted.load_pressures - measured_loads(machine, measured)
+        pairs = zip(self.unknowns, u, strict=True)
+        return np.concatenate(
+            [
+                logs * measured.frequencies[known] / measured.deviations[known],
+                (loads / self._load_deviations)[self._fitted_loads],
+                [one.surprise(float(x)) for one, x in pairs if one.prior is not None],
+            ]
+        )
+
+    def jacobian(self, u: Array) -> Array:
+        """Derivatives of the residuals by u (m, k), by central differences."""
+        columns = []
+        for step in STEP * np.eye(len(u)):
+            columns.append((self.residuals(u + step) - self.residuals(u - step)) / (2 * STEP))
+        return np.stack(columns, axis=1)
+
+    def start(self) -> Array:
+        """U of the file's values (k,); where they are 0 the best decade, one after the other."""
+        u = np.array([one.coordinate(one.value) for one in self.unknowns])
+        for k, one in enumerate(self.unknowns):
+            if one.positive and one.value == 0:
+                tried = [10.0**n for n in DECADES if one.low < 10.0**n < one.high]
+                trials = np.tile(u, (len(tried), 1))
+                trials[:, k] = [one.coordinate(value) for value in tried]
+                costs = [float(np.sum(self.residuals(trial) ** 2)) for trial in trials]
+                u = trials[int(np.argmin(costs))]
+        return u
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The least squares of a problem.
+
+    Attributes:
+        problem: what was fitted.
+        u: the unknowns (k,).
+        residuals: weighted (m,).
+        jacobian: of the residuals (m, k).
+    """
+
+    problem: Problem
+    u: Array
+    residuals: Array
+    jacobian: Array
+
+    @property
+    def freedom(self) -> int:
+        """Residuals beyond the unknowns."""
+        return len(self.residuals) - len(self.u)
+
+    @cached_property
+    def scale(self) -> float:
+        """By how much the model misses more than the measurements' deviations, at least 1."""
+        if self.freedom <= 0:
+            return 1.0
+        return max(1.0, math.sqrt(float(np.sum(self.residuals**2)) / self.freedom))
+
+    @cached_property
+    def directions(self) -> tuple[Array, Array]:
+        """Deviations along the principal directions (k,), largest first, and these (k, k)."""
+        _, singular, right = np.linalg.svd(self.jacobian, full_matrices=True)
+        sizes = np.zeros(len(self.u))
+        sizes[: len(singular)] = singular
+        with np.errstate(divide="ignore"):
+            deviations = self.scale / sizes
+        return deviations[::-1], right[::-1]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of u (k, k); inf where nothing depends on a direction."""
+        deviations, directions = self.directions
+        known = np.isfinite(deviations)
+        squares = (directions[known].T * deviations[known] ** 2) @ directions[known]
+        lost = np.any(np.abs(directions[~known]) > 1e-9, axis=0)
+        return np.where(lost[:, None] & lost, np.inf, squares)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of u (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def quantile(self) -> float:
+        """Deviations to either end of an interval: Student's where the scale is estimated."""
+        from scipy.stats import norm, t
+
+        upper = (1 + CONFIDENCE) / 2
+        return float(t.ppf(upper, self.freedom) if self.scale > 1 else norm.ppf(upper))
+
+
+def fitted(problem: Problem, start: Array | None = None) -> Fit:
+    """The least squares of a problem, from a start (k,) or the file's values."""
+    from scipy.optimize import least_squares
+
+    limits = np.array([one.limits for one in problem.unknowns]).T
+    begin = problem.start() if start is None else start
+    inner = np.clip(begin, limits[0] + 1e-9, limits[1] - 1e-9)
+    found = least_squares(
+        problem.residuals, inner, problem.jacobian, bounds=(limits[0], limits[1]), xtol=1e-9
+    )
+    return Fit(problem, found.x, found.fun, problem.jacobian(found.x))
+
+
+def determined(problem: Problem) -> tuple[Fit, Fit | None]:
+    """The fit of all unknowns, and that of those which the measurements determine.
+
+    The second is None if they determine none.
+    """
+    of_all = now = fitted(problem)
+    while True:
+        loosest = int(np.argmax(now.deviations))
+        if now.deviations[loosest] <= LOOSE:
+            return of_all, now
+        rest = np.arange(len(now.u)) != loosest
+        left = tuple(one for one, kept in zip(now.problem.unknowns, rest, strict=True) if kept)
+        if not left:
+            return of_all, None
+        smaller = Problem(problem.machine, problem.predictor, left)
+        now = fitted(smaller, now.u[rest])
+
+
+def left_out(fit: Fit) -> Array:
+    """Relative errors (n,) of the frequencies, each predicted by a fit without its measurement.
+
+    NaN where none is measured, or the rest does not suffice.
+    """
+    problem = fit.problem
+    measured, rows = problem.predictor.measured, problem.rows
+    limits = np.array([one.limits for one in problem.unknowns]).T
+    errors = np.full(len(measured), np.nan)
+    for n in np.flatnonzero(np.isfinite(measured.frequencies)):
+        others, u = rows != n, fit.u
+        slopes = fit.jacobian[others]
+        if np.linalg.matrix_rank(slopes) < len(u):
+            continue
+        for _ in range(LEFT_OUT_STEPS):
+            change = np.linalg.lstsq(slopes, problem.residuals(u)[others], rcond=None)[0]
+            u = np.clip(u - change, *limits)
+        at_rest = problem.predictor(problem.at(u)).frequencies[n]
+        errors[n] = at_rest / measured.frequencies[n] - 1
+    return errors
+
+
+def refuse_too_few(problem: Problem, fit: Sequence[str]) -> None:
+    """Raise if there are more unknowns than measurements and priors.
+
+    Raises:
+        ArmDesignError: there are.
+    """
+    data = len(problem.rows)
+    if len(fit) > data:
+        remedy = "fit fewer, measure more poses, or give priors"
+        raise ArmDesignError("fit", f"{len(fit)} unknowns, but {data} measured values", remedy)

@@ -1,0 +1,284 @@
+"""Measured frequencies and pressures at known poses and load cases, read from a CSV file.
+
+One row for each measurement, columns by name, in any order; lines that begin with ``#`` are
+comments.
+
+``<joint>_deg``, of a slide ``<joint>_mm``
+    Position of a joint; or instead
+``<actuator>_length_mm``
+    the pin-to-pin length of a cylinder that alone moves that joint.
+``payload``
+    Name of a load case, or a mass in kg; blank: the machine's load case at work.
+``frequency_hz``, ``deviation_hz``
+    Natural frequency and its standard deviation, systematic errors included; 1 % if not given. The
+    frequency may be blank where pressures are fitted.
+``mode``
+    Which of the coupled modes it is; 1, the lowest, if not given.
+``<actuator>_cap_bar``, ``<actuator>_annulus_bar``
+    Chamber pressures, at which oil with air has its modulus; if not given, those that hold the
+    pose.
+``pressure_deviation_bar``
+    Standard deviation of the pressures; where it is given, the load that they carry is fitted too.
+``<actuator>_chambers``
+    What holds the piston: ``both`` chambers (if not given), ``cap`` or ``annulus`` where the other
+    is open, ``stuck`` where friction holds it and only what lies in series with the oil yields.
+
+``begin_s``, ``end_s``, ``damping_ratio``, ``damping_deviation`` and ``label`` are known, but not
+used.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.machine import Machine
+from armdesign.units import bar, mm
+
+DEVIATION = 0.01  # of a frequency, where none is given
+CHAMBERS = ("both", "cap", "annulus", "stuck")
+SIDES = ("cap", "annulus")
+UNUSED = ("begin_s", "end_s", "damping_ratio", "damping_deviation", "label")
+INCLINOMETER = "inclinometer"
+
+Rows = Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measured:
+    """n measurements of a machine with nq joints and nc actuators; arrays are read-only.
+
+    Attributes:
+        source: file or other origin, for messages.
+        payloads: load case of each (n), by name or mass [kg]; None: the one at work.
+        joints: positions of the joints (n, nq) [rad, m], NaN where lengths tell them.
+        lengths: pin-to-pin lengths (n, nc) [m], NaN where joints tell them.
+        frequencies: natural frequencies (n,) [Hz], NaN where none is measured.
+        deviations: their standard deviations (n,) [Hz].
+        modes: which coupled mode each is (n,), 0 the lowest.
+        pressures: of cap and annulus (n, nc, 2) [Pa], NaN where not measured.
+        pressure_deviations: their standard deviations (n,) [Pa], NaN where they are not fitted.
+        chambers: what holds each piston (n, nc), words of ``CHAMBERS``.
+        warnings: what a reader of the answer should know of the measurements.
+    """
+
+    source: str
+    payloads: tuple[str | float | None, ...]
+    joints: Array
+    lengths: Array
+    frequencies: Array
+    deviations: Array
+    modes: Array
+    pressures: Array
+    pressure_deviations: Array
+    chambers: Array
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.payloads)
+
+
+def read_measured(path: str | Path, machine: Machine) -> Measured:
+    """Measurements of a CSV file, see the module for its columns.
+
+    Raises:
+        ArmDesignError: a file that cannot be read, a missing column, or a value that cannot be.
+    """
+    remedy = "give a CSV file with a line of column names"
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise ArmDesignError(str(path), f"cannot be read ({reason})", remedy) from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    reader = csv.DictReader(lines, skipinitialspace=True, strict=True)
+    try:
+        rows = [{name or "": value for name, value in row.items()} for row in reader]
+    except csv.Error as error:
+        raise ArmDesignError(str(path), f"is no CSV file ({error})", remedy) from None
+    names = list(reader.fieldnames or ())
+    for name in names:
+        if names.count(name) > 1:
+            raise ArmDesignError(str(path), f'column "{name}" is there twice', "leave one out")
+    return measured_of(rows, machine, str(path))
+
+
+def measured_of(rows: Rows, machine: Machine, source: str = "measured") -> Measured:
+    """Measurements from rows: mappings from column names to texts or numbers.
+
+    Raises:
+        ArmDesignError: a missing column, or a value that cannot be.
+    """
+    if not rows:
+        raise ArmDesignError(source, "holds no measurement", "give a row for each")
+    return _Table(rows, machine, source).measured()
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Rows on their way to measurements of a machine."""
+
+    rows: Rows
+    machine: Machine
+    source: str
+
+    def measured(self) -> Measured:
+        """All columns that the machine knows."""
+        actuators = [actuator.name for actuator in self.machine.actuators]
+        pressures = [[self._numbers(f"{a}_{side}_bar") for side in SIDES] for a in actuators]
+        frequencies = self._numbers("frequency_hz", above=0.0)
+        deviations = self._numbers("deviation_hz", above=0.0)
+        loads = self._numbers("pressure_deviation_bar", above=0.0)
+        joints, lengths = self._poses()
+        self._refuse_empty(frequencies, np.moveaxis(np.array(pressures), -1, 0), loads)
+        return Measured(
+            source=self.source,
+            payloads=tuple(self._payload(row) for row in self.rows),
+            joints=joints,
+            lengths=lengths,
+            frequencies=frequencies,
+            deviations=np.where(np.isnan(deviations), DEVIATION * frequencies, deviations),
+            modes=self._modes(),
+            pressures=np.moveaxis(np.array(pressures), -1, 0) * bar,
+            pressure_deviations=loads * bar,
+            chambers=np.array([self._chambers(row, n) for n, row in enumerate(self.rows, 1)]),
+            warnings=tuple(self._warnings(actuators, deviations)),
+        )
+
+    @property
+    def columns(self) -> dict[str, None]:
+        """Names of all columns, in their order."""
+        return {name: None for row in self.rows for name in row}
+
+    def _poses(self) -> tuple[Array, Array]:
+        """Joint positions (n, nq) and lengths (n, nc), NaN where there is no column."""
+        machine = self.machine
+        joints = np.full((len(self.rows), len(machine.joints)), np.nan)
+        lengths = np.full((len(self.rows), len(machine.actuators)), np.nan)
+        for j, joint in enumerate(machine.arm.joints):
+            unit, factor = ("deg", math.radians(1)) if joint.revolute else ("mm", mm)
+            places = {
+                f"{cylinder.name}_length_mm": i
+                for i, (cylinder, linkage) in enumerate(
+                    zip(machine.cylinders, machine.linkages, strict=True)
+                )
+                if linkage.joints == (j,)
+            }
+            own = f"{joint.name}_{unit}"
+            given = [name for name in (own, *places) if name in self.columns]
+            if len(given) != 1:
+                problem = " and ".join(given) or "no column"
+                problem += f" {'say' if given else 'says'} where joint {joint.name} stands"
+                remedy = f"give one column: {' or '.join((own, *places))}"
+                raise ArmDesignError(self.source, problem, remedy)
+            values = self._numbers(given[0], blank=False)
+            if given[0] == own:
+                joints[:, j] = values * factor
+            else:
+                lengths[:, places[given[0]]] = values * mm
+        return joints, lengths
+
+    def _numbers(self, column: str, above: float = -math.inf, blank: bool = True) -> Array:
+        """A column (n,), NaN where it is blank or missing."""
+        return np.array(
+            [self._number(row, n, column, above, blank) for n, row in enumerate(self.rows, 1)]
+        )
+
+    def _number(
+        self, row: Mapping[str, Any], n: int, column: str, above: float, blank: bool
+    ) -> float:
+        value, part = row.get(column), f"{self.source}: row {n}, {column}"
+        if blank and (value is None or str(value).strip() in ("", "nan")):
+            return math.nan
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = math.nan
+        if not (math.isfinite(number) and number > above):
+            remedy = "give a number" + (f" above {above:g}" if math.isfinite(above) else "")
+            raise ArmDesignError(part, f"{value!r:.40} is not allowed", remedy)
+        return number
+
+    def _modes(self) -> Array:
+        modes, most = self._numbers("mode"), len(self.machine.joints)
+        modes = np.where(np.isnan(modes), 1.0, modes)
+        for n, mode in enumerate(modes, 1):
+            if mode not in range(1, most + 1):
+                part = f"{self.source}: row {n}, mode"
+                raise ArmDesignError(part, f"{mode:g} is not there", f"give 1 to {most}")
+        return modes.astype(int) - 1
+
+    def _payload(self, row: Mapping[str, Any]) -> str | float | None:
+        word = str(row.get("payload") or "").strip()
+        if not word or word in {case.name for case in self.machine.payloads}:
+            return word or None
+        try:
+            payload: str | float = float(word)
+        except ValueError:
+            payload = word
+        self.machine.with_payload(payload)  # raises if there is none such
+        return payload
+
+    def _chambers(self, row: Mapping[str, Any], n: int) -> list[str]:
+        words = []
+        for actuator in self.machine.actuators:
+            column = f"{actuator.name}_chambers"
+            words.append(str(row.get(column) or "both").strip())
+            if words[-1] not in CHAMBERS:
+                part = f"{self.source}: row {n}, {column}"
+                remedy = f"give one of {', '.join(CHAMBERS)}"
+                raise ArmDesignError(part, f'"{words[-1]}" is not known', remedy)
+        return words
+
+    def _refuse_empty(self, frequencies: Array, pressures: Array, deviations: Array) -> None:
+        """Raise for a row without a measurement, or with one chamber of two."""
+        for n, (frequency, both, deviation) in enumerate(
+            zip(frequencies, pressures, deviations, strict=True), 1
+        ):
+            part, known = f"{self.source}: row {n}", np.isfinite(both)
+            for actuator, (cap, annulus) in zip(self.machine.actuators, known, strict=True):
+                if cap != annulus:
+                    has, lacks = SIDES if cap else SIDES[::-1]
+                    problem = f"{actuator.name}_{has}_bar without {actuator.name}_{lacks}_bar"
+                    raise ArmDesignError(part, problem, "give both pressures, or neither")
+            if math.isnan(frequency) and (math.isnan(deviation) or not known.any()):
+                remedy = "give frequency_hz, or pressures with pressure_deviation_bar"
+                raise ArmDesignError(part, "holds no measurement", remedy)
+
+    def _warnings(self, actuators: list[str], deviations: Array) -> list[str]:
+        """What a reader should know: columns that are not used, inclinometers, deviations."""
+        joints = [f"{joint.name}_{unit}" for joint in self.machine.arm.joints for unit in UNITS]
+        known = {"payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar"}
+        known |= {*UNUSED, *joints, *(f"{a}_{end}" for a in actuators for end in ENDS)}
+        unknown = [name for name in self.columns if name not in known]
+        inclined = [name for name in unknown if INCLINOMETER in name]
+        words = [
+            f'column "{name}" is not used: {choose(name, known)}'
+            for name in unknown
+            if name not in inclined
+        ]
+        words += [f'column "{name}" is not used: {_INCLINED}' for name in inclined]
+        if np.isnan(deviations[np.isfinite(self._numbers("frequency_hz"))]).any():
+            words.append(f"frequencies without deviation_hz count as known to {DEVIATION:.0%}")
+        return words
+
+
+UNITS = ("deg", "mm")
+ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")
+_INCLINED = (
+    "an inclinometer on a moving machine feels acceleration as if it were tilt, on a measured"
+    " crane nine times the true swing; take pin-to-pin lengths or encoders"
+)

@@ -1,0 +1,167 @@
+"""What a machine says to measurements: its frequencies and static pressures at the same poses.
+
+Poses follow from pin-to-pin lengths by Newton's method on ℓ(q), whose slope is the moment arm.
+Oil with air has β(p) at the measured pressures where there are some. An open chamber has infinite
+capacity, and a stuck piston leaves 1/c of what lies in series with it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.calibration.measured import Measured
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.modes import natural_modes
+from armdesign.hydraulics.actuator import Actuator
+from armdesign.hydraulics.oil_spring import oil_stiffness
+from armdesign.machine.machine import Machine
+from armdesign.machine.poses import Poses
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.joint_ranges import over, sweep
+
+SAMPLES = 64  # of a joint's range, from which Newton's method starts
+STEPS = 4  # of Newton's method: from 1/63 of a range to rounding
+RIGID = 1e-12  # [m/N] least compliance of what holds a stuck piston
+READ_OUT = 0.5e-3  # [m] of a measured length beyond the stroke that counts as on its end
+
+
+def positions(machine: Machine, measured: Measured) -> Array:
+    """Joint positions of the measurements (n, nq) [rad, m].
+
+    Raises:
+        ArmDesignError: a length outside the stroke, or a joint outside its range.
+    """
+    q = measured.joints.copy()
+    for i, (cylinder, linkage) in enumerate(zip(machine.cylinders, machine.linkages, strict=True)):
+        lengths, known = measured.lengths[:, i], np.isfinite(measured.lengths[:, i])
+        if not known.any():
+            continue
+        least, most = cylinder.closed_length - READ_OUT, cylinder.open_length + READ_OUT
+        for n in np.flatnonzero(known & ~((lengths >= least) & (lengths <= most))):
+            raise ArmDesignError(
+                f"{measured.source}: row {n + 1}, {cylinder.name}_length_mm",
+                f"{1e3 * lengths[n]:g} mm is outside the stroke"
+                f" [{1e3 * cylinder.closed_length:g}, {1e3 * cylinder.open_length:g}] mm",
+                "give the pin-to-pin length, or correct closed length and stroke",
+            )
+        joint = linkage.joints[0]
+        values = over(machine.ranges[joint], SAMPLES)
+        table = linkage.length(sweep(machine.arm, joint, values))
+        order = np.argsort(table)
+        found = np.interp(lengths[known], table[order], values[order])
+        for _ in range(STEPS):
+            there = linkage.actuation(sweep(machine.arm, joint, found))
+            found = found + (lengths[known] - there.length) / there.moment_arm[:, joint]
+            found = np.clip(found, *machine.ranges[joint])
+        q[known, joint] = found
+    _refuse_outside(machine, measured, q)
+    return q
+
+
+def _refuse_outside(machine: Machine, measured: Measured, q: Array) -> None:
+    for j, joint in enumerate(machine.arm.joints):
+        unit, factor = ("deg", math.degrees(1)) if joint.revolute else ("mm", 1e3)
+        low, high = machine.ranges[j] * factor
+        for n, value in enumerate(q[:, j] * factor, 1):
+            if not low - 1e-6 <= value <= high + 1e-6:
+                raise ArmDesignError(
+                    f"{measured.source}: row {n}, {joint.name}_{unit}",
+                    f"{value:g} {unit} is outside the joint's range [{low:g}, {high:g}] {unit}",
+                    "strokes and limits end there: correct the pose or the machine file",
+                )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Prediction:
+    """Frequencies (n,) [Hz] and load pressures (n, nc) [Pa] of a machine at n measurements."""
+
+    frequencies: Array
+    load_pressures: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Predictor:
+    """Predictions of a machine and its variants at measurements.
+
+    Attributes:
+        machine: the machine whose pins and strokes tell the poses.
+        measured: the measurements.
+    """
+
+    machine: Machine
+    measured: Measured
+
+    @cached_property
+    def rigid(self) -> RigidPoses:
+        """Inertia and gravity of the bare links at the poses."""
+        return self.machine.rigid_poses(positions(self.machine, self.measured))
+
+    def __call__(self, machine: Machine) -> Prediction:
+        """What a variant of the machine answers to every measurement.
+
+        The load pressure of an actuator is its static force over its bore area, p1 − p2 A2/A1.
+
+        Raises:
+            ArmDesignError: poses that the machine cannot take.
+        """
+        measured, rigid = self.measured, self.rigid
+        if _geometry(machine) != _geometry(self.machine):
+            rigid = Predictor(machine, measured).rigid
+        frequencies = np.zeros(len(measured))
+        loads = np.zeros((len(measured), len(machine.actuators)))
+        areas = np.array([actuator.bore_area for actuator in machine.actuators])
+        for payload in dict.fromkeys(measured.payloads):
+            rows = np.array([one == payload for one in measured.payloads])
+            loaded = machine if payload is None else machine.with_payload(payload)
+            poses = loaded.evaluate(rigid[rows])
+            held = _stiffness(machine, measured, rows, poses)
+            modes = natural_modes(dataclasses.replace(poses, oil_stiffness=held)).frequencies
+            frequencies[rows] = modes[np.arange(len(modes)), measured.modes[rows]]
+            loads[rows] = poses.cylinder_forces / areas
+        return Prediction(frequencies, loads)
+
+
+def _geometry(machine: Machine) -> tuple[object, ...]:
+    """What poses follow from beside the measurements."""
+    ends = tuple((one.closed_length, one.stroke) for one in machine.cylinders)
+    return machine.linkages, ends
+
+
+def measured_loads(machine: Machine, measured: Measured) -> Array:
+    """Load pressures p1 − p2 A2/A1 of the measured chamber pressures (n, nc) [Pa]."""
+    ratios = np.array([a.annulus_area / a.bore_area for a in machine.actuators])
+    return np.asarray(measured.pressures[:, :, 0] - ratios * measured.pressures[:, :, 1])
+
+
+def _stiffness(machine: Machine, measured: Measured, rows: Array, poses: Poses) -> Array:
+    """Stiffness of every actuator (n, nc) [N/m] with what is measured of its chambers."""
+    stiffness = []
+    for i, actuator in enumerate(machine.actuators):
+        force = poses.cylinder_forces[:, i]
+        both = actuator.static_pressures(force, machine.supply)
+        own = [
+            np.where(np.isfinite(told), told, rest)
+            for told, rest in zip(measured.pressures[rows, i].T, both, strict=True)
+        ]
+        extension = poses.lengths[:, i] - actuator.closed_length + actuator.compliance * force
+        cap, annulus = actuator.capacities(extension, (own[0], own[1]), machine.fluid)
+        held = measured.chambers[rows, i]
+        oil = oil_stiffness(
+            actuator.bore_area,
+            actuator.annulus_area,
+            np.where(held == "annulus", np.inf, cap),
+            np.where(held == "cap", np.inf, annulus),
+            actuator.compliance,
+        )
+        stiffness.append(np.where(held == "stuck", _stuck(actuator), oil))
+    return np.stack(stiffness, axis=1)
+
+
+def _stuck(actuator: Actuator) -> float:
+    """Stiffness of what lies in series with a piston that friction holds [N/m]."""
+    return 1 / max(actuator.compliance, RIGID)

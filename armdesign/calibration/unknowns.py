@@ -1,0 +1,151 @@
+"""Unknowns of a calibration: numbers of the machine file, positive ones in logarithms.
+
+u = ln(value) where the schema allows no negative value, else u = value over its size, so that a
+change of u is a relative change. Bounds are the schema's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.key_paths import annotation, bounds, unit_of
+from armdesign.machine.machine import Machine
+
+LEAST = 1e-18  # stands for zero in logarithms: no key's unit makes so small a number matter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """A number of the machine file that is to be found.
+
+    Attributes:
+        path: its key path.
+        value: what the file says, in the file's unit.
+        unit: that unit; empty if the key names none.
+        low: least value that the schema allows.
+        high: largest.
+        prior: what is known beforehand: value and standard deviation; None: nothing.
+    """
+
+    path: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    prior: tuple[float, float] | None = None
+
+    @property
+    def positive(self) -> bool:
+        """Whether it is found by its logarithm."""
+        return self.low >= 0
+
+    @property
+    def size(self) -> float:
+        """The change of value that counts as 1 where there is no logarithm."""
+        return max(abs(self.value), 1.0)
+
+    def coordinate(self, value: float) -> float:
+        """U of a value."""
+        return math.log(max(value, LEAST)) if self.positive else value / self.size
+
+    def number(self, coordinate: float) -> float:
+        """The value of u, within the schema's bounds."""
+        value = math.exp(coordinate) if self.positive else coordinate * self.size
+        return min(max(value, self.low), self.high)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Bounds of u."""
+        return self.coordinate(self.low), self.coordinate(self.high)
+
+    def surprise(self, coordinate: float) -> float:
+        """Difference from the prior over its deviation; 0 without one."""
+        if self.prior is None:
+            return 0.0
+        value, deviation = self.prior
+        relative = deviation / (value if self.positive else self.size)
+        return (coordinate - self.coordinate(value)) / relative
+
+
+def unknowns_of(
+    machine: Machine, fit: Sequence[str], priors: Mapping[str, tuple[float, float]] | None = None
+) -> tuple[Unknown, ...]:
+    """The unknowns of key paths.
+
+    Args:
+        machine: the machine.
+        fit: key paths of numbers.
+        priors: for some of them value and standard deviation, in the file's unit.
+
+    Raises:
+        ArmDesignError: no path, one twice, one that names no number, or a prior of no path.
+    """
+    if not fit or isinstance(fit, str):
+        raise ArmDesignError("fit", f"{fit!r} is not allowed", "give some key paths of numbers")
+    for path in fit:
+        if list(fit).count(path) > 1:
+            raise ArmDesignError(f"fit {path}", "is there twice", "leave one out")
+    priors = dict(priors or {})
+    for path in priors:
+        if path not in fit:
+            raise ArmDesignError(f"prior {path}", "is not fitted", choose(path, list(fit)))
+    known = machine_file.flat(machine.section)
+    return tuple(_unknown(path, known, priors.get(path)) for path in fit)
+
+
+def _unknown(path: str, known: Mapping[str, Any], prior: Any) -> Unknown:
+    part, value = f"fit {path}", known.get(path)
+    if value is None:
+        numbers = [name for name in known if _is_number(name, known[name])]
+        near = [name for name in numbers if name.rpartition(".")[2] == path.rpartition(".")[2]]
+        remedy = choose(path, near or numbers)
+        if len(remedy) > 200:
+            remedy = "give one such as fluid.bulk_modulus_MPa"
+        raise ArmDesignError(part, "the machine file has no such key", remedy)
+    if not _is_number(path, value):
+        problem = f"{value!r:.60} is no number that can vary"
+        raise ArmDesignError(part, problem, "give a key path of one number, not a count or list")
+    low, high = bounds(tuple(path.split(".")))
+    high = math.nextafter(high, 0.0)  # the schema may exclude the end itself
+    if prior is not None:
+        mean, deviation = (float(x) for x in prior)
+        if not (low <= mean <= high and 0 < deviation < math.inf and (mean > 0 or low < 0)):
+            remedy = f"give a value in [{low:g}, {high:g}] and a deviation above 0"
+            raise ArmDesignError(f"prior {path}", f"{mean:g} ± {deviation:g}", remedy)
+        prior = (mean, deviation)
+    return Unknown(
+        path=path,
+        value=float(value),
+        unit=unit_of(tuple(path.split("."))).strip(),
+        low=low,
+        high=high,
+        prior=prior,
+    )
+
+
+def _is_number(path: str, value: Any) -> bool:
+    return isinstance(value, float | int) and annotation(tuple(path.split(".")))[0] is float
+
+
+def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:
+    """The machine with other numbers, for a look: its text is the old one.
+
+    ``Machine.replace`` edits the text, too, which takes ten times as long.
+    """
+    data = machine.section.model_dump()
+    for path, value in changes.items():
+        *tables, leaf = path.split(".")
+        node = data
+        for key in tables:
+            node = node[key]
+        node[leaf] = value
+    section = type(machine.section).model_validate(data)
+    other = Machine.unchecked(
+        machine.text, machine.urdf_text, machine.source, arm=machine.arm, section=section
+    )
+    return other.loaded_like(machine)

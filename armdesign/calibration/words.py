@@ -1,0 +1,104 @@
+"""What a calibration found, in words: what fits, what is not determined, what looks alike."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.calibration.fit import LOOSE, Fit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ALIKE = 0.98  # cosine of two unknowns' effects on all measurements, from which they look alike
+CHANGE = 0.10  # of the unknown that changes most in a weak direction
+PART = 0.1  # of the largest part of a direction below which an unknown is not named
+POOR = 3.0  # times the measurements' deviations by which a machine may miss
+
+
+def findings(
+    of_all: Fit, fit: Fit | None, frame: pd.DataFrame, warnings: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Sentences without their full stops.
+
+    Args:
+        of_all: the fit of all unknowns.
+        fit: that of those which are determined; None if none is.
+        frame: measurements and answers, see ``Calibration``.
+        warnings: of the measurements.
+    """
+    found = [_errors(frame)] if frame["measured_hz"].notna().any() else []
+    if fit is not None and fit.scale > POOR:
+        found.append(
+            f"the fitted values do not explain the measurements: these are missed by"
+            f" {fit.scale:.1f} times their deviations"
+        )
+    kept = () if fit is None else fit.problem.unknowns
+    for k, one in enumerate(of_all.problem.unknowns):
+        if one not in kept:
+            sigma = of_all.deviations[k]
+            how = "no measurement depends on it where it fits best"
+            if math.isfinite(sigma):
+                how = f"known to a factor of {math.exp(min(sigma, 9.0)):.2g} at best"
+            held = f"held at {one.value:g} {one.unit}".rstrip()
+            found.append(f"{one.path} is not determined by these measurements ({how}): {held}")
+    return (*found, *_apart(of_all), *warnings)
+
+
+def _errors(frame: pd.DataFrame) -> str:
+    """How far frequencies are off before, after and left out."""
+    spans = []
+    for name in ("before", "calibrated", "left_out"):
+        errors = frame[f"{name}_error"].dropna()
+        if len(errors):
+            spans.append(f"{100 * errors.min():+.1f} … {100 * errors.max():+.1f} %")
+    count = int(frame["measured_hz"].notna().sum())
+    words = f"{count} measured frequencies: computed {spans[0]} before, {spans[1]} calibrated"
+    return words + (f", {spans[2]} where each is left out of the fit" if spans[2:] else "")
+
+
+def _apart(fit: Fit) -> list[str]:
+    """Which unknowns these measurements tell apart, and which not."""
+    names = [one.path for one in fit.problem.unknowns]
+    if len(names) < 2:
+        return []
+    sizes = np.linalg.norm(fit.jacobian, axis=0)
+    found = []
+    for i, j in itertools.combinations(np.flatnonzero(sizes > 1e-9), 2):
+        cosine = float(fit.jacobian[:, i] @ fit.jacobian[:, j] / sizes[i] / sizes[j])
+        verb = "look alike" if abs(cosine) >= ALIKE else "can be told apart"
+        found.append(f"{names[i]} and {names[j]} {verb} (cosine of their effects {cosine:.3f})")
+    for deviation, direction in zip(*fit.directions, strict=True):
+        if not math.isfinite(deviation):
+            continue
+        weak = "cannot be told apart" if deviation > LOOSE else "is known least"
+        found.append(f"what {weak}: {_direction(fit, names, direction)}")
+        break
+    return found
+
+
+def _direction(fit: Fit, names: list[str], direction: Array) -> str:
+    """A direction as changes of the unknowns, and what it does to the measurements."""
+    direction = direction / np.abs(direction).max()
+    order = np.argsort(-np.abs(direction))
+    direction = direction * np.sign(direction[order[0]])
+    parts = [
+        f"{names[k]} {100 * CHANGE * direction[k]:+.2g} %"
+        for k in order
+        if abs(direction[k]) >= PART
+    ]
+    known = np.isfinite(fit.problem.predictor.measured.frequencies)
+    deviations = fit.problem.predictor.measured.deviations[known]
+    shares = deviations / fit.problem.predictor.measured.frequencies[known]
+    effect = CHANGE * np.abs(fit.jacobian[: len(shares)] @ direction) * shares
+    most = f"by at most {100 * effect.max():.2g} %" if len(shares) else "not at all"
+    return f"{', '.join(parts)} together change the frequencies {most}"
+
+
+def capital(text: str) -> str:
+    """A sentence that begins with a capital, unless it begins with a key path or column."""
+    return text if "." in text.split(" ")[0] else text[:1].upper() + text[1:]

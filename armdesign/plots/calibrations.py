@@ -1,0 +1,60 @@
+"""Measured frequencies beside those of a machine before and after its calibration."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+
+if TYPE_CHECKING:
+    from armdesign.calibration.calibrate import Calibration
+
+
+@literal
+def measured_and_computed(calibration: Calibration, ax: Any = None) -> Any:
+    """Axes with the frequencies of every measurement: measured, before, calibrated, left out."""
+    ax = figure(1, 7.0, 4.6)[1][0] if ax is None else ax
+    frame = calibration.frame.dropna(subset=["measured_hz"])
+    numbers, measured = frame.index + 1, frame["measured_hz"]
+    left_out = measured * (1 + frame["left_out_error"])
+    ax.plot(numbers, frame["before_hz"], "s", color=INK, mfc="none", label="machine file before")
+    ax.plot(numbers, frame["calibrated_hz"], "o", color=MARK, label="calibrated")
+    ax.plot(numbers, left_out, "x", color=COMPUTED, label="predicted with it left out of the fit")
+    deviations = 2 * frame["deviation_hz"]
+    style = {"fmt": "_", "color": INK, "capsize": 3, "ms": 14}
+    ax.errorbar(numbers, measured, deviations, **style, label="measured, ± 2 deviations")
+    ax.set(xlabel="measurement", ylabel="frequency [Hz]", ylim=(0, None))
+    _finish(ax, numbers)
+    return ax
+
+
+@literal
+def errors_and_deviations(calibration: Calibration, ax: Any) -> Any:
+    """Axes with the errors of every measurement, calibrated and left out."""
+    frame = calibration.frame.dropna(subset=["measured_hz"])
+    numbers = frame.index + 1
+    deviations = 200 * frame["deviation_hz"] / frame["measured_hz"]
+    ax.errorbar(
+        numbers, 0 * deviations, deviations, fmt="_", color=INK, capsize=3, label="± 2 deviations"
+    )
+    ax.plot(numbers, 100 * frame["calibrated_error"], "o", color=MARK, label="calibrated")
+    ax.plot(numbers, 100 * frame["left_out_error"], "x", color=COMPUTED, label="left out")
+    ax.set(xlabel="measurement", ylabel="computed over measured frequency, less one [%]")
+    _finish(ax, numbers)
+    return ax
+
+
+def calibration_figure(calibration: Calibration) -> Any:
+    """Figure of frequencies, and beside them the errors that are left."""
+    fig, (left, right) = figure(2, 6.0, 4.4)
+    measured_and_computed(calibration, left)
+    errors_and_deviations(calibration, right)
+    return fig
+
+
+def _finish(ax: Any, numbers: Any) -> None:
+    ax.set_xticks(np.asarray(numbers))
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False)

@@ -1,0 +1,210 @@
+"""Values found from measurements: known truths, deviations, what is not determined, words."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from tests.calibration.synthetic import BETA, LIFT, TILT, TRUTH, crane, measurements, poses
+from tests.commands import main
+
+
+def test_known_values_are_found_again() -> None:
+    """From a file with another bulk modulus and no compliance at all; the truth is the source."""
+    machine = crane()
+    found = ad.calibrate(machine, measurements(machine.replace(TRUTH), poses()), [BETA, LIFT])
+    assert found.values["determined"].all()
+    assert found.values["value"].to_list() == pytest.approx(list(TRUTH.values()), rel=1e-6)
+    assert found.values["before"].to_list() == [1200.0, 0.0]
+    assert found.frame["calibrated_error"].abs().max() < 1e-7
+    assert found.left_out == pytest.approx(0, abs=1e-6)
+    assert found.machine.section.fluid.bulk_modulus_MPa == pytest.approx(1050, rel=1e-6)
+
+
+def test_masses_and_dead_volumes_are_found_too() -> None:
+    """Any number of the file: a load case's mass and a dead volume."""
+    truth = {"payload.full.mass_kg": 260.0, "cylinder.lift.dead_volume_l.cap": 0.6}
+    machine = crane()
+    found = ad.calibrate(machine, measurements(machine.replace(truth), poses()), list(truth))
+    assert found.values["value"].to_list() == pytest.approx(list(truth.values()), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth() -> None:
+    """Intervals of 95 % over 50 simulated sets with noise of 1 %: at least 90 % of them do."""
+    machine, q = crane(), poses()
+    clean = measurements(machine.replace(TRUTH), q)
+    start = machine.replace({LIFT: 1e-8})
+    held = []
+    for seed in range(50):
+        noise = np.exp(0.01 * np.random.default_rng(seed).standard_normal(len(q)))
+        noisy = clean.assign(
+            frequency_hz=clean["frequency_hz"] * noise, deviation_hz=0.01 * clean["frequency_hz"]
+        )
+        values = ad.calibrate(start, noisy, list(TRUTH)).values
+        truth = pd.Series(TRUTH)
+        held.append((values["low"] <= truth) & (truth <= values["high"]))
+    assert np.mean(held) >= 0.90
+
+
+def test_deviations_grow_where_the_machine_misses() -> None:
+    """A machine that cannot follow the measurements: χ² per degree of freedom widens them, and
+    the words say so. The reference is the weighted mean square by hand.
+    """
+    machine = crane()
+    table = measurements(machine.replace(TRUTH), poses(), noise=0.001)
+    one = ad.calibrate(machine, table, [BETA])
+    frame = one.frame
+    misses = np.log(frame["calibrated_hz"] / frame["measured_hz"])
+    misses *= frame["measured_hz"] / frame["deviation_hz"]
+    assert one.fit is not None
+    assert one.fit.scale == pytest.approx(np.sqrt(np.sum(misses**2) / 7), rel=1e-3)
+    assert any("do not explain the measurements" in line for line in one.findings)
+
+
+def test_what_looks_alike_is_not_claimed() -> None:
+    """At one pose and load any two springs in a row look alike: one is held and said to be."""
+    machine, q = crane(), np.tile(poses()[:1], (4, 1))
+    table = measurements(machine.replace(TRUTH), q, noise=0.005).assign(payload="full")
+    found = ad.calibrate(machine.replace({LIFT: 1e-8}), table, [BETA, LIFT])
+    assert sorted(found.values["determined"]) == [False, True]
+    (held,) = found.values.index[~found.values["determined"]]
+    row = found.values.loc[held]
+    assert row["value"] == row["before"]
+    assert np.isnan(row["deviation"])
+    words = " ".join(found.findings)
+    assert f"{held} is not determined by these measurements" in words
+    assert f"{BETA} and {LIFT} look alike" in words
+    assert "what cannot be told apart" in words
+
+
+def test_what_no_measurement_depends_on_is_not_claimed() -> None:
+    machine = crane()
+    table = measurements(machine.replace(TRUTH), poses())
+    found = ad.calibrate(machine, table, ["supply.flow_l_per_min", BETA, LIFT])
+    assert found.values["determined"].to_list() == [False, True, True]
+    assert found.values["value"].iloc[0] == 80
+    assert any("no measurement depends on it" in line for line in found.findings)
+    alone = ad.calibrate(machine, table, ["supply.flow_l_per_min"])
+    assert alone.fit is None
+    assert alone.machine is machine
+    assert alone.correlations.empty
+
+
+def test_a_weak_direction_changes_as_little_as_is_said() -> None:
+    """The change that is named, made to the machine: frequencies differ by what is said."""
+    machine = crane().replace({LIFT: 4e-8})
+    found = ad.calibrate(machine, measurements(machine, poses(), noise=0.01), [BETA, LIFT])
+    (line,) = (line for line in found.findings if line.startswith("what is known least"))
+    words = line.replace(",", "").split()
+    changes = {p: float(words[words.index(p) + 1]) / 100 for p in (BETA, LIFT) if p in words}
+    said = float(words[-2]) / 100
+    before = found.after.frequencies
+    values = found.values["value"]
+    other = found.machine.replace({p: values[p] * np.exp(x) for p, x in changes.items()})
+    table = measurements(other, poses())
+    assert np.abs(table["frequency_hz"] / before - 1).max() == pytest.approx(said, rel=0.15)
+
+
+def test_priors_add_what_is_known() -> None:
+    """Two sources of one number: the mean weighted by the inverse squares of their deviations."""
+    machine = crane()
+    table = measurements(machine.replace({BETA: 1000.0}), poses(), noise=0.01, seed=1)
+    alone = ad.calibrate(machine, table, [BETA]).values.loc[BETA]
+    both = ad.calibrate(machine, table, [BETA], {BETA: (1010.0, 20.0)}).values.loc[BETA]
+    logs = np.log([alone["value"], 1010.0])
+    weights = np.array([alone["value"] / alone["deviation"], 1010 / 20]) ** 2
+    assert np.log(both["value"]) == pytest.approx(np.sum(weights * logs) / weights.sum(), abs=2e-3)
+    assert both["deviation"] < alone["deviation"]
+
+
+def test_static_pressures_tell_a_mass() -> None:
+    """From pressures alone, p1 A1 − p2 A2 = F at every pose; A and F through the front door."""
+    machine = crane()
+    truth = machine.replace({"payload.full.mass_kg": 250.0}).with_payload("full")
+    q = poses()
+    lift = machine.cylinders[0]
+    forces = truth.at(q).cylinder_forces[:, 0]
+    rows = pd.DataFrame(
+        {
+            "payload": "full",
+            "lift_boom_deg": np.degrees(q[:, 0]),
+            "tilt_boom_deg": np.degrees(q[:, 1]),
+            "extension_mm": 1e3 * q[:, 2],
+            "lift_cap_bar": (forces + lift.annulus_area * 8e5) / lift.bore_area / 1e5,
+            "lift_annulus_bar": 8.0,
+            "pressure_deviation_bar": 0.5,
+        }
+    )
+    found = ad.calibrate(machine, rows, ["payload.full.mass_kg"])
+    assert found.values["value"].iloc[0] == pytest.approx(250, rel=1e-6)
+    loads = found.frame[["lift_load_bar", "lift_calibrated_load_bar"]].to_numpy()
+    assert loads[:, 0] == pytest.approx(loads[:, 1], rel=1e-6)
+    assert np.isnan(found.left_out).all()
+
+
+def test_left_out_errors_are_those_of_fits_without_the_measurement() -> None:
+    machine = crane()
+    table = measurements(machine.replace(TRUTH), poses(), noise=0.01, seed=3)
+    found = ad.calibrate(machine, table, [BETA, LIFT])
+    for n in (0, 4):
+        rest = ad.calibrate(machine, table.drop(index=n), [BETA, LIFT])
+        exact = machine.replace(rest.values["value"].to_dict())  # the file's are rounded
+        answer = measurements(exact, poses())["frequency_hz"][n]
+        assert found.left_out[n] == pytest.approx(answer / table["frequency_hz"][n] - 1, abs=1e-4)
+
+
+def test_two_unknowns_and_ten_poses_take_less_than_ten_seconds() -> None:
+    machine = crane()
+    table = measurements(machine.replace(TRUTH), poses(10), noise=0.01)
+    begin = time.perf_counter()
+    ad.calibrate(machine, table, [BETA, LIFT])
+    assert time.perf_counter() - begin < 10
+
+
+def test_the_command_writes_its_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = measurements(crane().replace(TRUTH), poses(4), noise=0.01)
+    table.to_csv(tmp_path / "measured.csv", index=False)
+    monkeypatch.chdir(tmp_path)
+    words = ["--fit", f"{BETA}, {LIFT}", "--prior", f"{BETA}=1200:200"]
+    assert main(["calibrate", "loader_crane", "measured.csv", *words], monkeypatch) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "calibration.csv",
+        "calibration_values.csv",
+        "calibration.png",
+        "loader_crane_calibrated.toml",
+        "loader_crane.urdf",
+    }
+    printed = capsys.readouterr().out
+    assert "left out" in printed
+    assert "correlations: fluid.bulk_modulus_MPa with" in printed
+    values = pd.read_csv(tmp_path / "out" / "calibration_values.csv", index_col="path")
+    saved = ad.load(tmp_path / "out" / "loader_crane_calibrated.toml").section
+    assert saved.cylinder["lift"].compliance_m_per_N == pytest.approx(
+        values["value"][LIFT], rel=0.02
+    )
+
+
+def test_its_file_tells_where_values_are_from(tmp_path: Path) -> None:
+    machine = crane()
+    table = measurements(machine.replace(TRUTH), poses(), noise=0.01)
+    found = ad.calibrate(machine, table, [BETA, LIFT, TILT])
+    path = found.save(tmp_path / "crane.toml")
+    text = path.read_text(encoding="utf-8")
+    for name, row in found.values.iterrows():
+        leaf = str(name).rpartition(".")[2]
+        story = f", fitted ± {row['deviation']:.2g}" if row["determined"] else leaf
+        assert story in text
+    assert text.startswith("# Made by armdesign")
+    assert "8 measured frequencies" in text
+    saved = tomllib.loads(text)
+    assert saved["name"] == "loader_crane_calibrated"
+    assert ad.load(path).fluid == found.machine.fluid

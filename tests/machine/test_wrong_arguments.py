@@ -1,0 +1,147 @@
+"""Wrong arguments of a machine's methods: poses, payloads, grids, margins; one clear line each."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from tests import machines
+from tests.machine.file.bad_files import EXCAVATOR, assert_clear
+
+# --------------------------------------------------------------------------------- wrong arguments
+
+MIDDLE = EXCAVATOR.ranges.mean(axis=1)
+
+
+BAD_POSES = [
+    MIDDLE[:2],
+    [[1]],
+    [],
+    [[]],
+    0,
+    None,
+    "a",
+    [["a", "b", "c"]],
+    np.zeros((2, 2, 3)),
+    [MIDDLE, MIDDLE[:2]],
+]
+
+
+BAD_POSES += [MIDDLE + 1j, {}, [[1, 2, 3, 4]], [np.inf, 0, 0], [np.nan] * 3, [None] * 3]
+
+
+@pytest.mark.parametrize("q", BAD_POSES, ids=[str(index) for index in range(len(BAD_POSES))])
+@pytest.mark.parametrize("question", ["at", "margins", "holds", "rigid_poses"])
+def test_poses_of_a_wrong_shape_or_not_finite(question: str, q: Any) -> None:
+    with pytest.raises(ad.ArmDesignError, match="excavator_20t: q: ") as caught:
+        getattr(EXCAVATOR, question)(q)
+    assert_clear(str(caught.value))
+
+
+def test_no_pose_is_a_question_too() -> None:
+    assert len(EXCAVATOR.at(np.zeros((0, 3)))) == 0
+
+
+def test_a_pose_out_of_stroke_says_how_far_and_where_to_stay() -> None:
+    q = MIDDLE.copy()
+    q[1] = 0.0
+    message = (
+        r"stick cylinder: length 1\.\d{4} m is outside its stroke \[1\.8000, 3\.3040\] m at boom"
+        r" .* rad, stick 0\.0000 "
+        r'rad, .*; stay in the range of joint "stick" \[-2\.7\d+, -0\.5\d+\] rad'
+    )
+    with pytest.raises(ad.ArmDesignError, match=message):
+        EXCAVATOR.at(q)
+
+
+def test_an_open_four_bar_says_so() -> None:
+    """The lug of this machine goes round its joint further from the pivot than rocker + coupler
+    can reach.
+    """
+    machine = machines.named("four_bar_left")
+    q = np.zeros((400, 3))
+    q[:, 2] = np.linspace(-np.pi, np.pi, 400)
+    open_ = machine.margins(q)[:, 2] == -np.inf
+    assert 0 < open_.sum() < 400
+    q = q[open_][:1]
+    with pytest.raises(
+        ad.ArmDesignError,
+        match=r"tilt cylinder: its four-bar does not close at .*; stay in the range",
+    ):
+        machine.at(q)
+
+
+@pytest.mark.parametrize(
+    "name", ["excavator_20t", "paper_1dof", "spatial", "four_bar_right", "branched", "redundant"]
+)
+def test_margins_never_raise_for_a_pose(name: str) -> None:
+    """Any finite joint positions, near and absurd: a number or −∞, never NaN."""
+    machine = machines.named(name)
+    chance = np.random.default_rng(0)
+    for scale in (1e-300, 1.0, 10.0, 1e6, 1e100):
+        margins = machine.margins(chance.uniform(-scale, scale, (300, len(machine.joints))))
+        assert margins.shape == (300, len(machine.cylinders))
+        assert not np.isnan(margins).any()
+        assert margins.max() <= 0.5
+
+
+@pytest.mark.parametrize(
+    "payload", ["ful", "", "800", None, -1, math.nan, math.inf, True, [1], {}, 1j, b"full"]
+)
+def test_payloads_that_cannot_be(payload: Any) -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"excavator_20t: payload") as caught:
+        EXCAVATOR.with_payload(payload)
+    assert_clear(str(caught.value))
+
+
+BAD_POINTS = [
+    0,
+    1,
+    -3,
+    "5",
+    "x",
+    3.0,
+    2.7,
+    [3, 3],
+    [3, 3, 1],
+    [3, 3, 3.5],
+    10**9,
+    [10**6] * 3,
+    [],
+    True,
+    {},
+]
+
+
+BAD_POINTS += [
+    [None] * 3,
+    math.nan,
+    math.inf,
+    "3,3,3",
+    ["3"] * 3,
+    [[3] * 3],
+    2**62,
+    [3, 3, 3, 3],
+    [True] * 3,
+]
+
+
+@pytest.mark.parametrize("points", BAD_POINTS, ids=str)
+def test_grids_that_cannot_be(points: Any) -> None:
+    with pytest.raises(
+        ad.ArmDesignError, match=r"points: .*; give (one number ≥ 2, or 3|at most 5 million)"
+    ):
+        ad.Workspace.grid(EXCAVATOR, points=points)
+
+
+@pytest.mark.parametrize("margin", [0.5, -1, math.nan, math.inf, "x", [0.1], True])
+def test_end_margins_that_cannot_be(margin: Any) -> None:
+    with pytest.raises(
+        ad.ArmDesignError,
+        match=r"end_margin: .* is not allowed; give a share of the stroke in \[0, 0",
+    ):
+        ad.Workspace.grid(EXCAVATOR, points=3, end_margin=margin)

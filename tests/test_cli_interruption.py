@@ -1,0 +1,149 @@
+"""Commands that are interrupted or fail while they write: all files or none."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from armdesign import cli
+from armdesign.errors import ArmDesignError
+from tests.commands import QUICK, assert_one_line, main, map_of
+
+# ------------------------------------------------------------------------------------ interruption
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")]
+)
+def test_a_failed_write_leaves_the_old_files(
+    error: Exception,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """The CSV is written, then the second picture fails: neither is there, the files of the last
+    run are.
+    """
+    from armdesign import plots
+
+    assert main(map_of(tmp_path), monkeypatch) == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    capfd.readouterr()
+
+    def failing(fig: object, path: Path) -> Path:
+        raise error
+
+    monkeypatch.setattr(plots, "save", failing)
+    assert main(map_of(tmp_path, "9"), monkeypatch) == 2
+    assert capfd.readouterr().err.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+WAITING = """
+import sys, time
+from armdesign import cli, plots
+from armdesign.frequency import maps
+def wait(*_, **__):
+    print("ready", flush=True)
+    time.sleep(60)
+{}.{} = wait
+sys.argv = ["armdesign", "map", "paper_1dof", "--points", "5"]
+cli.main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("where", [("maps", "frequency_map"), ("plots", "save")])
+def test_ended_in_the_middle(
+    number: signal.Signals, where: tuple[str, str], tmp_path: Path
+) -> None:
+    """By Ctrl-C, as a service ends or with the terminal, while computing or writing: no traceback,
+    nothing written.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAITING.format(*where)],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (128 + number, "")
+    assert err.strip() == "armdesign: interrupted; nothing was written"
+    assert not list(tmp_path.iterdir())
+
+
+def test_ended_while_files_move(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C then waits until all of them are in place, and what is said is true."""
+    real = os.replace
+
+    def interrupted(source: str, target: str) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    assert main(map_of(tmp_path), monkeypatch) == 130
+    out, err = capsys.readouterr()
+    assert out.startswith("wrote map.csv")
+    assert err.strip() == "armdesign: interrupted; all was written"
+    assert {path.name for path in tmp_path.iterdir()} == QUICK["map"]
+
+
+def test_an_end_of_file_is_no_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """typer takes it for Ctrl-D; what a damaged file says of itself is not hidden behind that."""
+
+    def ended(*_: object) -> None:
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr("armdesign.frequency.maps.frequency_map", ended)
+    monkeypatch.setattr(
+        sys, "argv", ["armdesign", "map", "paper_1dof", "--points", "5", "--out", str(tmp_path)]
+    )
+    with pytest.raises(EOFError, match="Ran out of input"):
+        cli.main()
+
+
+def test_a_folder_in_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "stiffness.csv").mkdir()
+    assert main(map_of(tmp_path), monkeypatch) == 2
+    assert_one_line(
+        capfd.readouterr().err, "cannot be written (a folder named stiffness.csv is in the way)"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["stiffness.csv"]
+
+
+def test_what_a_killed_run_left_behind_is_gone_with_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAITING.format("plots", "save")],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    assert [path.name[:9] for path in (tmp_path / "out").iterdir()] == [".writing-"]
+    process.kill()
+    process.communicate(timeout=30)
+    assert list((tmp_path / "out").iterdir())
+    monkeypatch.chdir(tmp_path)
+    # even one that is refused later
+    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
+    assert main(["map", "none.toml"], monkeypatch) == 2
+    assert not list((tmp_path / "out").iterdir())
