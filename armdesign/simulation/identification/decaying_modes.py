@@ -5,8 +5,10 @@ Re Σ c exp(λt) is fitted to the samples y. What it leaves is
     (1 + a_1 q + … + a_p q^p) (y − Re Σ c exp(λt)) = white noise + N b,   q one sample back,
 
 where N b stands for a mode nearby that is too weak or too damped to be told apart: the columns N
-are its filtered powers, b is random with a known standard deviation. Both sides are filtered and
-whitened so; then the modes are those of least squares.
+are its filtered powers, b is random with a known standard deviation. A trend, a polynomial of
+time of which nothing is known, is projected out. Both sides are filtered and whitened so; then the
+modes are those of least squares. Beside a trend, what is slower than two periods within the
+record, or has more than OVERDAMPED of damping, is part of the trend.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 
 ROUNDS, TRIALS = 30, 8
 CONVERGED = 1e-10  # relative change of what is left
@@ -27,6 +29,8 @@ LARGEST_STEP = 0.2  # of λ in a round, relative
 # share of Occam's factor in the likelihood: a hidden mode is no random draw, so a record speaks
 # against it only where it would show
 OCCAM = 0.25
+NO_TREND = -1  # degree
+LEAST_PERIODS, OVERDAMPED = 2.0, 0.7  # of what rings about a trend
 NO_ROOTS = np.zeros(0, dtype=complex)
 
 
@@ -39,7 +43,12 @@ class Noise:
     """
 
     def __init__(
-        self, length: int, colour: Array, hidden: Array = NO_ROOTS, ratio: float = 0.0
+        self,
+        length: int,
+        colour: Array,
+        hidden: Array = NO_ROOTS,
+        ratio: float = 0.0,
+        trend: int = NO_TREND,
     ) -> None:
         """Noise of ``length`` samples.
 
@@ -48,11 +57,14 @@ class Noise:
             colour: a_1 … a_p (p,).
             hidden: λ Δt of modes that may be hidden (h,), complex.
             ratio: standard deviation of b relative to that of the white noise.
+            trend: degree of the polynomial that is projected out; -1 for none.
         """
-        self.length, self.colour = length, colour
+        self.length, self.colour, self.trend = length, colour, trend
+        slow = np.linalg.qr(self._filtered(polynomials(length, trend)))[0]
         columns = ratio * self._filtered(_powers(hidden, length))
-        self._u, size, _ = np.linalg.svd(columns, full_matrices=False)
-        self._shrunk = self._u * (1 - 1 / np.sqrt(1 + size**2))
+        u, size, _ = np.linalg.svd(columns - slow @ (slow.T @ columns), full_matrices=False)
+        self._u = np.hstack([slow, u])
+        self._shrunk = np.hstack([slow, u * (1 - 1 / np.sqrt(1 + size**2))])
         self.inflation = OCCAM * float(np.log1p(size**2).sum())
 
     def whitened(self, values: Array) -> Array:
@@ -66,6 +78,19 @@ class Noise:
         for k, a in enumerate(self.colour, 1):
             found[order:] += a * values[order - k : len(values) - k]
         return found
+
+
+def polynomials(length: int, degree: int) -> Array:
+    """Legendre's polynomials of time up to a degree (n, degree + 1); none for -1."""
+    return np.polynomial.legendre.legvander(np.linspace(-1, 1, length), max(degree, 0))[
+        :, : degree + 1
+    ]
+
+
+def detrended(values: Array, degree: int) -> Array:
+    """What a polynomial of time leaves of values (n, ·), by least squares."""
+    slow = np.linalg.qr(polynomials(len(values), degree))[0]
+    return np.asarray(values - slow @ (slow.T @ values))
 
 
 def _powers(roots: Array, length: int) -> Array:
@@ -97,8 +122,20 @@ class Refined:
     likelihood: float
 
     @cached_property
+    def rings(self) -> Flags:
+        """Which modes are no part of the trend (m,)."""
+        if self.noise.trend < 0:
+            return np.ones(len(self.roots), dtype=bool)
+        slowest = 2 * math.pi * LEAST_PERIODS / len(self.left)
+        damped = -self.roots.real > OVERDAMPED * np.abs(self.roots)
+        return np.asarray((self.roots.imag > slowest) & ~damped)
+
+    @cached_property
     def shares(self) -> Array:
-        """Sum of squares that each mode adds beyond what the others could make up for (m,)."""
+        """Sum of squares that each mode adds beyond what the others could make up for (m,).
+
+        Of what does not ring: -1.
+        """
         powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
         columns = np.stack([powers.real, powers.imag], axis=2)
         found = []
@@ -106,7 +143,7 @@ class Refined:
             own = (powers[:, k : k + 1] * shape).real
             others = np.linalg.qr(np.delete(columns, k, axis=1).reshape(len(powers), -1))[0]
             found.append(np.sum((own - others @ (others.T @ own)) ** 2))
-        return np.array(found)
+        return np.where(self.rings, found, -1.0)
 
     def strongest(self, modes: int) -> Array:
         """Which have the largest shares, ascending."""
@@ -193,7 +230,9 @@ def _with_covariance(
 ) -> Refined:
     """How certain the roots are: noise of the size that is left of each output."""
     length, order = len(signals), np.argsort(np.abs(roots))
-    variance = np.sum(now.left**2, axis=0) / max(length - 2 * len(roots) - len(noise.colour), 1)
+    variance = np.sum(now.left**2, axis=0) / max(
+        length - 2 * len(roots) - len(noise.colour) - noise.trend - 1, 1
+    )
     sizes = np.repeat(np.sqrt(variance), length)
     gain = (
         np.linalg.pinv(slopes.T @ slopes, rcond=1e-15, hermitian=True)
@@ -206,7 +245,7 @@ def _with_covariance(
     return Refined(
         roots=roots[order],
         shapes=now.shapes[order],
-        left=signals - (powers @ now.shapes).real,
+        left=detrended(signals - (powers @ now.shapes).real, noise.trend),
         covariance=(gain @ gain.T)[np.ix_(both, both)],
         noise=noise,
         variance=variance,

@@ -28,7 +28,14 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
-from armdesign.simulation.identification.decaying_modes import Noise, Refined, eliminated, refined
+from armdesign.simulation.identification.decaying_modes import (
+    NO_TREND,
+    Noise,
+    Refined,
+    detrended,
+    eliminated,
+    refined,
+)
 from armdesign.simulation.identification.records import signals_of
 
 MOST_ROWS = 400  # of the Hankel matrix
@@ -81,7 +88,11 @@ class Ringdown:
 
 
 def identify_ringdown(
-    time: ArrayLike, response: ArrayLike, modes: int = 1, part: str = "ring-down"
+    time: ArrayLike,
+    response: ArrayLike,
+    modes: int = 1,
+    part: str = "ring-down",
+    trend: int = NO_TREND,
 ) -> Ringdown:
     """Natural frequencies and damping ratios of the modes that a free decay holds.
 
@@ -90,10 +101,10 @@ def identify_ringdown(
 
     Args:
         time: evenly spaced instants (n,) [s], after the excitation has ended.
-        response: what rings about zero, as speeds: (n,) or (n, outputs). A constant is no mode and
-            has to be taken off before.
+        response: what rings about zero, as speeds, or about a trend: (n,) or (n, outputs).
         modes: how many modes are asked for, the strongest.
         part: name of the record for messages.
+        trend: degree of the polynomial of time about which it rings, 0 for a constant; -1: zero.
 
     Raises:
         SimulationError: the record is too short or has no even instants, nothing moves, fewer
@@ -108,7 +119,7 @@ def identify_ringdown(
         [1.001] [0.05]
     """
     step, (signals,) = signals_of(part, time, response)
-    signals = signals.reshape(len(signals), -1)
+    signals = detrended(signals.reshape(len(signals), -1), trend)
     scale = np.abs(signals).max(axis=0)
     if not scale.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
@@ -116,7 +127,7 @@ def identify_ringdown(
     if len(signals) < 8 * modes:
         problem = f"{len(signals)} records are too few"
         raise SimulationError(part, problem, f"record {8 * modes} or more")
-    found, singular = _answers(signals, modes, part)
+    found, singular = _answers(signals, modes, part, trend)
     weights = np.exp(
         TEMPER * (np.array(list(map(_likelihood, found))) - max(map(_likelihood, found)))
     )
@@ -140,7 +151,7 @@ def identify_ringdown(
     )
 
 
-def _answers(signals: Array, modes: int, part: str) -> tuple[list[Refined], Array]:
+def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Refined], Array]:
     """Fits of the modes under noise of all orders, and of further modes while these are likely.
 
     Colour can pass for a mode and a mode for colour: counts are compared under the same noise,
@@ -151,7 +162,7 @@ def _answers(signals: Array, modes: int, part: str) -> tuple[list[Refined], Arra
         starts, singular, most = _starts(signals, count)
         if count == modes:
             of_all = singular
-        group = _group(signals, starts)
+        group = _group(signals, starts, trend)
         if not group or group[0].likelihood < least:
             break
         least = group[0].likelihood - margin
@@ -160,38 +171,40 @@ def _answers(signals: Array, modes: int, part: str) -> tuple[list[Refined], Arra
         found += group
         if _exact(signals, group[0]):
             break
+    found = [one for one in found if one.rings.sum() >= modes]
     if not found:
         raise SimulationError(
             part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer"
         )
     if not _exact(signals, found[0]):
         likeliest = max(found, key=_likelihood)
-        if likeliest.likelihood < _without(signals, modes) + STANDS_OUT:
+        if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
             problem = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
             raise SimulationError(part, problem, "ask for fewer, or record longer or louder")
         found += _with_hidden(signals, likeliest, modes)
     return found, of_all
 
 
-def _group(signals: Array, starts: list[Array]) -> list[Refined]:
+def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
     """Fits from the best start under white noise, then under noise of all orders."""
     if not starts:
         return []
-    white = Noise(len(signals), np.zeros(0))
+    white = Noise(len(signals), np.zeros(0), trend=trend)
     costs = [eliminated(signals, start, white).cost for start in starts]
     plain = refined(signals, starts[int(np.argmin(costs))], white)
     return [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
 
 
-def _without(signals: Array, modes: int) -> float:
+def _without(signals: Array, modes: int, trend: int) -> float:
     """Likelihood of the record with one mode less than asked for."""
     if modes > 1:
         return max(
-            map(_likelihood, _group(signals, _starts(signals, modes - 1)[0])), default=-math.inf
+            map(_likelihood, _group(signals, _starts(signals, modes - 1)[0], trend)),
+            default=-math.inf,
         )
     found = []
     for order in (0, 1):
-        noise = Noise(len(signals), _filter(signals, order) if order else np.zeros(0))
+        noise = Noise(len(signals), _filter(signals, order) if order else np.zeros(0), trend=trend)
         left = noise.whitened(signals)
         logarithms = np.log(np.mean(left**2, axis=0)).sum()
         found.append(-0.5 * len(signals) * logarithms - 0.5 * order * math.log(len(signals)))
@@ -206,7 +219,13 @@ def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined
         usual = HIDDEN_SHARE * float(np.linalg.norm(likeliest.shapes[k])) / white
         for root in likeliest.roots[k] * np.array(HIDDEN):
             if root.imag < math.pi and np.all(np.abs(sizes / abs(root) - 1) > APART):
-                noise = Noise(len(signals), likeliest.noise.colour, np.array([root]), usual)
+                noise = Noise(
+                    len(signals),
+                    likeliest.noise.colour,
+                    np.array([root]),
+                    usual,
+                    likeliest.noise.trend,
+                )
                 found.append(refined(signals, likeliest.roots, noise))
     return found
 
@@ -264,7 +283,11 @@ def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
     """The fit under noise of an order, its filter found from what the fit before leaves."""
     found = plain
     for _ in range(FILTERS):
-        found = refined(signals, found.roots, Noise(len(signals), _filter(found.left, order)))
+        found = refined(
+            signals,
+            found.roots,
+            Noise(len(signals), _filter(found.left, order), trend=plain.noise.trend),
+        )
     return found
 
 
