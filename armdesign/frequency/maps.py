@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, percentiles, weighted_share
+from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
@@ -32,7 +32,7 @@ PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyMap:
+class FrequencyMap(ReadOnly):
     """Natural frequencies of a machine over a workspace and all its load cases.
 
     Attributes:
@@ -59,10 +59,6 @@ class FrequencyMap:
     weights: Array
     machine: Machine
     workspace: Workspace
-
-    def __post_init__(self) -> None:
-        for value in (self.limiting, self.stiffness_parts, self.weights):
-            value.setflags(write=False)
 
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
         """Percentiles [Hz] of the lowest coupled frequency: a row per load case and ``all``.

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks, stacked
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.units import GRAVITY
@@ -24,7 +24,7 @@ PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(ReadOnly):
     """Natural frequencies at n poses, over joints and springs; arrays are read-only.
 
     Attributes:
@@ -43,10 +43,6 @@ class Modes:
     shapes: Array
     locked_frequencies: Array
     rigid_frequencies: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
 
 def natural_modes(poses: Poses) -> Modes:

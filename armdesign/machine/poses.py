@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import PoseError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Poses:
+class Poses(ReadOnly):
     """Everything at n poses of a machine with nq joints and nc actuators; arrays are read-only.
 
     Over k = nq + ns coordinates where it has springs: the joints of q, then its ns springs.
@@ -69,10 +69,6 @@ class Poses:
     oil_stiffness: Array
     spring_stiffness: Array
     tool: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.q)

@@ -17,9 +17,9 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -140,7 +140,7 @@ class Plant:
         self.nq, self.nc = nq, nc = len(self.machine.joints), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
-        self._kernel: Any = None
+        self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
         self._layout = Layout(chambers=edges[2], line=edges[4], spools=edges[5], size=edges[7])
