@@ -162,7 +162,8 @@ class Judge:
         mass, gravity, slope = dynamics.inertia_and_gravity(x, dynamics.rows, rows)
         forces = dynamics.static_forces(g.arm[pose], gravity, new.areas[0])
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        stiffness = dynamics.actuator_stiffness(g[pose], *strokes, forces) + slope
+        corner = dynamics.rows.corner
+        stiffness = dynamics.actuator_stiffness(corner, g[pose], *strokes, forces) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
         reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
         evaluated = evaluations(new, reference, forces[None])

@@ -311,6 +311,7 @@ class BandsSection(Section):
         Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
         | None
     ) = None
+    spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
