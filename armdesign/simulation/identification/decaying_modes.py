@@ -194,14 +194,21 @@ class Eliminated:
     Attributes:
         basis: filtered and whitened powers, orthonormal (n, 2m).
         shapes: c (m, outputs), complex.
+        triangle: R of their QR decomposition (2m, 2m).
         left: what they leave of the filtered and whitened outputs (n, outputs).
         cost: its sum of squares.
     """
 
     basis: Array
+    triangle: Array
     shapes: Array
     left: Array
     cost: float
+
+    @property
+    def inverse(self) -> Array:
+        """Covariance of Re c and Im c under unit noise (2m, 2m)."""
+        return np.asarray(np.linalg.pinv(self.triangle.T @ self.triangle, hermitian=True))
 
 
 def eliminated(target: Array, roots: Array, noise: Noise) -> Eliminated:
@@ -210,7 +217,11 @@ def eliminated(target: Array, roots: Array, noise: Noise) -> Eliminated:
     share = basis.T @ target
     found, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
     return Eliminated(
-        basis, found[: len(roots)] + 1j * found[len(roots) :], left, float(np.sum(left**2))
+        basis,
+        triangle,
+        found[: len(roots)] + 1j * found[len(roots) :],
+        left,
+        float(np.sum(left**2)),
     )
 
 
@@ -254,3 +265,18 @@ def _with_covariance(
             - 0.5 * unknowns * math.log(length)
         ),
     )
+
+
+def autoregression(left: Array, order: int) -> Array:
+    """Colour a_1 … a_p (p,) of what is left of the outputs (n, outputs), by least squares.
+
+    For all outputs together, each of its own size.
+    """
+    each = left / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
+    past = np.concatenate(
+        [
+            np.stack([one[order - k : len(one) - k] for k in range(1, order + 1)], 1)
+            for one in each.T
+        ]
+    )
+    return np.asarray(-np.linalg.lstsq(past, each[order:].T.ravel(), rcond=None)[0])

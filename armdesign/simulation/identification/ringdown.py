@@ -32,6 +32,7 @@ from armdesign.simulation.identification.decaying_modes import (
     NO_TREND,
     Noise,
     Refined,
+    autoregression,
     detrended,
     eliminated,
     refined,
@@ -68,6 +69,7 @@ class Ringdown:
         damping_remainders: the same part of the damping ratios' deviations (m,).
         amplitudes: of every mode in every output at the record's start (m, outputs).
         singular_values: of the Hankel matrix, largest first: a gap shows how many modes it holds.
+        fitted: modes and trend (n, outputs).
         residual: root mean square of what the modes leave of the outputs, relative.
     """
 
@@ -79,6 +81,7 @@ class Ringdown:
     damping_remainders: Array
     amplitudes: Array
     singular_values: Array
+    fitted: Array
     residual: float
 
     def __post_init__(self) -> None:
@@ -119,7 +122,8 @@ def identify_ringdown(
         [1.001] [0.05]
     """
     step, (signals,) = signals_of(part, time, response)
-    signals = detrended(signals.reshape(len(signals), -1), trend)
+    whole = signals.reshape(len(signals), -1)
+    signals = detrended(whole, trend)
     scale = np.abs(signals).max(axis=0)
     if not scale.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
@@ -147,6 +151,7 @@ def identify_ringdown(
         damping_remainders=remainders[1].copy(),
         amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
         singular_values=singular,
+        fitted=whole - likeliest.left * scale,
         residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(signals)),
     )
 
@@ -204,7 +209,9 @@ def _without(signals: Array, modes: int, trend: int) -> float:
         )
     found = []
     for order in (0, 1):
-        noise = Noise(len(signals), _filter(signals, order) if order else np.zeros(0), trend=trend)
+        noise = Noise(
+            len(signals), autoregression(signals, order) if order else np.zeros(0), trend=trend
+        )
         left = noise.whitened(signals)
         logarithms = np.log(np.mean(left**2, axis=0)).sum()
         found.append(-0.5 * len(signals) * logarithms - 0.5 * order * math.log(len(signals)))
@@ -286,18 +293,6 @@ def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
         found = refined(
             signals,
             found.roots,
-            Noise(len(signals), _filter(found.left, order), trend=plain.noise.trend),
+            Noise(len(signals), autoregression(found.left, order), trend=plain.noise.trend),
         )
     return found
-
-
-def _filter(left: Array, order: int) -> Array:
-    """a_1 … a_p (p,) by least squares, for all outputs together, each of its own size."""
-    each = left / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
-    past = np.concatenate(
-        [
-            np.stack([one[order - k : len(one) - k] for k in range(1, order + 1)], 1)
-            for one in each.T
-        ]
-    )
-    return np.asarray(-np.linalg.lstsq(past, each[order:].T.ravel(), rcond=None)[0])
