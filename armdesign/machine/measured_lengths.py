@@ -33,7 +33,7 @@ def at_lengths(machine: Machine, cylinder: int, lengths: Array, parts: Sequence[
     """
     own, linkage = machine.cylinders[cylinder], machine.linkages[cylinder]
     least, most = own.closed_length - READ_OUT, own.open_length + READ_OUT
-    for n in np.flatnonzero(~((lengths >= least) & (lengths <= most))):
+    for n in np.flatnonzero(~((lengths >= least) & (lengths <= most))).tolist():
         raise ArmDesignError(
             f"{parts[n]}, {own.name}_length_mm",
             f"{1e3 * lengths[n]:g} mm is outside the stroke"

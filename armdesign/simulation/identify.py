@@ -1,7 +1,7 @@
 """Recordings of machines, identified: frequency and damping of every window that rings.
 
-Each window holds a ring-down over a parabola (``identification/ringdown.py``), or the answer to a
-recorded excitation (``identification/modal_fit.py``). Beside them stand what the pose was, how
+Each window holds a ring-down over a polynomial (``identification/ringdown.py``), or the answer to
+a recorded excitation (``identification/modal_fit.py``). Beside them stand what the pose was, how
 frequency and damping depend on the swing, and whether both chambers swing as trapped oil must.
 """
 
@@ -20,6 +20,7 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, SimulationError, raise_together
 from armdesign.machine.machine import Machine
 from armdesign.machine.measured_lengths import at_lengths
+from armdesign.simulation.identification.decaying_modes import detrended
 from armdesign.simulation.identification.modal_fit import ModalFit, identify_forced_response
 from armdesign.simulation.identification.pressure_ratio import PressureRatio, pressure_ratio
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
@@ -31,7 +32,8 @@ from armdesign.units import bar, mm
 if TYPE_CHECKING:
     import pandas as pd
 
-TREND = 2  # degree
+SHORT, TRENDS = 4.0, (2, 4)  # periods below which a trend has the lower degree
+DOMINATES = 3.0  # ratio of spectral lines
 PERIODS = 2.0  # fewest in a window
 PER_PERIOD = 40  # samples that are enough; more are averaged
 BAND = 1.6  # default ends of a band, relative to the strongest frequency
@@ -235,7 +237,7 @@ def identify(
         signal=name,
         windows=tuple(found),
         refused=tuple(map(str, refused)),
-        warnings=tuple(_warnings(whole, name)),
+        warnings=tuple(_warnings(whole)),
         machine=machine,
     )
 
@@ -253,9 +255,9 @@ def _strongest_column(recording: Recording) -> str:
     step = float(np.median(np.diff(recording.time)))
     for units in KINDS:
         sizes = {
-            name: strongest(step, values)[1]
+            name: strongest(step, values[np.isfinite(values)])[1]
             for name, values in recording.columns.items()
-            if _unit(name, units) and np.all(np.isfinite(values)) and len(values) > 1
+            if _unit(name, units) and np.sum(np.isfinite(values)) > 1
         }
         if sizes:
             return max(sizes, key=lambda name: sizes[name])
@@ -275,17 +277,21 @@ def _unit(name: str, units: Sequence[str]) -> str:
 def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     """A free decay about a trend."""
     values = part.signal(name)
-    step = float((part.time[-1] - part.time[0]) / (len(part.time) - 1))
-    frequency, _ = strongest(step, values)
-    if frequency * (part.time[-1] - part.time[0]) < PERIODS:
-        problem = f"shorter than two periods of {name} ({frequency:.2g} Hz)"
-        raise SimulationError(part.source, problem, "choose a longer window")
+    length = float(part.time[-1] - part.time[0])
+    step = length / (len(part.time) - 1)
+    level = detrended(values[:, None], TRENDS[0])[:, 0]
+    slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
+    too_short = "choose a longer window"
+    if height == 0 or (slow[0] < PERIODS / length and slow[1] > DOMINATES * height):
+        problem = f"shorter than two periods of {name} (about {slow[0]:.2g} Hz)"
+        raise SimulationError(part.source, problem, too_short)
     time, signal = _thinned(part.time, values, round(1 / (PER_PERIOD * frequency * step)))
-    found = identify_ringdown(time, signal, modes, f"{part.source}, {name}", trend=TREND)
+    trend = TRENDS[frequency * length > SHORT]
+    found = identify_ringdown(time, signal, modes, f"{part.source}, {name}", trend=trend)
     first, damping = float(found.natural_frequencies[0]), float(found.damping_ratios[0])
-    if first * (part.time[-1] - part.time[0]) < PERIODS:
+    if first * length < PERIODS:
         problem = f"shorter than two periods of {name} ({first:.2g} Hz)"
-        raise SimulationError(part.source, problem, "choose a longer window")
+        raise SimulationError(part.source, problem, too_short)
     fitted = found.fitted[:, 0]
     return IdentifiedWindow(
         begin=float(part.time[0]),
@@ -329,14 +335,13 @@ def _thinned(time: Array, values: Array, count: int) -> tuple[Array, Array]:
     if count < 2:
         return time.copy(), values.copy()
     used = len(time) // count * count
-    return tuple(  # type: ignore[return-value]
-        one[:used].reshape(-1, count).mean(axis=1) for one in (time, values)
-    )
+    first, second = (one[:used].reshape(-1, count).mean(axis=1) for one in (time, values))
+    return first, second
 
 
 def _sides(part: Recording) -> dict[tuple[str, str], str]:
     """Columns of pressures by cylinder and side."""
-    found = {}
+    found: dict[tuple[str, str], str] = {}
     for name in part.columns:
         unit = _unit(name, KINDS[0])
         cylinder, _, side = name.removesuffix(f"_{unit}").rpartition("_")
@@ -402,11 +407,9 @@ def _with_pose(
         elif f"{joint.name}_{unit}" in window.means:
             q[j] = window.means[f"{joint.name}_{unit}"] * factor
         elif not machine.ranges[j][0] <= 0 <= machine.ranges[j][1]:
-            raise SimulationError(
-                part.source,
-                f"nothing says where joint {joint.name} stands",
-                f"give a column {' or '.join([f'{joint.name}_{unit}', *(n for _, n in own)])}",
-            )
+            problem = f"nothing says where joint {joint.name} stands"
+            names = " or ".join([f"{joint.name}_{unit}", *(name for _, name in own)])
+            raise SimulationError(part.source, problem, f"give a column {names}")
     ratios = tuple(_expected(ratio, window.means, machine, q) for ratio in window.ratios)
     return replace(window, pose=q, ratios=ratios)
 
@@ -420,19 +423,18 @@ def _expected(
         return ratio
     i = names.index(ratio.cylinder)
     actuator = machine.actuators[i]
-    extension = (
-        machine.evaluate(machine.rigid_poses(q[None])).lengths[0, i] - actuator.closed_length
+    length = machine.evaluate(machine.rigid_poses(q[None])).lengths[0, i]
+    pressures = [means[f"{ratio.cylinder}_{side}_bar"] * bar for side in ("cap", "annulus")]
+    cap, annulus = actuator.capacities(
+        length - actuator.closed_length, (pressures[0], pressures[1]), machine.fluid
     )
-    pressures = tuple(means[f"{ratio.cylinder}_{side}_bar"] * bar for side in ("cap", "annulus"))
-    cap, annulus = actuator.capacities(extension, pressures, machine.fluid)
     stiffness = actuator.bore_area / cap, actuator.annulus_area / annulus
     return replace(ratio, expected=float(stiffness[0] / stiffness[1]))
 
 
-def _warnings(recording: Recording, signal: str) -> list[str]:
-    found = [
+def _warnings(recording: Recording) -> list[str]:
+    return [
         f'column "{name}": an inclinometer on a moving machine {INCLINOMETER}'
         for name in recording.columns
         if _inclined(name)
     ]
-    return found

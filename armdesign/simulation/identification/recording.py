@@ -1,8 +1,8 @@
 """Recordings: signals of a machine over time, read from a CSV file, and what spoils them.
 
 One column for each signal, named with its unit at the end: ``lift_cap_bar``,
-``boom_gyro_deg_per_s``. Time is ``time_s`` (or ``time_ms``, ``t``, ``time``). Lines that begin with ``#`` are comments;
-semicolons with decimal commas are understood. A field may be blank.
+``boom_gyro_deg_per_s``. Time is ``time_s`` (or ``time_ms``, ``t``, ``time``). Lines that begin
+with ``#`` are comments; semicolons with decimal commas are understood. A field may be blank.
 """
 
 from __future__ import annotations

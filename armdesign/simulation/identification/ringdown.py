@@ -178,9 +178,10 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
             break
     found = [one for one in found if one.rings.sum() >= modes]
     if not found:
-        raise SimulationError(
-            part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer"
-        )
+        problem = f"holds {most} modes, not {modes}"
+        if most >= modes:
+            problem = f"holds fewer than {modes} that ring for two periods or more"
+        raise SimulationError(part, problem, "ask for fewer, or record longer")
     if not _exact(signals, found[0]):
         likeliest = max(found, key=_likelihood)
         if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:

@@ -1,8 +1,9 @@
 """Frequency and damping of a ring-down against its amplitude.
 
 Large swings ring lower where a chamber runs empty or air is compressed. Short pieces of a decay,
-two periods each and a period apart, are fitted by one mode over a line, under the noise that the
-fit of the whole has left.
+three periods each and a period apart, are fitted by one mode over a parabola, under the noise that
+the fit of the whole has left. Where they scatter about a line over the amplitude by more than
+their deviations, these are raised to the scatter.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.simulation.identification.decaying_modes import Noise, autoregression, refined
 
-PERIODS = 2.0  # of a piece
+PERIODS = 3.0  # of a piece
 LEAST = 12  # samples of it
 SURE = 3.0  # deviations from which a difference is one
+LEAST_PIECES = 4  # from which a change can be told
 NOTABLE = 0.02  # relative difference of frequencies worth a word
 
 
@@ -47,18 +49,32 @@ class Swings:
 
     @property
     def change(self) -> tuple[float, float, float, float] | None:
-        """Frequencies [Hz] and amplitudes of the largest and the smallest swing that differ.
+        """Frequencies [Hz] at the largest and the smallest swing, and these.
 
-        None if they do not differ by more than chance and two per cent.
+        On a line through all pieces; None if it does not fall or rise by more than chance and two
+        per cent. Neighbours share two thirds of their samples.
         """
-        if len(self.time) < 2:
+        if len(self.time) < LEAST_PIECES:
             return None
-        big, small = int(np.argmax(self.amplitudes)), int(np.argmin(self.amplitudes))
-        first, second = self.frequencies[[big, small]]
-        sure = SURE * math.hypot(*self.frequency_deviations[[big, small]])
-        if abs(second - first) < max(sure, NOTABLE * second):
+        offset, slope, covariance, _ = _line(
+            self.amplitudes, self.frequencies, self.frequency_deviations
+        )
+        ends = np.array([self.amplitudes.max(), self.amplitudes.min()])
+        first, second = offset + slope * ends
+        deviation = math.sqrt(PERIODS * covariance[1, 1]) * np.ptp(ends)
+        if abs(second - first) < max(SURE * deviation, NOTABLE * abs(second)):
             return None
-        return (first, second, self.amplitudes[big], self.amplitudes[small])
+        return float(first), float(second), float(ends[0]), float(ends[1])
+
+
+def _line(x: Array, y: Array, deviations: Array) -> tuple[float, float, Array, float]:
+    """Offset and slope of y over x, their covariance, and the scatter over the deviations."""
+    columns = np.stack([np.ones_like(x), x], axis=1) / deviations[:, None]
+    line = np.linalg.lstsq(columns, y / deviations, rcond=None)[0]
+    left = y / deviations - columns @ line
+    scatter = math.sqrt(float(left @ left) / max(len(y) - 2, 1))
+    covariance = np.linalg.pinv(columns.T @ columns)
+    return float(line[0]), float(line[1]), covariance, scatter
 
 
 def swings(time: Array, signal: Array, left: Array, frequency: float, damping: float) -> Swings:
@@ -75,7 +91,7 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
     omega, zeta = 2 * math.pi * frequency * step, min(max(damping, 1e-4), 0.9)
     start = np.array([omega * (-zeta + 1j * math.sqrt(1 - zeta**2))])
     length, hop = round(PERIODS / frequency / step), round(1 / frequency / step)
-    noise, rows = Noise(length, autoregression(left[:, None], 2), trend=1), []
+    noise, rows = Noise(length, autoregression(left[:, None], 2), trend=2), []
     for first in range(0, len(signal) - length + 1, max(hop, 1)) if length >= LEAST else ():
         piece = signal[first : first + length, None]
         found = refined(piece, start, noise)
@@ -87,7 +103,11 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
         row = [time[first] + length * step / 2, np.abs(found.shapes[0, 0]) * decay]
         row += [v / (2 * math.pi * step) for v in (size, of_size)]
         rows.append([*row, ratio, of_ratio])
-    return Swings(*np.array(rows, dtype=float).reshape(-1, 6).T.copy())
+    table = np.array(rows, dtype=float).reshape(-1, 6)
+    if len(table) >= LEAST_PIECES:
+        for k in (2, 4):
+            table[:, k + 1] *= max(_line(table[:, 1], table[:, k], table[:, k + 1])[3], 1.0)
+    return Swings(*table.T.copy())
 
 
 def _near(root: complex, start: complex) -> bool:

@@ -1,13 +1,15 @@
 """Windows of a recording in which it rings: where the envelope of a band decays.
 
 The signal is filtered to the neighbourhood of its strongest oscillation. Its envelope, the modulus
-of the analytic signal, rises where something excites and decays where the machine rings freely.
-A window begins half a period after a peak of the envelope and ends where the envelope has sunk into
+of the analytic signal, rises where something excites and decays where the machine rings freely. A
+window begins half a period after a peak of the envelope and ends where the envelope has sunk into
 the noise or is excited again; long ones are divided, since a machine that moves changes its
 frequency.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,25 +55,25 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
         count = max(round((last - first) / (PERIODS * period)), 1)
         if last - first >= LEAST * period:
             marks = np.linspace(first, last, count + 1)
-            found += [(float(a), float(b)) for a, b in zip(marks[:-1], marks[1:], strict=True)]
+            found += [(float(a), float(b)) for a, b in pairwise(marks)]
         begin = end
     if not found:
         raise SimulationError(part, "rings nowhere for three periods", "give windows")
     return found
 
 
-def strongest(step: float, signal: Array) -> tuple[float, float]:
-    """Frequency [Hz] and height of the highest line in the spectrum of a signal's slope.
+def strongest(step: float, signal: Array, lowest: float = LOWEST) -> tuple[float, float]:
+    """Frequency [Hz] and height of the highest line in the spectrum of a signal's slope over √f.
 
-    The slope leaves little of steps and trends.
+    The slope leaves little of steps and trends; the root keeps it from favouring ripple.
     """
     slope = np.diff(signal) * np.hanning(len(signal) - 1)
     count = 4 * len(slope)  # zeros beside it: lines closer to each other
     lines = np.fft.rfftfreq(count, step)
-    inside = (lines >= LOWEST) & (lines <= min(HIGHEST, 1 / (PER_PERIOD * step)))
+    inside = (lines >= lowest) & (lines <= min(HIGHEST, 1 / (PER_PERIOD * step)))
     if not inside.any():
-        return LOWEST, 0.0
-    heights = np.abs(np.fft.rfft(slope, count)) * inside
+        return lowest, 0.0
+    heights = np.abs(np.fft.rfft(slope, count)) * inside / np.sqrt(np.maximum(lines, lowest))
     return float(lines[np.argmax(heights)]), float(heights.max())
 
 
