@@ -28,9 +28,9 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
     machine = ad.load(MACHINE).replace(RIGID)
     workspace = ad.Workspace.grid(machine, points=7 if fast else None)
     free = replace(ad.Requirements.of(machine), thrust_share=THRUST)
-    given = {"values": OIL, "starts": 1 if fast else 3, "bands": ad.Bands()}
-    against_oil = partial(ad.pareto, machine, workspace, free, "oil", **given)
-    found = {case: against_oil(vary=vary) for case, vary in CASES.items()}
+    against_oil = partial(ad.pareto, machine, workspace, free, "oil", OIL, bands=ad.Bands())
+    starts = 1 if fast else 3
+    found = {case: against_oil(vary, starts=starts) for case, vary in CASES.items()}
     today = ad.frequency_map(machine, workspace).worst.frequency
     frames = []
     for volumes in PROPORTIONS.values():
