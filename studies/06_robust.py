@@ -1,4 +1,4 @@
-"""What does a rigid 20 t excavator designed for uncertain payload, air and oil gain, and what lose?
+"""What does a rigid 20 t excavator designed for uncertain load, air and oil gain, and what lose?
 
 Its worst case is +38 % on today's (0.78 against 0.57 Hz) at a cost of 15 % at the file's values;
 the design for those keeps little of its own +38 % there (+2 %; up to +15 % on coarser grids).
