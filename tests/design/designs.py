@@ -15,12 +15,8 @@ from armdesign import Machine, Requirements, Workspace
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
-<<<<<<< HEAD
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build, rigid
-=======
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build
 from tests.sprung import spring
->>>>>>> main
 
 
 @cache
