@@ -17,6 +17,15 @@ T = TypeVar("T")
 CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
 
 
+class ReadOnly:
+    """Base of dataclasses whose arrays cannot be written to."""
+
+    def __post_init__(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+
 def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
     """Decorator of a method of an array: its result for the last array is remembered."""
     name = f"_last_{method.__name__}"

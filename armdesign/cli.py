@@ -24,19 +24,19 @@ from armdesign.options import (
     LeastOption,
     MachineArgument,
     MeasuredArgument,
+    NominalOption,
     OutOption,
     OutsideOption,
     PointsOption,
     PriorOption,
-    RobustOption,
     UnitsOption,
     ValuesOption,
     VaryOption,
+    bands_to_use,
     grid_points,
     listed,
     offered_sizes,
     open_workspace,
-    stated_bands,
     stated_priors,
 )
 from armdesign.output import outputs, show, tell, write_csv
@@ -105,7 +105,7 @@ def optimize(
     catalogue: CatalogueOption = "",
     least: LeastOption = "",
     frequency: FrequencyOption = 0.0,
-    robust: RobustOption = False,
+    nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -123,7 +123,7 @@ def optimize(
         output.check_urdf(model, out)
         options: dict[str, Any] = {
             "vary": listed(vary),
-            "bands": stated_bands(model, robust),
+            "bands": bands_to_use(nominal),
             "catalogue": offered_sizes(catalogue),
         }
         if least:
@@ -143,7 +143,7 @@ def pareto(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
-    robust: RobustOption = False,
+    nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -159,7 +159,7 @@ def pareto(
     with progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace = open_workspace(machine, points, out, allow_outside)
-        bands, sizes = stated_bands(model, robust), offered_sizes(catalogue)
+        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue)
         front = trade_off(
             model,
             workspace,
@@ -208,7 +208,7 @@ def design(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     catalogue: CatalogueOption = "",
-    robust: RobustOption = False,
+    nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -226,7 +226,7 @@ def design(
         output.check_urdf(model, out)
         options = {
             "vary": ("areas", "pins"),
-            "bands": stated_bands(model, robust),
+            "bands": bands_to_use(nominal),
             "catalogue": offered_sizes(catalogue),
         }
         answer = _design(model, workspace, options, say)

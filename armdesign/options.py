@@ -58,8 +58,8 @@ CatalogueOption = Annotated[
         help="Sizes to choose from: iso, 5mm, or a CSV file with columns bore_mm, rod_mm.",
     ),
 ]
-RobustOption = Annotated[
-    bool, typer.Option("--robust", help="Design for the worst case within the file's [bands].")
+NominalOption = Annotated[
+    bool, typer.Option("--nominal", help="Design for the file's values alone, not its [bands].")
 ]
 LeastOption = Annotated[
     str, typer.Option("--least", help="Minimise oil, flow or mass instead; needs --frequency.")
@@ -158,17 +158,8 @@ def offered_sizes(catalogue: str) -> str | Sizes | None:
     return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
 
 
-def stated_bands(machine: Machine, robust: bool) -> Bands | None:
-    """Bands of the machine file if ``--robust`` is given, which needs some."""
+def bands_to_use(nominal: bool) -> Bands | None:
+    """None for those of the machine file; none at all if ``--nominal`` is given."""
     from armdesign.frequency.bands import Bands
 
-    if not robust:
-        return None
-    bands = Bands.of(machine)
-    if bands == Bands():
-        raise ArmDesignError(
-            "--robust",
-            f"{machine.source.name} has no bands",
-            "add [bands] to it, for example payload_share = [0.8, 1.2]",
-        )
-    return bands
+    return Bands() if nominal else None

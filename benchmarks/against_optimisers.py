@@ -45,7 +45,6 @@ from armdesign.design.requirements.check import check
 from armdesign.design.requirements.settings import evaluations
 from armdesign.design.search.sequential_sdp import MISSED
 from armdesign.frequency.modes import hertz
-from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
 
 MACHINES = (
@@ -161,9 +160,10 @@ class Judge:
         dynamics, g = problem.dynamics, new.on_all_poses
         pose, rows = dynamics.rows.pose, np.arange(len(dynamics.rows))
         mass, gravity, slope = dynamics.inertia_and_gravity(x, dynamics.rows, rows)
-        forces = static_forces(g.arm[pose], gravity, new.areas[0, :, 0])
+        forces = dynamics.static_forces(g.arm[pose], gravity, new.areas[0])
         strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        stiffness = dynamics.actuator_stiffness(g[pose], *strokes, forces) + slope
+        corner = dynamics.rows.corner
+        stiffness = dynamics.actuator_stiffness(corner, g[pose], *strokes, forces) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
         reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
         evaluated = evaluations(new, reference, forces[None])

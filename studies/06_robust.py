@@ -27,8 +27,10 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
     machine = ad.load(MACHINE)
     workspace = ad.Workspace.grid(machine, points=9 if fast else None)
     designs = {
-        made_for: ad.optimize(machine, workspace, starts=1 if fast else 3, bands=bands)
-        for made_for, bands in (("file", None), ("bands", BANDS))
+        made_for: ad.optimize(
+            machine, workspace, starts=1 if fast else 3, bands=bands, objective="worst"
+        )
+        for made_for, bands in (("file", ad.Bands()), ("bands", BANDS))
     }
     machines = {"today": machine} | {
         f"for the {name}": design.machine for name, design in designs.items()

@@ -314,6 +314,13 @@ def named(name: str) -> Machine:
     return ODD[name]() if name in ODD else load(name)
 
 
+def machine_with(machine: Machine, bands: str) -> Machine:
+    """The machine whose file states these bands instead of its own."""
+    text = re.sub(r"(?ms)^\[bands\].*?(?=^\[|\Z)", "", machine.text)
+    text = f"{text}\n[bands]\n{bands}\n"
+    return Machine.from_text(text, machine.urdf_text, machine.source)
+
+
 @cache
 def rigid(name: str) -> Machine:
     """A shipped machine with rigid structure, oil alone, and with nothing uncertain.

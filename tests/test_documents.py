@@ -53,6 +53,11 @@ def test_documents_fit_their_page(name: str) -> None:
     assert not [line for line in lines if len(line) > 99 and not line.startswith(unbreakable)]
 
 
+@pytest.mark.parametrize("path", sorted(ROOT.glob("robots/*/*.toml")), ids=lambda path: path.stem)
+def test_machine_files_fit_their_page(path: Path) -> None:
+    assert not [line for line in path.read_text("utf-8").splitlines() if len(line) > 99]
+
+
 def test_the_citation_is_of_this_version() -> None:
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.certificate import Bound, upper_bound
+from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import sizes_of
@@ -27,7 +27,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.refusal import not_written, require_feasible
 from armdesign.design.search.multistart import Starts, formulate, multistart
 from armdesign.design.search.prices import LEAST_PRICE, prices
-from armdesign.design.search.rounding import rounded_machine, worst_on_poses
+from armdesign.design.search.rounding import rounded_machine
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
@@ -56,8 +56,9 @@ class Design:
         at_margin: the gain per 1 % for a small relaxation (the multiplier), before another limit
             is met.
         unrounded: worst frequency of the optimum before rounding, on the workspace's poses, within
-            the bands that it was made for [Hz].
-        starts: worst frequency that each start of the search reached [Hz], without those that
+            the bands that it was made for [Hz]; where it was made for the least gain within them,
+            that gain times today's worst frequency with the file's values.
+        starts: what each start of the search reached, as ``unrounded`` [Hz], without those that
             failed.
         failed_starts: of every start that failed why, in words.
         workspace: today's workspace.
@@ -144,6 +145,13 @@ class Design:
         return frequency_map(self.machine, own)
 
     @property
+    def made_for(self) -> str:
+        """What was to be made large: "gain" or "worst" frequency within bands, or "nominal"."""
+        if self.problem.dynamics.bands == Bands():
+            return "nominal"
+        return "gain" if self.problem.dynamics.gain else "worst"
+
+    @property
     def bands(self) -> Bands:
         """Bands that it was made for; if none, the bands of the machine's file."""
         return (
@@ -177,7 +185,7 @@ class Design:
 
     @cached_property
     def certificate(self) -> Bound | None:
-        """Upper bound on the frequency of all designs of this kind, with its assumptions.
+        """Upper bound on ``unrounded`` of all designs of this kind, with its assumptions.
 
         Where pins vary it takes seconds to find.
 
@@ -198,16 +206,15 @@ class Design:
             )
             return bound.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-        known = upper_bound(free.softest, self.x, self.watched)
-        return known and known.above(
-            max(self.unrounded, worst_on_poses(self.machine, self.problem))
-        )
+        known = bound_of(free, self.x, self.watched)
+        reached = self.problem.dynamics.corners.judged(self.machine)
+        return known and known.above(max(self.unrounded, reached))
 
     @property
     def bound(self) -> float | None:
         """Worst frequency that no design of this kind can exceed on the workspace's poses [Hz].
 
-        None: none is known.
+        None: none is known. As ``unrounded`` where a gain was to be made large.
         """
         known = self.certificate is not None and math.isfinite(self.certificate.frequency)
         return self.certificate.frequency if self.certificate and known else None
@@ -266,9 +273,13 @@ def optimize(
     workers: int = 1,
     start: Design | None = None,
     bands: Bands | None = None,
+    objective: str = "gain",
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Cylinder areas and pins that raise the worst frequency over workspace and load cases.
+
+    Within bands of what is not known exactly the least gain over today's machine counts, so that
+    no corner of them pays for another.
 
     Args:
         machine: today's machine.
@@ -283,9 +294,11 @@ def optimize(
         workers: processes that share the starts. The answer does not depend on it; a process takes
             some seconds to set up, so that it pays from about ten starts, or three with four-bars.
         start: a design of the same machine under other limits, where the first start is then made.
-        bands: what is not known exactly. The frequency that rises is then the worst within them;
-            requirements are judged at the values of the file. None: all is exact, whatever bands
-            the file states.
+        bands: what is not known exactly; those of the machine's file if None, ``Bands()`` for the
+            file's values alone. Requirements are judged at the values of the file. Structure in
+            series with a cylinder stays as it is [m/N], whatever the new cylinder.
+        objective: what rises within bands: "gain", the least of f_new/f_today over their corners,
+            or "worst", the worst frequency within them.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None:
             any size on the 0.1 mm grid. From the best free sizes one cylinder after the other
             takes a size of the catalogue while the rest follows; then the best sizes for the pins
@@ -299,15 +312,16 @@ def optimize(
             another machine; no catalogue, or one of no use.
         InfeasibleError: no design meets the requirements.
     """
-    problem = formulate(machine, workspace, requirements, vary, bands=bands)
+    problem = formulate(machine, workspace, requirements, vary, bands=bands, objective=objective)
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError(
             "start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it"
         )
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     command = call(
-        "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands, catalogue=catalogue
-    )
+        "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
+        objective=None if objective == "gain" else objective, catalogue=catalogue,
+    )  # fmt: skip
     if catalogue is not None and problem.vector.moving:
         outcome = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
         return Design.of(*outcome, command=command)
@@ -325,6 +339,7 @@ def size_cylinders(
     *,
     dead_volume: str = "fixed",
     bands: Bands | None = None,
+    objective: str = "gain",
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
     """Bore and rod of every cylinder for given pins, with an upper bound for any sizes.
@@ -339,7 +354,7 @@ def size_cylinders(
     sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that is
     proved, and lies above it by the gap that is left where the combinations are too many.
 
-    With ``bands`` the worst frequency within them counts, as in ``optimize``, for the bound too.
+    ``bands`` and ``objective`` count as in ``optimize``, for the bound too.
 
     Raises:
         InfeasibleError: no sizes meet the requirements.
@@ -348,10 +363,14 @@ def size_cylinders(
         raise ArmDesignError(
             "dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"'
         )
+    proportional = dead_volume == "proportional"
     problem = formulate(
-        machine, workspace, requirements, ("areas",), dead_volume == "proportional", bands
+        machine, workspace, requirements, ("areas",), proportional, bands, objective
     )
-    command = call("size_cylinders", dead_volume=dead_volume, bands=bands, catalogue=catalogue)
+    command = call(
+        "size_cylinders", dead_volume=dead_volume, bands=bands,
+        objective=None if objective == "gain" else objective, catalogue=catalogue,
+    )  # fmt: skip
     if catalogue is not None:
         return _of_catalogue(problem, catalogue, command)
     search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)

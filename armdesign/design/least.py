@@ -35,7 +35,6 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.refusal import require_feasible
 from armdesign.design.search.multistart import Starts, formulate, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
-from armdesign.design.search.rounding import worst_on_poses
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.bands import Bands
@@ -101,7 +100,7 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    problem = formulate(machine, workspace, requirements, vary, bands=bands)
+    problem = formulate(machine, workspace, requirements, vary, bands=bands, objective="worst")
     command = call(
         "least",
         frequency=frequency,
@@ -213,7 +212,7 @@ class LeastAmount:
                 design = Design.of(near, outcomes, command=command)
             except InfeasibleError:  # no room to round in
                 continue
-            worst = worst_on_poses(design.machine, design.problem)
+            worst = self.problem.dynamics.corners.judged(design.machine)
             if worst >= self.frequency:
                 return design
         raise InfeasibleError(

@@ -60,7 +60,7 @@ class Pareto:
 
     @property
     def robust(self) -> bool:
-        """Whether the designs were made for the worst within bands."""
+        """Whether the designs were made for bands."""
         return self.designs[0].problem.dynamics.bands != Bands()
 
     @cached_property
@@ -69,7 +69,8 @@ class Pareto:
 
         ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``:
         of the optimum, on the workspace's poses; ``gain``. ``banded_hz``: the worst within the
-        bands that the designs were made for, on the workspace's poses (no column without bands).
+        bands that the designs were made for, on the workspace's poses, and ``least_gain`` there
+        over today's (no columns without bands).
         ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
         ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose
         digging counts (no column where none does); ``pin_move_m``: largest move of any pin
@@ -108,6 +109,7 @@ def pareto(
     seed: int = 0,
     workers: int = 1,
     bands: Bands | None = None,
+    objective: str = "gain",
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Pareto:
     """The best worst frequency under each value of one limit, all others as they are.
@@ -125,7 +127,8 @@ def pareto(
             ones, in this order. As in ``optimize`` if None.
         seed: of the drawn starts.
         workers: processes that share the starts.
-        bands: as in ``optimize``: every design is made for the worst within them.
+        bands: as in ``optimize``: every design is made for them.
+        objective: as in ``optimize``.
         catalogue: as in ``optimize``.
 
     Raises:
@@ -152,7 +155,7 @@ def pareto(
             tighter = optimize(
                 machine, workspace, limited, vary,
                 starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
-                catalogue=sizes,
+                objective=objective, catalogue=sizes,
             )  # fmt: skip
             designs[limit] = tighter
         except InfeasibleError as error:
@@ -252,7 +255,10 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
         **(
-            {"banded_hz": design.band_after.low.frequency}
+            {
+                "banded_hz": design.band_after.low.frequency,
+                "least_gain": design.band_after.least_gain(design.band_before),
+            }
             if design.problem.dynamics.bands != Bands()
             else {}
         ),

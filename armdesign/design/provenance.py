@@ -6,7 +6,6 @@ from dataclasses import fields
 from typing import Any
 
 from armdesign.design.requirements.settings import Requirements
-from armdesign.frequency.bands import Bands
 from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
 from armdesign.machine.provenance import as_toml, retold
@@ -34,9 +33,8 @@ def call(function: str, **arguments: Any) -> str:
 
     Arguments that ask for nothing are left out.
     """
-    words = ", ".join(
-        f"{name}={value!r}" for name, value in arguments.items() if value not in (None, Bands())
-    )
+    given = {name: value for name, value in arguments.items() if value is not None}
+    words = ", ".join(f"{name}={value!r}" for name, value in given.items())
     return f"armdesign.{function}({words})"
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple, TypeVar
 
@@ -50,6 +50,7 @@ class Bands:
         air: entrained air itself, volume share at atmospheric pressure; None: the machine's.
         structure: compliance in series with each actuator, over that of its oil at mid stroke,
             0 where the structure is rigid; None: the machine's own.
+        spring_stiffness: of all springs, on which the machine's passive joints yield.
     """
 
     bulk_modulus: tuple[float, float] = EXACT
@@ -58,6 +59,12 @@ class Bands:
     link_mass: tuple[float, float] = EXACT
     air: tuple[float, float] | None = None
     structure: tuple[float, float] | None = None
+    spring_stiffness: tuple[float, float] = EXACT
+
+    def __repr__(self) -> str:
+        """The bands that are stated, as they are written in Python."""
+        stated = [f for f in fields(self) if getattr(self, f.name) != f.default]
+        return f"Bands({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in stated)})"
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -84,41 +91,62 @@ class Bands:
             link_mass=_pair(section.link_mass_share),
             air=(air[0] / 100, air[1] / 100) if air else None,
             structure=_pair(section.structure) if section.structure else None,
+            spring_stiffness=_pair(section.spring_stiffness_share),
         )
 
     def at_end(self, machine: Machine, softest: bool, today: Machine | None = None) -> Machine:
-        """The machine with oil, air, dead volumes and structure at their soft or stiff ends.
+        """The machine with oil, dead volumes, structure and springs at their soft or stiff ends.
 
         Shares of structure are of the oil of ``today``'s machine; of its own if None.
         """
-        modulus = self.bulk_modulus[not softest] * machine.fluid.bulk_modulus
-        air = machine.fluid.air if self.air is None else self.air[softest]
-        volume, today = self.dead_volume[softest], today or machine
-        yielding = (
-            {}
-            if self.structure is None
-            else {
+        fluid, today = machine.fluid, today or machine
+        modulus = self.bulk_modulus[not softest] * fluid.bulk_modulus
+        air = fluid.air if self.air is None else self.air[softest]
+        return replace(
+            machine,
+            fluid=replace(fluid, bulk_modulus=modulus, air=air),
+            cylinders=self.actuators_at_end(machine.cylinders, softest, today),
+            motors=self.actuators_at_end(machine.motors, softest, today),
+            springs=tuple(
+                replace(one, stiffness=self.spring_stiffness[not softest] * one.stiffness)
+                for one in machine.springs
+            ),
+        )
+
+    def actuators_at_end(
+        self, actuators: Iterable[F], softest: bool, today: Machine
+    ) -> tuple[F, ...]:
+        """Actuators that are or could be a machine's, with dead volumes and structure of an end.
+
+        Those of one name have the structure that ``today``'s machine has there.
+        """
+        volume, yielding = self.dead_volume[softest], {}
+        if self.structure is not None:
+            yielding = {
                 one.name: self.structure[softest] * one.oil_compliance(today.fluid, today.supply)
                 for one in (*today.cylinders, *today.motors)
             }
-        )
 
-        def at(actuator: F) -> F:
+        if volume == 1.0 and not yielding:
+            return tuple(actuators)
+
+        def at_end(actuator: F) -> F:
             volumes = {name: volume * getattr(actuator, name) for name in VOLUMES}
             compliance = yielding.get(actuator.name, actuator.compliance)
             return replace(actuator, **volumes, compliance=compliance)
 
-        return replace(
-            machine,
-            fluid=replace(machine.fluid, bulk_modulus=modulus, air=air),
-            cylinders=tuple(map(at, machine.cylinders)),
-            motors=tuple(map(at, machine.motors)),
-        )
+        return tuple(map(at_end, actuators))
 
     @property
     def ends(self) -> tuple[bool, ...]:
         """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
-        bands = (self.bulk_modulus, self.dead_volume, self.air, self.structure)
+        bands = (
+            self.bulk_modulus,
+            self.dead_volume,
+            self.air,
+            self.structure,
+            self.spring_stiffness,
+        )
         return (True, False) if any(band and band[0] < band[1] for band in bands) else (True,)
 
     def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, percentiles, weighted_share
+from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
@@ -22,24 +22,29 @@ from armdesign.machine.poses import Poses
 if TYPE_CHECKING:
     import pandas as pd
 
-STIFFNESS = ("hydraulic", "gravity", "geometric")  # the parts of K
+STIFFNESS = (
+    "hydraulic",
+    "gravity",
+    "geometric",
+    "springs",
+)  # the parts of K; the last where there are any
 PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyMap:
+class FrequencyMap(ReadOnly):
     """Natural frequencies of a machine over a workspace and all its load cases.
 
     Attributes:
         frame: one row per load case and pose at which it exists; columns: each joint [rad, m],
             ``payload``, ``tool_x_m`` …, ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``,
             ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``, ``<cylinder>_extension``; of a motor
-            ``<motor>_torque_n_m`` and no extension.
+            ``<motor>_torque_n_m`` and no extension. Each spring has a coupled frequency more.
         worst: the worst pose, refined off the grid.
         worst_of: the worst pose of every load case, by its name.
-        limiting: for each row, the cylinder with the largest share in the lowest mode.
+        limiting: for each row, the actuator or spring with the largest share in the lowest mode.
         stiffness_parts: for each row (n, 3) [rad²/s²], what oil, gravity and the moment arms'
-            change under load (``STIFFNESS``) give to ω² of the lowest mode.
+            change under load (``STIFFNESS``) give to ω² of the lowest mode; (n, 4) with springs.
         weights: what each row counts in percentiles and shares (n,): the joint boxes that its pose
             stands for.
         machine: the machine.
@@ -54,10 +59,6 @@ class FrequencyMap:
     weights: Array
     machine: Machine
     workspace: Workspace
-
-    def __post_init__(self) -> None:
-        for value in (self.limiting, self.stiffness_parts, self.weights):
-            value.setflags(write=False)
 
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
         """Percentiles [Hz] of the lowest coupled frequency: a row per load case and ``all``.
@@ -79,10 +80,13 @@ class FrequencyMap:
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
-        """Share of joint space that each actuator limits, all load cases together; sums to one."""
+        """Share of joint space that each actuator or spring limits, over all load cases.
+
+        They sum to one. Where a spring limits, no cylinder can help.
+        """
         import pandas as pd
 
-        names = [actuator.name for actuator in self.machine.actuators]
+        names = [part.name for part in self.machine.yielding]
         shares = {name: weighted_share(self.limiting == name, self.weights) for name in names}
         return pd.Series(shares, name="share")
 
@@ -116,24 +120,22 @@ class FrequencyMap:
 
     @property
     def stiffness_shares(self) -> pd.DataFrame:
-        """Shares of oil, gravity and moment arms in the lowest mode's stiffness vᵀKv, row by row.
+        """Shares of oil, gravity, moment arms and springs in the lowest mode's vᵀKv, row by row.
 
         They sum to one; beyond one or below zero where one part acts against another, and of no
         meaning where the pose is unstable.
         """
         import pandas as pd
 
-        return pd.DataFrame(
-            self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True),
-            columns=STIFFNESS,
-        )
+        parts = self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True)
+        return pd.DataFrame(parts, columns=STIFFNESS[: parts.shape[1]])
 
     @property
     def stiffness(self) -> pd.DataFrame:
         """Pose, load case, ω² of the lowest mode and each part's contribution to it [rad²/s²]."""
         frame = self.frame[[*self.machine.joints, "payload", "f1_hz"]].copy()
         frame["omega_squared"] = self.stiffness_parts.sum(axis=1)
-        for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=True):
+        for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=False):
             frame[name] = values
         return frame
 
@@ -217,7 +219,10 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     ends = np.cumsum([0, *(case.exists.sum() for case in cases)])
     columns = _columns(machine)
     values = np.empty((len(columns), ends[-1]))  # a row per column: pandas takes it as it is
-    parts, limiting = np.empty((len(STIFFNESS), ends[-1])), np.empty(ends[-1], dtype=int)
+    parts, limiting = (
+        np.empty((3 + bool(machine.springs), ends[-1])),
+        np.empty(ends[-1], dtype=int),
+    )
     filled = dict(zip(cases, ends[:-1], strict=True))
     for case, _, rigid in in_chunks(cases, f"{machine.name}: frequencies"):
         poses = case.machine.at(rigid)
@@ -234,7 +239,7 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
         frame=_frame(columns, values, names, len(machine.joints)),
         worst=min(worst, key=lambda pose: pose.frequency),
         worst_of={pose.payload: pose for pose in worst},
-        limiting=np.array([actuator.name for actuator in machine.actuators])[limiting],
+        limiting=np.array([part.name for part in machine.yielding])[limiting],
         stiffness_parts=parts.T,
         weights=np.concatenate([workspace.weights[case.exists] for case in cases]),
         machine=machine,
@@ -272,7 +277,7 @@ def _columns(machine: Machine) -> list[str]:
     return [
         *machine.joints,
         *(f"tool_{axis}_m" for axis in "xyz"),
-        *(f"f{i + 1}_hz" for i in range(len(machine.joints))),
+        *(f"f{i + 1}_hz" for i in range(len(machine.arm.coordinates))),
         *(f"locked_{name}_hz" for name in names),
         *(f"rigid_{name}_hz" for name in names),
         *(_force_column(actuator) for actuator in machine.actuators),
@@ -298,9 +303,12 @@ def _values(machine: Machine, poses: Poses, modes: Modes) -> Array:
 
 def _stiffness_parts(poses: Poses, modes: Modes) -> Array:
     """vᵀ K_x v of the lowest mode (parts, n) [rad²/s²], with vᵀ M v = 1: they sum to ω²."""
-    shape = modes.shapes[:, :, :1]
+    shape, nq = modes.shapes[:, :, :1], poses.q.shape[1]
     matrices = (poses.hydraulic_stiffness, poses.gravity_stiffness, poses.geometric_stiffness)
-    return np.array([(np.swapaxes(shape, 1, 2) @ matrix @ shape)[:, 0, 0] for matrix in matrices])
+    parts = [(np.swapaxes(shape, 1, 2) @ matrix @ shape)[:, 0, 0] for matrix in matrices]
+    if poses.spring_stiffness.size:
+        parts.append((poses.spring_stiffness * shape[:, nq:, 0] ** 2).sum(axis=1))
+    return np.array(parts)
 
 
 def _frame(columns: list[str], values: Array, payloads: Array, nq: int) -> pd.DataFrame:

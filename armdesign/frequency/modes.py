@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks, stacked
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.units import GRAVITY
@@ -24,16 +24,17 @@ PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
-    """Natural frequencies at n poses; arrays are read-only.
+class Modes(ReadOnly):
+    """Natural frequencies at n poses, over joints and springs; arrays are read-only.
 
     Attributes:
-        frequencies: coupled modes (n, nq) ascending [Hz]; 0 where the pose is unstable on its
+        frequencies: coupled modes (n, k) ascending [Hz]; 0 where the pose is unstable on its
             trapped oil (ω² ≤ 0).
-        shapes: joint motions (n, nq, nq), column k belongs to frequency k, scaled to vᵀ M v = 1.
+        shapes: motions of joints and springs (n, k, k), column i belongs to frequency i, scaled to
+            vᵀ M v = 1.
         locked_frequencies: each cylinder with all others locked (n, nc) [Hz], inf where these
-            leave no motion. Cylinders with parallel rows of R, such as two on one joint, are
-            released together.
+            leave no motion. Springs stay free. Cylinders with parallel rows of R, such as two on
+            one joint, are released together.
         rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where
             that load vanishes.
     """
@@ -42,10 +43,6 @@ class Modes:
     shapes: Array
     locked_frequencies: Array
     rigid_frequencies: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
 
 def natural_modes(poses: Poses) -> Modes:
@@ -81,12 +78,14 @@ def lowest_frequency(poses: Poses) -> Array:
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:
-    """Share of each cylinder in the oil-spring energy of each mode (n, nq modes, nc).
+    """Share of each actuator and spring in their energy in each mode (n, k modes, nc + ns).
 
-    The energy of cylinder i is k_i (r_i·v)². The cylinder with the largest share in the lowest
-    mode limits the pose.
+    The energy of actuator i is k_i (r_i·v)², of spring j κ_j z_j². What has the largest share in
+    the lowest mode limits the pose: where it is a spring, no cylinder can help.
     """
     energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
+    yielding = modes.shapes[:, poses.q.shape[1] :]
+    energy = np.concatenate([energy, poses.spring_stiffness[:, :, None] * yielding**2], axis=1)
     return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
 
 
@@ -117,13 +116,18 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     """Lowest frequency of each cylinder with all others locked (n, nc) [Hz]; inf without motion.
 
     Locked cylinders hold the rows of R that are theirs, so only motions in the null space of these
-    rows remain: K and M are restricted to it. With one cylinder per joint that is K_ii/M_ii of its
-    joint. Cylinders whose row is in the span of row i, such as two on one joint, cannot move alone
-    and are released together.
+    rows remain: K and M are restricted to it. With one cylinder per joint and no springs that is
+    K_ii/M_ii of its joint. Cylinders whose row is in the span of row i, such as two on one joint,
+    cannot move alone and are released together.
     """
-    arms, own = poses.moment_arms, own_joints(poses.moment_arms)
-    if own is not None:
+    arms, nq = poses.moment_arms, poses.q.shape[1]
+    own = own_joints(arms[..., :nq])
+    if own is not None and nq == arms.shape[2]:
         return hertz(stiffness[:, own, own] / mass[:, own, own])
+    if own is not None and nq + 1 == arms.shape[2]:
+        return hertz(_lowest_of_two(own, mass, stiffness))
+    if own is not None:
+        return np.stack([_with_springs_free(j, nq, mass, stiffness) for j in own], axis=1)
     locked = np.full(arms.shape[:2], np.inf)
     for i in range(arms.shape[1]):
         held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
@@ -133,6 +137,27 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
             small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
             locked[rows, i] = hertz(np.linalg.eigvalsh(small)[:, 0])
     return locked
+
+
+def _lowest_of_two(joints: Array, mass: Array, stiffness: Array) -> Array:
+    """Lowest ω² of each of some joints with the last coordinate (n, nc) [rad²/s²], in closed form.
+
+    The roots of a λ² − b λ + c = 0 with a = det M, c = det K; the lower one is c/a over the higher
+    one, which loses no digits.
+    """
+    first, cross = (tuple(x[:, joints, at] for x in (mass, stiffness)) for at in (joints, -1))
+    last = tuple(x[:, -1:, -1] for x in (mass, stiffness))
+    a, c = (one * two - both**2 for one, two, both in zip(first, last, cross, strict=True))
+    b = first[0] * last[1] + first[1] * last[0] - 2 * cross[0] * cross[1]
+    return np.asarray(2 * c / (b + np.sqrt(np.maximum(b**2 - 4 * a * c, 0.0))))
+
+
+def _with_springs_free(joint: int, nq: int, mass: Array, stiffness: Array) -> Array:
+    """Lowest frequency of one joint and the springs after nq joints (n,) [Hz]."""
+    free = [joint, *range(nq, mass.shape[1])]
+    inverse = inverse_cholesky(mass[:, free][:, :, free])
+    small = inverse @ stiffness[:, free][:, :, free] @ np.swapaxes(inverse, 1, 2)
+    return hertz(np.linalg.eigvalsh(small)[:, 0])
 
 
 def _in_span(rows: Array, row: Array) -> Flags:

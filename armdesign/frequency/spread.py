@@ -27,7 +27,8 @@ SMALLEST_SLOPE = 0.1  # of the pitch by the joint, below which the joint cannot 
 def tipping_joints(machine: Machine, payload: LoadCase) -> list[int]:
     """Revolute joints that tip the link of a load case with pitch limits, root first."""
     chain = machine.arm.chain(payload.link) if payload.link and payload.pitch else ()
-    return [j for j in chain if machine.arm.joints[j].revolute and j not in machine.arm.slewing]
+    joints, slewing = machine.arm.joints, machine.arm.slewing
+    return [j for j in chain if j < len(joints) and joints[j].revolute and j not in slewing]
 
 
 def turned_onto_pitch_limits(

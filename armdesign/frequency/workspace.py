@@ -8,13 +8,13 @@ the grid.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks
+from armdesign.arrays import Array, Flags, ReadOnly, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
 from armdesign.frequency.reach_plane import poses_on_cells
@@ -30,7 +30,7 @@ MARGIN_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Workspace:
+class Workspace(ReadOnly):
     """Poses of a machine; make one with ``Workspace.grid``, ``sobol`` or ``reach_plane``.
 
     Attributes:
@@ -51,10 +51,6 @@ class Workspace:
     end_margin: float
     machine: Machine
     cells: tuple[Array, Array] | None = None
-
-    def __post_init__(self) -> None:
-        for values in (self.q, self.weights):
-            values.setflags(write=False)
 
     @classmethod
     def grid(
@@ -78,12 +74,13 @@ class Workspace:
         margin = _checked_margin(machine, end_margin)
         axes = joint_axes(machine, points, margin)
         ranges = np.array([axis[[0, -1]] for axis in axes])
-        parts = [mesh(axes)]
-        for payload in machine.payloads:
-            for joint in tipping_joints(machine, payload):
-                one_value = axes[joint][[len(axes[joint]) // 2]]
-                others = mesh((*axes[:joint], one_value, *axes[joint + 1 :]))
-                parts.append(turned_onto_pitch_limits(machine, payload, others, joint, ranges))
+
+        def others(joint: int) -> Array:
+            """All combinations of the other joints' values."""
+            one_value = axes[joint][[len(axes[joint]) // 2]]
+            return mesh((*axes[:joint], one_value, *axes[joint + 1 :]))
+
+        parts = [mesh(axes), *_on_pitch_limits(machine, ranges, others)]
         return _in_stroke(machine, np.concatenate(parts), box_shares(axes), axes, margin)
 
     @classmethod
@@ -120,11 +117,8 @@ class Workspace:
         ended = row % (2 * nq) // 2  # the joint that is at an end
         faces[row, ended] = ranges[ended, row % 2]
         edges = np.concatenate([mesh(ranges), faces])
-        parts = [inside, edges]
-        for payload in machine.payloads:
-            for joint in tipping_joints(machine, payload):
-                others = np.concatenate([inside[:share], edges])
-                parts.append(turned_onto_pitch_limits(machine, payload, others, joint, ranges))
+        others = np.concatenate([inside[:share], edges])
+        parts = [inside, edges, *_on_pitch_limits(machine, ranges, lambda _: others)]
         bins = max(2, min(int((count / 16) ** (1 / min(nq, 2))), 60))
         axes = tuple(over(ends, bins) for ends in ranges)
         return _in_stroke(machine, np.concatenate(parts), np.ones(count), axes, margin)
@@ -200,6 +194,17 @@ class Workspace:
             return self.machine.holds(self.rigid, payload)
         placements = (self.machine.arm.kinematics(self.q[rows]) for rows in chunks(len(self)))
         return np.concatenate([self.machine.holds(rigid, payload) for rigid in placements])
+
+
+def _on_pitch_limits(
+    machine: Machine, ranges: Array, others: Callable[[int], Array]
+) -> list[Array]:
+    """Poses on the pitch limits of all load cases, ``others`` turned by a joint that tips them."""
+    return [
+        turned_onto_pitch_limits(machine, payload, others(joint), joint, ranges)
+        for payload in machine.payloads
+        for joint in tipping_joints(machine, payload)
+    ]
 
 
 def _in_stroke(

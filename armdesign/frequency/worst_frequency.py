@@ -37,7 +37,7 @@ class WorstPose:
         q: joint positions (nq,) [rad, m].
         payload: name of the load case.
         frequency: lowest coupled natural frequency there [Hz].
-        cylinder: the cylinder or motor with the largest share of that mode's oil-spring energy.
+        cylinder: the actuator or spring with the largest share of that mode's elastic energy.
         tool: position of the tool (3,) [m].
         joints: names of the coordinates.
     """
@@ -94,7 +94,7 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
         q=best_q,
         payload=machine.payload.name,
         frequency=best,
-        cylinder=machine.actuators[int(share.argmax())].name,
+        cylinder=machine.yielding[int(share.argmax())].name,
         tool=poses.tool[0],
         joints=machine.joints,
     )

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file
@@ -18,7 +19,7 @@ from armdesign.machine.file.toml_writing import dump
 from armdesign.machine.from_urdf import FLUID, SUPPLY
 from armdesign.machine.loading import find
 from armdesign.machine.machine import Machine
-from armdesign.machine.parts import linkage
+from armdesign.machine.parts import linkage, springs_of
 from armdesign.mechanism import urdf_faults
 from armdesign.mechanism.arm import Arm
 
@@ -58,12 +59,13 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     except ArmDesignError as error:
         return [*all_faults, error]
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
-    in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf)
+    springs = springs_of(section)
+    in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf, springs)
     all_faults += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
     if joints is None or "joints" in odd:
         return all_faults
     geometry = _without_masses(urdf_text) if in_urdf else urdf_text
-    if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf):
+    if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf, springs):
         return all_faults
     try:
         if not all_faults:
@@ -74,7 +76,9 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
                 *all_faults,
                 *_faults_of_the_rest(section, geometry, path, _blamed(all_faults)),
             ]
-        Workspace.grid(machine)
+        workspace = Workspace.grid(machine)
+        for case in load_cases(machine, workspace) if machine.springs else ():
+            case.machine.at(case.rigid)
     except ArmDesignError as error:
         all_faults.append(error)
     return all_faults
@@ -126,7 +130,8 @@ def _faults_of_the_rest(
     section: MachineSection, urdf_text: str, path: Path, blamed: set[str]
 ) -> Iterator[MachineFileError]:
     """Faults of the cylinders that are not blamed; joints that only others move stand still."""
-    arm = Arm(urdf_text, section.joints, section.frozen, section.urdf)
+    frozen = section.frozen | {spring.joint: spring.at for spring in springs_of(section)}
+    arm = Arm(urdf_text, section.joints, frozen, section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
         moved = {j for table in sound.values() for j in linkage(table, arm).joints} or set(
             range(len(arm.joints))
@@ -141,8 +146,7 @@ def _faults_of_the_rest(
             "urdf": section.urdf,
             "joints": [name for name in section.joints if name not in still],
             "frozen": (
-                {name: at for name, at in section.frozen.items() if name not in section.joints}
-                | still
+                {name: at for name, at in frozen.items() if name not in section.joints} | still
             ),
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
             "payload": {"empty": {"mass_kg": 0.0}},

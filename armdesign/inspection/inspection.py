@@ -22,6 +22,7 @@ from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
+from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import WORKSHOP, Units
 
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
@@ -142,6 +143,15 @@ class Inspection:
     def cases(self) -> dict[str, CasePoses]:
         """Every load case by its name, with the poses at which it exists."""
         return {case.name: case for case in load_cases(self.machine, self.workspace)}
+
+    @cached_property
+    def least_stiffness(self) -> Array:
+        """Stiffness that each spring alone needs, at every pose and load (ns,) [N m/rad, N/m]."""
+        springs = self.machine.spring_stiffness
+        matrices = (case.evaluate().stiffness_matrix for case in self.cases.values())
+        factors = np.concatenate([least_stiffness_factors(k, springs)[:, :-1] for k in matrices])
+        finite = np.where(np.isinf(factors), 0.0, factors)
+        return np.asarray(springs * finite.max(axis=0, initial=0.0))
 
     @cached_property
     def loads(self) -> list[StaticLoad]:

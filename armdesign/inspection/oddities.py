@@ -9,7 +9,7 @@ import numpy as np
 
 from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.modes import natural_modes
+from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
@@ -201,7 +201,7 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
     """Poses without natural frequencies, or without stiffness."""
     case = inspection.cases[name]
     try:
-        lowest = natural_modes(case.machine.at(case.rigid)).frequencies[:, 0]
+        lowest = lowest_frequency(case.machine.at(case.rigid))
     except PoseError as error:
         yield f"payload.{name}", f"no natural frequencies: {error}"
         return

@@ -48,11 +48,35 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
         if not arm.joints[arm.names.index(motor.joint)].revolute:
             where = f"{source}: motor.{motor.name}"
             yield MachineFileError(where, f'"{motor.joint}" does not turn', "use a cylinder")
+    yield from _of_springs(machine)
     driven = {j for drive in machine.drives for j in drive.joints}
     for j, joint in enumerate(arm.joints):
         if j not in driven:
             words = f'no cylinder or motor moves "{joint.name}"'
             yield MachineFileError(f"{source}: joints", words, "add one or freeze the joint")
+
+
+def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
+    """Springs on joints of another kind, standing beyond their limits, or between pins."""
+    source, arm = machine.source.name, machine.arm
+    for index, spring in enumerate(machine.springs, len(arm.joints)):
+        where, joint = f"{source}: spring.{spring.name}", arm.coordinates[index]
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            if index in linkage.joints:
+                fault = f'"{joint.name}" lies between the pins of cylinder.{cylinder.name}'
+                remedy = "a spring's joint is driven by nothing: choose another, or move the pins"
+                yield MachineFileError(f"{where}.joint", fault, remedy)
+        if joint.revolute != spring.revolute:
+            moves, meant = ("turns", "N_m_per_rad") if joint.revolute else ("slides", "N_per_m")
+            remedy = f"give stiffness_{meant}, and at_{'deg' if joint.revolute else 'mm'}"
+            fault = f'"{joint.name}" {moves}'
+            yield MachineFileError(f"{where}.{spring.stiffness_key}", fault, remedy)
+        elif not joint.lower <= spring.at <= joint.upper:
+            key, unit = ("at_deg", deg) if joint.revolute else ("at_mm", mm)
+            low, high = joint.lower / unit, joint.upper / unit
+            fault = f'{spring.at / unit:g} is outside the limits of "{joint.name}"'
+            remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits in the URDF"
+            yield MachineFileError(f"{where}.{key}", fault, remedy)
 
 
 def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
@@ -70,7 +94,8 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
             except MachineFileError as error:
                 yield from _with_cause(machine, j, own, error)
         return
-    if is_singular(machine.evaluate(machine.rigid_poses(middle)).moment_arms)[0]:
+    arms = machine.evaluate(machine.rigid_poses(middle)).moment_arms[..., : len(machine.joints)]
+    if is_singular(arms)[0]:
         fault = "cylinders and motors leave a direction of motion free"
         yield MachineFileError(f"{source}: cylinder", fault, "check the pins")
 

@@ -27,12 +27,19 @@ from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
-from armdesign.machine.poses import Poses, joint_positions, refuse_unreachable, static_forces
+from armdesign.machine.poses import (
+    Poses,
+    joint_positions,
+    poses_of,
+    refuse_toppling,
+    refuse_unreachable,
+)
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
+from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
 
 
@@ -46,6 +53,7 @@ class Machine:
         cylinders: those that move a joint, in the order of the file.
         linkages: the pins of each cylinder, same order.
         motors: those whose joint is a coordinate, in the order of the file.
+        springs: passive joints, coordinates after the joints, in the order of the file.
         payloads: all load cases, in the order of the file.
         payload: the load case at work.
         fluid: the oil.
@@ -62,6 +70,7 @@ class Machine:
     cylinders: tuple[Cylinder, ...]
     linkages: tuple[Linkage, ...]
     motors: tuple[Motor, ...]
+    springs: tuple[Spring, ...]
     payloads: tuple[LoadCase, ...]
     payload: LoadCase
     fluid: Fluid
@@ -112,7 +121,8 @@ class Machine:
     ) -> Machine:
         """The machine of both texts, which may still have ``assembly_faults``."""
         section = section or machine_file.parse(text, source.name)
-        arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf)
+        springs = parts.springs_of(section)
+        arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf, springs)
         for fault in (
             *unknown_links(section, arm.links, source.name),
             *unknown_joints(section, arm.all_joints, arm.movable_joints, source.name),
@@ -127,6 +137,7 @@ class Machine:
             cylinders=tuple(parts.cylinder(name, table) for name, table in cylinders.items()),
             linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
             motors=parts.motors(section),
+            springs=springs,
             payloads=load_cases,
             payload=load_cases[0],
             fluid=parts.fluid(section.fluid),
@@ -153,6 +164,7 @@ class Machine:
         supply: Mapping[str, Any] | None = None,
         requirements: Mapping[str, Any] | None = None,
         motors: Mapping[str, Any] | None = None,
+        springs: Mapping[str, Any] | None = None,
         bands: Mapping[str, Any] | None = None,
     ) -> Machine:
         """A machine from a URDF that already exists; tables as in a machine file, in its units.
@@ -171,6 +183,7 @@ class Machine:
             supply: what differs from 250 bar, 5 bar return pressure, 100 l/min.
             requirements: as in a machine file.
             motors: tables by name: displacement_cm3, gear_ratio, trapped_volume_l ….
+            springs: tables by name: joint, stiffness_N_m_per_rad or stiffness_N_per_m ….
             bands: default: structure from rigid to as soft as the oil.
 
         Raises:
@@ -184,6 +197,7 @@ class Machine:
             "supply": supply,
             "cylinder": cylinders,
             "motor": motors,
+            "spring": springs,
             "requirements": requirements,
             "bands": bands,
         }
@@ -232,12 +246,11 @@ class Machine:
         text = toml_writing.edit(self.text, changes, source)
         with lines_of(self.text, source):
             section = machine_file.parse(text, source)
-            same = all(
-                getattr(section, key) == getattr(self.section, key)
-                for key in ("joints", "frozen", "urdf")
-            )
+            same = section.urdf == self.section.urdf
+            same = same and parts.coordinates(section) == parts.coordinates(self.section)
+            arm = self.arm if same else None
             machine = Machine.from_text(
-                text, self.urdf_text, self.source, arm=self.arm if same else None, section=section
+                text, self.urdf_text, self.source, arm=arm, section=section
             )
         return machine.loaded_like(self)
 
@@ -283,6 +296,11 @@ class Machine:
         """Cylinders, and motors after them: the order of all arrays."""
         return (*self.cylinders, *self.motors)
 
+    @property
+    def yielding(self) -> tuple[Actuator | Spring, ...]:
+        """Actuators, and springs after them: what stores the energy of a mode."""
+        return (*self.actuators, *self.springs)
+
     @cached_property
     def idle(self) -> dict[str, list[str]]:
         """Cylinders and motors that stand still, each with the frozen joints that hold it."""
@@ -316,20 +334,8 @@ class Machine:
 
     @cached_property
     def idle_joints(self) -> frozenset[int]:
-        """Joints whose position changes no frequency.
-
-        They slew the whole arm, and no cylinder spans them: a cylinder across a joint changes
-        length and moment arm with it. Slewing that carries an axis beside its own changes the
-        inertia that the lower axis feels.
-        """
-        slewing = list(self.arm.slewing)
-        spanned = {j for linkage in self.linkages for j in linkage.joints}
-        feet = self.arm.kinematics(np.zeros((1, len(self.joints)))).translation[0, slewing, :2]
-        return frozenset(
-            j
-            for k, j in enumerate(slewing)
-            if j not in spanned and np.all(np.hypot(*(feet[:k] - feet[k]).T) < 1e-9)
-        )
+        """Joints whose position changes no frequency."""
+        return self.arm.without_effect({j for k in self.linkages for j in k.joints})
 
     def rigid_poses(self, q: ArrayLike) -> RigidPoses:
         """Inertia and gravity of the bare links at q (n, nq), for any cylinders and loads."""
@@ -344,8 +350,8 @@ class Machine:
         rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(joint_positions(self, q))
         with np.errstate(invalid="ignore"):
             lengths = np.stack([drive.length(rigid) for drive in self.drives], axis=1)
-        extension = (lengths - self._closed) / self._strokes
-        margins = np.where(np.isinf(self._strokes), np.inf, np.minimum(extension, 1 - extension))
+        extension = (lengths - self.closed_lengths) / self.strokes
+        margins = np.where(np.isinf(self.strokes), np.inf, np.minimum(extension, 1 - extension))
         return np.where(np.isnan(margins), -np.inf, margins)
 
     def pitch_excess(self, rigid: RigidPoses, payload: LoadCase) -> Array:
@@ -370,41 +376,22 @@ class Machine:
     def _reachable(self, q: RigidPoses | Array) -> Poses:
         poses = self.evaluate(q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q))
         refuse_unreachable(self, poses)
+        refuse_toppling(self, poses)
         return poses
 
     def evaluate(self, rigid: RigidPoses) -> Poses:
         """Everything at the poses, not checked as by ``at``: impossible values are inf or NaN."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            actuation = [drive.actuation(rigid) for drive in self.drives]
-        moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
-        lengths = np.stack([a.length for a in actuation], axis=1)
-        mass, gravity, gravity_stiffness = self.loaded(rigid)
-        forces = static_forces(moment_arms, gravity, self._areas)
-        extension = lengths - self._closed
-        stiffness = [
-            actuator.stiffness(extension[:, i], forces[:, i], self.fluid, self.supply)
-            for i, actuator in enumerate(self.actuators)
-        ]
-        return Poses(
-            q=rigid.q,
-            mass_matrix=mass,
-            gravity_torque=gravity,
-            gravity_stiffness=gravity_stiffness,
-            lengths=lengths,
-            moment_arms=moment_arms,
-            moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
-            extensions=extension / self._strokes,
-            cylinder_forces=forces,
-            oil_stiffness=np.stack(stiffness, axis=1),
-            tool=np.array(self.arm.point(rigid, self.tool.link, np.array(self.tool.at))),
-        )
+        return poses_of(self, rigid)
 
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
-        """M, g and ∂g/∂q of links, payload at work and the masses of cylinders and four-bars."""
+        """M, g and ∂g/∂q of links, payload at work and the masses of cylinders and four-bars.
+
+        Over all coordinates: joints, then springs.
+        """
         mass, gravity, slope = rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness
         points, load = self.bar_points(rigid), self.payload
         if load.mass > 0 and load.link is not None:
-            at, joints = np.array(load.at), tuple(range(len(self.joints)))
+            at, joints = np.array(load.at), tuple(range(len(self.arm.coordinates)))
             motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
             points.append((load.mass, motion))
         if not points:
@@ -435,13 +422,21 @@ class Machine:
         return points
 
     @cached_property
-    def _closed(self) -> Array:
+    def spring_stiffness(self) -> Array:
+        """Stiffness κ of the springs (ns,) [N m/rad, N/m]."""
+        return np.array([spring.stiffness for spring in self.springs])
+
+    @cached_property
+    def closed_lengths(self) -> Array:
+        """Closed length of each actuator (nc,) [m]; 0 for a motor."""
         return np.array([actuator.closed_length for actuator in self.actuators])
 
     @cached_property
-    def _strokes(self) -> Array:
+    def strokes(self) -> Array:
+        """Stroke of each actuator (nc,) [m]; inf for a motor."""
         return np.array([actuator.stroke for actuator in self.actuators])
 
     @cached_property
-    def _areas(self) -> Array:
+    def bore_areas(self) -> Array:
+        """Bore area of each actuator (nc,) [m², of a motor m³/rad]."""
         return np.array([actuator.bore_area for actuator in self.actuators])

@@ -18,6 +18,7 @@ from armdesign.machine.file.schema import (
     PayloadSection,
     PinSection,
     Section,
+    SpringSection,
     SupplySection,
     ValveSection,
 )
@@ -25,6 +26,7 @@ from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
+from armdesign.mechanism.spring import Spring
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 
@@ -59,6 +61,29 @@ def supply(section: SupplySection) -> Supply:
         flow_limited=section.pump == "flow_limited",
         cut_off=section.cut_off_percent / 100,
         line_volume=section.line_volume_l * litre,
+    )
+
+
+def coordinates(section: MachineSection) -> tuple[Any, ...]:
+    """What of a machine file an arm depends on: joints, and where others stand."""
+    standing = [(spring.joint, spring.at) for spring in springs_of(section)]
+    return section.joints, section.frozen, standing
+
+
+def springs_of(section: MachineSection) -> tuple[Spring, ...]:
+    """Springs in the order of the file."""
+    return tuple(_spring(name, table) for name, table in section.spring.items())
+
+
+def _spring(name: str, section: SpringSection) -> Spring:
+    turns = section.stiffness_N_m_per_rad is not None
+    return Spring(
+        name=name,
+        joint=section.joint,
+        revolute=turns,
+        stiffness=section.stiffness_N_m_per_rad or section.stiffness_N_per_m or math.nan,
+        damping_ratio=section.damping_ratio,
+        at=(section.at_deg or 0.0) * deg if turns else (section.at_mm or 0.0) * mm,
     )
 
 

@@ -3,10 +3,12 @@
 Axis 0 is the pose. Rigid bodies come from ``RigidPoses``, payload, cylinders and motors are added
 here. With trapped oil the arm sits on
 
-    K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i        (hydraulic + gravity + geometric stiffness)
+    K = Rᵀ diag(k_h) R + ∂g/∂q − Σ F_i H_i + diag(0, κ)
+        (hydraulic + gravity + geometric stiffness + springs)
 
 where R holds the moment arms ∂ℓ/∂q, H their derivatives and F the static cylinder forces (g =
-RᵀF).
+RᵀF). Coordinates are the joints of q, then the springs' joints, which no actuator drives: their
+columns of R are zero, and their preload holds g there.
 """
 
 from __future__ import annotations
@@ -19,18 +21,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import PoseError
 from armdesign.mechanism.linkage.base import Linkage
-from armdesign.units import deg
+from armdesign.mechanism.spring import least_stiffness_factors
+from armdesign.units import deg, outward
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
+    from armdesign.mechanism.arm import RigidPoses
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Poses:
+class Poses(ReadOnly):
     """Everything at n poses of a machine with nq joints and nc actuators; arrays are read-only.
+
+    Over k = nq + ns coordinates where it has springs: the joints of q, then its ns springs.
 
     Actuators are the cylinders and after them the motors, see ``Machine.actuators``. For a motor
     read angle of its joint [rad] for length, torque [N m] for force, and [N m/rad] for the unit of
@@ -38,15 +44,16 @@ class Poses:
 
     Attributes:
         q: joint positions (n, nq) [rad, m].
-        mass_matrix: joint-space inertia M, payload included (n, nq, nq) [kg m², kg].
-        gravity_torque: g (n, nq) [N m, N].
-        gravity_stiffness: ∂g/∂q (n, nq, nq).
+        mass_matrix: joint-space inertia M, payload included (n, k, k) [kg m², kg].
+        gravity_torque: g (n, k) [N m, N].
+        gravity_stiffness: ∂g/∂q (n, k, k).
         lengths: pin-to-pin cylinder lengths ℓ (n, nc) [m].
-        moment_arms: R = ∂ℓ/∂q (n, nc, nq) [m/rad].
-        moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, nq, nq).
+        moment_arms: R = ∂ℓ/∂q (n, nc, k) [m/rad].
+        moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, k, k).
         extensions: share of the stroke that is out (n, nc), 0…1; 0 for a motor.
         cylinder_forces: static force of each actuator (n, nc) [N, + pushes].
         oil_stiffness: k_h of each actuator with its valve closed (n, nc) [N/m].
+        spring_stiffness: κ of each spring (n, ns) [N m/rad, N/m].
         tool: position of the tool in the root link (n, 3) [m].
     """
 
@@ -60,11 +67,8 @@ class Poses:
     extensions: Array
     cylinder_forces: Array
     oil_stiffness: Array
+    spring_stiffness: Array
     tool: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -75,28 +79,62 @@ class Poses:
 
     @cached_property
     def hydraulic_stiffness(self) -> Array:
-        """Rᵀ diag(k_h) R (n, nq, nq)."""
+        """Rᵀ diag(k_h) R (n, k, k)."""
         weighted = self.moment_arms * self.oil_stiffness[:, :, None]
         return np.asarray(np.swapaxes(self.moment_arms, 1, 2) @ weighted)
 
     @cached_property
     def geometric_stiffness(self) -> Array:
-        """−Σ F_i H_i (n, nq, nq): the moment arms change under static load."""
+        """−Σ F_i H_i (n, k, k): the moment arms change under static load."""
         return -np.einsum("nc,ncij->nij", self.cylinder_forces, self.moment_arm_derivatives)
 
     @cached_property
     def stiffness_matrix(self) -> Array:
-        """K (n, nq, nq): minus the derivative of the net torque by q with the oil trapped."""
-        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+        """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
+        stiffness = self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+        diagonal = np.einsum("nii->ni", stiffness)
+        diagonal[:, self.q.shape[1] :] += self.spring_stiffness
+        return stiffness
 
 
-def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array) -> Array:
-    """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, nq), g = RᵀF.
+def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
+    """Everything of a machine at the poses; what is impossible is inf or NaN."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        actuation = [drive.actuation(rigid) for drive in machine.drives]
+    moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
+    lengths = np.stack([a.length for a in actuation], axis=1)
+    mass, gravity, gravity_stiffness = machine.loaded(rigid)
+    forces = static_forces(moment_arms, gravity, machine.bore_areas, len(machine.joints))
+    extension = lengths - machine.closed_lengths
+    stiffness = [
+        actuator.stiffness(extension[:, i], forces[:, i], machine.fluid, machine.supply)
+        for i, actuator in enumerate(machine.actuators)
+    ]
+    return Poses(
+        q=rigid.q,
+        mass_matrix=mass,
+        gravity_torque=gravity,
+        gravity_stiffness=gravity_stiffness,
+        lengths=lengths,
+        moment_arms=moment_arms,
+        moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
+        extensions=extension / machine.strokes,
+        cylinder_forces=forces,
+        oil_stiffness=np.stack(stiffness, axis=1),
+        spring_stiffness=np.tile(machine.spring_stiffness, (len(rigid), 1)),
+        tool=np.array(machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))),
+    )
 
-    They are inf where a pose is singular. With more cylinders than joints equilibrium leaves a
+
+def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joints: int) -> Array:
+    """Cylinder forces (…, nc) [N, + pushes] that hold gravity (…, k), g = RᵀF.
+
+    Of the k coordinates the first ``joints`` count; springs after them hold by their preload.
+    Forces are inf where a pose is singular. With more cylinders than joints equilibrium leaves a
     choice: the least Σ (F/A)² is taken, that is F = W R (Rᵀ W R)⁻¹ g with W = diag(A²), bore areas
     ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
+    moment_arms, gravity_torque = moment_arms[..., :joints], gravity_torque[..., :joints]
     singular, own = is_singular(np.real(moment_arms)), own_joints(moment_arms)
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
     if own is not None:
@@ -202,13 +240,52 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
                 f"at {_pose_text(machine, poses.q[out][0])}",
                 f"stay in the range of {_range_text(machine, linkage)} or change stroke and pins",
             )
-    if np.any(singular := is_singular(poses.moment_arms)):
+    if np.any(singular := is_singular(poses.moment_arms[..., : len(machine.joints)])):
         where = _pose_text(machine, poses.q[singular][0])
         raise PoseError(
             f"{machine.name}: pose",
             f"singular at {where}: a cylinder is at its dead centre",
             "avoid it",
         )
+
+
+def refuse_toppling(machine: Machine, poses: Poses) -> None:
+    """Raise for the pose that asks most of a spring, where springs are too soft for gravity.
+
+    Poses at which joints on their oil are unstable, whatever the springs, are left to their
+    frequency of zero.
+
+    Raises:
+        PoseError: K is not positive definite, and would be on stiffer springs.
+    """
+    if not machine.springs:
+        return
+    try:
+        np.linalg.cholesky(poses.stiffness_matrix)
+    except np.linalg.LinAlgError:
+        factors = least_stiffness_factors(poses.stiffness_matrix, machine.spring_stiffness)
+        least = factors.min(axis=1)
+        worst = int(np.where(np.isinf(least), 0.0, least).argmax())
+        if 1 <= least[worst] < np.inf:
+            raise _too_soft(machine, poses.q[worst], factors[worst]) from None
+
+
+def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
+    """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
+    chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
+    spring = machine.springs[min(chosen, len(machine.springs) - 1)]
+    path = f"spring.{spring.name}.{spring.stiffness_key}"
+    least = f"{outward(factor * spring.stiffness, 4, up=True):g} {spring.stiffness_unit}"
+    remedy = f"give more than {least}"
+    if chosen == len(machine.springs):
+        names = ", ".join(spring.name for spring in machine.springs)
+        remedy = f"multiply the stiffness of all springs ({names}) by more than {factor:g}"
+    fault = (
+        f"{spring.stiffness:g} {spring.stiffness_unit} does not hold the machine upright at"
+        f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
+    )
+    place = f"{machine.source.name}: {path}"
+    return PoseError(place, fault, remedy, machine.line_of(path))
 
 
 def refuse_unheld(machine: Machine, q: ArrayLike) -> None:

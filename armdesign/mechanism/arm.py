@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,21 +21,25 @@ import numpy as np
 from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import VectorJet, cross
+from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import read_urdf, rotations
 from armdesign.units import GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
 class RigidPoses:
-    """Inertia, gravity and placements of the bare links, without cylinders and payload."""
+    """Inertia, gravity and placements of the bare links, without cylinders and payload.
+
+    Over k coordinates: the nq joints of q, then springs, which stand where they rest.
+    """
 
     q: Array  # (n, nq) [rad, m]
-    mass_matrix: Array  # (n, nq, nq)
-    gravity_torque: Array  # (n, nq)
-    gravity_stiffness: Array  # (n, nq, nq), ∂g/∂q
-    rotation: Array  # (n, nq, 3, 3) joint frames in the world
-    translation: Array  # (n, nq, 3) [m]
-    axis: Array  # (n, nq, 3) joint axes in the world
+    mass_matrix: Array  # (n, k, k)
+    gravity_torque: Array  # (n, k)
+    gravity_stiffness: Array  # (n, k, k), ∂g/∂q
+    rotation: Array  # (n, k, 3, 3) joint frames in the world
+    translation: Array  # (n, k, 3) [m]
+    axis: Array  # (n, k, 3) joint axes in the world
 
     def __len__(self) -> int:
         return len(self.q)
@@ -69,16 +73,28 @@ class Arm:
         joints: coordinates, in the order of q.
         frozen: value of other joints [rad or m]; 0 where none is given.
         source: file name for messages.
+        springs: passive joints, coordinates after the others.
+
+    Attributes:
+        joints: joints of poses, in the order of q (nq).
+        coordinates: all joints that move: those of poses, then springs (k).
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
     """
 
     def __init__(
-        self, urdf: str, joints: list[str], frozen: dict[str, float], source: str
+        self,
+        urdf: str,
+        joints: Sequence[str],
+        frozen: Mapping[str, float],
+        source: str,
+        springs: Sequence[Spring] = (),
     ) -> None:
         self.source = source
-        self.xml, self.joints, self.links = read_urdf(urdf, joints, frozen, source)
+        self.xml, self.coordinates, self.links = read_urdf(urdf, joints, frozen, source, springs)
+        self.joints = self.coordinates[: len(joints)]
+        self._standing = np.array([spring.at for spring in springs])
         self._paths: dict[tuple[str, str], tuple[tuple[int, int], ...]] = {}
 
     @property
@@ -95,7 +111,7 @@ class Arm:
     def movable_joints(self) -> list[str]:
         """Names of the joints that are coordinates or could be."""
         return [
-            *self.names,
+            *(joint.name for joint in self.coordinates),
             *dict.fromkeys(name for link in self.links.values() for name in link.frozen),
         ]
 
@@ -119,48 +135,66 @@ class Arm:
     @cached_property
     def _chains(self) -> list[tuple[int, ...]]:
         """For each joint, the joints from the root to it."""
-        chains: list[tuple[int, ...]] = [()] * len(self.joints)
+        chains: list[tuple[int, ...]] = [()] * len(self.coordinates)
         for index in self.outwards:
-            parent = self.joints[index].parent
+            parent = self.coordinates[index].parent
             chains[index] = (*(chains[parent] if parent >= 0 else ()), index)
         return chains
 
     @cached_property
     def outwards(self) -> list[int]:
-        """Joints from the root outwards: each comes after its parent."""
+        """Coordinates from the root outwards: each comes after its parent."""
         order: list[int] = []
-        while len(order) < len(self.joints):
+        while len(order) < len(self.coordinates):
             order += [
                 index
-                for index, joint in enumerate(self.joints)
+                for index, joint in enumerate(self.coordinates)
                 if index not in order and (joint.parent < 0 or joint.parent in order)
             ]
         return order
 
     def chain(self, link: str) -> tuple[int, ...]:
-        """Joints from the root to a link, root first."""
+        """Coordinates from the root to a link, root first."""
         joint = self.links[link].joint
         return self._chains[joint] if joint >= 0 else ()
 
     @cached_property
     def slewing(self) -> dict[int, float]:
-        """Joints that turn the whole arm about the vertical; +1 if their axis points up, else −1.
+        """Coordinates that turn the whole arm about the vertical; +1 if their axis is up, else −1.
 
         Neither inertia nor gravity depends on them.
         """
         axes = self.kinematics(np.zeros((1, len(self.joints)))).axis[0]
         signs: dict[int, float] = {}
         for index in self.outwards:
-            joint, upward = self.joints[index], float(axes[index, 2])
-            siblings = sum(other.parent == joint.parent for other in self.joints)
+            joint, upward = self.coordinates[index], float(axes[index, 2])
+            siblings = sum(other.parent == joint.parent for other in self.coordinates)
             carries_all = joint.parent in (-1, *signs) and siblings == 1
             if joint.revolute and carries_all and abs(abs(upward) - 1) < 1e-12:
                 signs[index] = upward
         return signs
 
+    def without_effect(self, spanned: Collection[int]) -> frozenset[int]:
+        """Joints of q whose position changes no frequency, with ``spanned`` ones between pins.
+
+        They slew the whole arm, and no cylinder spans them: a cylinder across a joint changes
+        length and moment arm with it. Slewing that carries an axis beside its own changes the
+        inertia that the lower axis feels.
+        """
+        slewing, q = list(self.slewing), np.zeros((1, len(self.joints)))
+        feet = self.kinematics(q).translation[0, slewing, :2]
+        return frozenset(
+            j
+            for k, j in enumerate(slewing)
+            if j < len(self.joints)
+            and j not in spanned
+            and np.all(np.hypot(*(feet[:k] - feet[k]).T) < 1e-9)
+        )
+
     def heading(self, q: Array) -> Array:
         """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
-        angle = sum((sign * q[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
+        z = self.with_springs(q)
+        angle = sum((sign * z[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def reach(self, q: Array, place: Array) -> Array:
@@ -191,12 +225,22 @@ class Arm:
 
     # ---------------------------------------------------------------------------------- placements
 
+    def with_springs(self, q: Array) -> Array:
+        """All coordinates (n, k) at joint positions (n, nq): springs stand where they rest.
+
+        Coordinates that are complete already stay as they are.
+        """
+        missing = len(self.coordinates) - q.shape[1]
+        standing = np.broadcast_to(self._standing[:missing], (len(q), missing))
+        return np.concatenate([q, standing], axis=1) if missing else q
+
     def placements(self, q: Array) -> tuple[Array, Array, Array]:
-        """Joint frames in the world at q (n, nq): rotation, translation and joint axis."""
-        n, nq = q.shape
-        rotation, translation = np.empty((n, nq, 3, 3)), np.empty((n, nq, 3))
+        """Joint frames in the world at q (n, nq): rotation, translation and axis (n, k, …)."""
+        q = self.with_springs(q)
+        n, k = q.shape
+        rotation, translation = np.empty((n, k, 3, 3)), np.empty((n, k, 3))
         for index in self.outwards:
-            joint = self.joints[index]
+            joint = self.coordinates[index]
             angle = q[:, index] if joint.revolute else np.zeros(n)
             local = joint.rotation @ rotations(joint.axis, angle)
             offset = np.broadcast_to(joint.translation, (n, 3))
@@ -211,15 +255,15 @@ class Arm:
                     "nij,nj->ni", before, offset
                 )
         axis = np.stack(
-            [rotation[:, i] @ joint.axis for i, joint in enumerate(self.joints)], axis=1
+            [rotation[:, i] @ joint.axis for i, joint in enumerate(self.coordinates)], axis=1
         )
         return rotation, translation, axis
 
     def kinematics(self, q: Array) -> RigidPoses:
         """Placements at q (n, nq), with zeros for inertia and gravity: geometry alone."""
-        n, nq = q.shape
-        square = np.zeros((n, nq, nq))
-        return RigidPoses(q, square, np.zeros((n, nq)), square, *self.placements(q))
+        n, k = len(q), len(self.coordinates)
+        square = np.zeros((n, k, k))
+        return RigidPoses(q, square, np.zeros((n, k)), square, *self.placements(q))
 
     def link_rotation(self, poses: RigidPoses, link: str) -> Array:
         """Orientation of a link frame in the world (n, 3, 3)."""
@@ -270,14 +314,18 @@ class Arm:
         n, k = len(vector), len(joints)
         first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
         path = tuple(
-            (j, sign) for j, sign in path if j in joints and (bound or self.joints[j].revolute)
+            (j, sign)
+            for j, sign in path
+            if j in joints and (bound or self.coordinates[j].revolute)
         )
         for j, sign in path:
             axis = sign * poses.axis[:, j]
             lever = vector - poses.translation[:, j] if bound else vector
-            first[:, joints.index(j)] = cross(axis, lever) if self.joints[j].revolute else axis
+            first[:, joints.index(j)] = (
+                cross(axis, lever) if self.coordinates[j].revolute else axis
+            )
         for near, (j, sign) in enumerate(path):
-            if not self.joints[j].revolute:
+            if not self.coordinates[j].revolute:
                 continue
             axis = sign * poses.axis[:, j]
             for further, _ in path[near:]:
@@ -295,7 +343,7 @@ class Arm:
 
     @property
     def model_order(self) -> Array:
-        """Index of each coordinate in Pinocchio's model (nq,)."""
+        """Index of each coordinate in Pinocchio's model (k,)."""
         return self._pinocchio[2]
 
     @cached_property
@@ -310,7 +358,8 @@ class Arm:
                 self.source, f"Pinocchio refuses it ({error})", "check it with check_urdf"
             ) from None
         names = list(model.names)[1:]  # the first is the world
-        index = np.array([model.joints[1 + names.index(name)].idx_v for name in self.names])
+        order = [1 + names.index(joint.name) for joint in self.coordinates]
+        index = np.array([model.joints[at].idx_v for at in order])
         return model, model.createData(), index
 
     def rigid_poses(self, q: Array) -> RigidPoses:
@@ -321,10 +370,10 @@ class Arm:
         import pinocchio
 
         model, data, index = self._pinocchio
-        n, nq = q.shape
-        mass, gravity, stiffness = np.empty((n, nq, nq)), np.empty((n, nq)), np.empty((n, nq, nq))
-        ordered = np.empty_like(q)
-        ordered[:, index] = q
+        n, k = len(q), len(index)
+        mass, gravity, stiffness = np.empty((n, k, k)), np.empty((n, k)), np.empty((n, k, k))
+        ordered = np.empty((n, k))
+        ordered[:, index] = self.with_springs(q)
         for row, at in enumerate(ordered):
             mass[row] = pinocchio.crba(model, data, at)
             stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, at)
@@ -378,6 +427,6 @@ class LoadedArm:
         if body is not None and body.joint >= 0 and self.mass > 0:
             lever = body.translation + body.rotation @ np.array(self.at)
             inertia = pinocchio.Inertia(self.mass, lever, np.zeros((3, 3)))
-            joint = model.getJointId(self.arm.names[body.joint])
+            joint = model.getJointId(self.arm.coordinates[body.joint].name)
             model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
         return model

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf_faults import faults_of, movable_joints, numbers, parse
 
 _DEFAULTS = {  # numbers that Pinocchio reads, by element and attribute
@@ -56,22 +58,28 @@ class Link:
 
 
 def read_urdf(
-    text: str, joints: list[str], frozen: dict[str, float], source: str
+    text: str,
+    joints: Sequence[str],
+    frozen: Mapping[str, float],
+    source: str,
+    springs: Sequence[Spring] = (),
 ) -> tuple[str, tuple[Joint, ...], dict[str, Link]]:
-    """Reduced URDF text, the joints in the order of q, and every link, the root first.
+    """Reduced URDF text, the coordinates' joints, springs last, and every link, the root first.
 
     Args:
         text: the URDF.
-        joints: names of the coordinates, in the order of q.
+        joints: names of the joints of poses, in the order of q.
         frozen: value of other joints [rad or m]; 0 where none is given.
         source: file name for messages.
+        springs: passive joints, coordinates after the others.
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
     """
     robot = parse(text, source)
-    for fault in faults_of(robot, joints, frozen, source):
+    for fault in faults_of(robot, joints, frozen, source, springs):
         raise fault
+    joints = [*joints, *(spring.joint for spring in springs)]
     standing = [name for name in movable_joints(robot) if name not in joints]
     for joint in robot.findall("joint"):
         name = str(joint.get("name"))

@@ -17,6 +17,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import MachineFileError, choose
+from armdesign.mechanism.spring import Spring
 from armdesign.units import deg
 
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -96,42 +97,53 @@ def _locate(robot: ET.Element, text: str) -> None:
 
 
 def faults(
-    text: str, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
+    text: str,
+    joints: Sequence[str] | None,
+    frozen: Mapping[str, float],
+    source: str,
+    springs: Sequence[Spring] = (),
 ) -> list[MachineFileError]:
     """Every fault of a URDF's text; one alone if it cannot be parsed."""
     try:
         robot = parse(text, source)
     except MachineFileError as error:
         return [error]
-    return list(faults_of(robot, joints, frozen, source))
+    return list(faults_of(robot, joints, frozen, source, springs))
 
 
 def faults_of(
-    robot: ET.Element, joints: Sequence[str] | None, frozen: Mapping[str, float], source: str
+    robot: ET.Element,
+    joints: Sequence[str] | None,
+    frozen: Mapping[str, float],
+    source: str,
+    springs: Sequence[Spring] = (),
 ) -> Iterator[MachineFileError]:
     """Faults of a parsed URDF, from single names to the tree.
 
     Args:
         robot: the URDF, parsed.
-        joints: names of the coordinates; None if that is not known.
+        joints: names of the joints of poses; None if that is not known.
         frozen: value of other joints [rad or m].
         source: file name for messages.
+        springs: passive joints, coordinates too.
     """
     yield from _of_names(robot, source)
     present = [joint.get("name", "") for joint in robot.findall("joint")]
     movable = movable_joints(robot)
     named = {f"joints.{index}": name for index, name in enumerate(joints or ())}
     named |= {f"frozen.{name}": name for name in frozen}
+    named |= {f"spring.{spring.name}.joint": spring.joint for spring in springs}
     for key, name in named.items():
         if name not in present:
             fault = f"is not in the URDF (named in {key.split('.')[0]})"
             part = f"{source}: joint {name}"
             yield MachineFileError(part, fault, choose(name, movable), key=key)
     # with a coordinate that is not known, it is not known which other joints move
-    unsure = joints is None or not set(joints) <= set(present)
+    coordinates = {*(joints or ()), *(spring.joint for spring in springs)}
+    unsure = joints is None or not coordinates <= set(present)
     for joint in _parts(robot, "joint", source):
         name = joint.element.get("name", "")
-        moves: bool | None = name in (joints or ())
+        moves: bool | None = name in coordinates
         if not moves and unsure and name not in frozen:
             moves = None
         yield from _of_joint(joint, moves, frozen.get(name))
@@ -215,7 +227,8 @@ def _of_joint(joint: Part, moves: bool | None, frozen: float | None) -> Iterator
         yield joint.fault("mimics another joint", "make it a joint of its own or fix it", mimic)
     yield from _of_origin(joint.element, joint)
     if kind == "fixed" and moves:
-        yield joint.fault("is fixed and cannot be a coordinate", "take it out of joints")
+        remedy = "take it out of joints or spring, or give it another type"
+        yield joint.fault("is fixed and cannot be a coordinate", remedy)
     if kind == "fixed" and frozen is not None and not moves:
         yield joint.fault("is fixed in the URDF and cannot be frozen", "take it out of frozen")
     if kind in MOVABLE:

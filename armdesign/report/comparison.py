@@ -12,6 +12,7 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
 from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
+from armdesign.machine.parts import coordinates
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.sheet import Sheet, pose_text
@@ -181,7 +182,7 @@ def compare(
 
 
 def _same_arm(first: Machine, second: Machine) -> bool:
-    one, other = ((m.urdf_text, m.section.joints, m.section.frozen) for m in (first, second))
+    one, other = ((m.urdf_text, coordinates(m.section)) for m in (first, second))
     return one == other
 
 

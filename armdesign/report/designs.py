@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Hashable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from armdesign.frequency.bands import Bands
+from armdesign.frequency.bands import EXACT, Bands
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
-from armdesign.report.sheet import Sheet, dimensions, pose_text
+from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -42,11 +43,14 @@ def _gain(design: Design, units: Units) -> Sheet:
         )
     ]
     own = design.in_own_workspace.worst.frequency
-    robust = design.problem.dynamics.bands != Bands()
+    made_for = {
+        "worst": "all that follows: in the worst case of the bands; ",
+        "gain": "made for the least gain within the bands, of which is all that follows; ",
+    }
     notes = [
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
-        *(["all that follows: in the worst case of the bands"] if robust else []),
-        f"before rounding {design.unrounded:.3f} Hz",
+        f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
+        *filter(None, [spring_note(design.machine, after.cylinder)]),
     ]
     title = design.today.section.title or design.today.name
     return Sheet(
@@ -77,7 +81,8 @@ def _bound(design: Design) -> str:
     else:
         designs = "all sizes at these pins"
     rigid = "".join(f", the {name} cylinder taken as rigid" for name in design.certificate.held)
-    return f"; upper bound for {designs} {design.bound:.3f} Hz ({gap}){below}{rigid}"
+    bound = _reached(design, design.bound)
+    return f"; upper bound for {designs} {bound} ({gap}){below}{rigid}"
 
 
 def _least(below: float | None) -> str:
@@ -97,11 +102,19 @@ def notes_on_starts(design: Design) -> str:
     text = ""
     if design.starts:
         free = " with free sizes" if design.catalogue else ""
-        text = f"; starts reached {', '.join(f'{f:.3f}' for f in design.starts)} Hz{free}"
+        text = f"; starts reached {_reached(design, *design.starts)}{free}"
     if design.failed_starts:
         causes = "; ".join(dict.fromkeys(design.failed_starts))
         text += f"; {len(design.failed_starts)} of {count} starts failed: {causes}"
     return text
+
+
+def _reached(design: Design, *frequencies: float) -> str:
+    """Worst frequencies, or the least gains that they stand for where gains were to be large."""
+    if design.made_for != "gain":
+        return f"{', '.join(f'{f:.3f}' for f in frequencies)} Hz"
+    today = design.problem.dynamics.corners.nominal
+    return f"{', '.join(f'{100 * (f / today - 1):+.1f}' for f in frequencies)} %"
 
 
 def _bands(design: Design) -> Sheet:
@@ -112,8 +125,11 @@ def _bands(design: Design) -> Sheet:
         [before.high.frequency, after.high.frequency],
     ]
     gains = [f"{100 * (new / old - 1):+.1f} %" if old > 0 else "" for old, new in columns]
-    robust = design.problem.dynamics.bands != Bands()
-    designed = "; the new machine was designed for the lowest" if robust else ""
+    made_for = {
+        "worst": "; the new machine was designed for the lowest",
+        "gain": "; the new machine was designed for the least gain",
+        "nominal": "; the new machine was designed for the file's values alone",
+    }
     rigid = design.bands.structure is not None and design.bands.structure[0] == 0
     return Sheet(
         title="Worst frequency within the bands of what is not known exactly",
@@ -123,7 +139,7 @@ def _bands(design: Design) -> Sheet:
             ("new", *(f"{new:.3f} Hz" for _, new in columns)),
             ("gain", *gains),
         ),
-        note=f"{_widths(design.bands)}; at the poses of the workspace{designed}",
+        note=f"{_widths(design.bands)}; at the poses of the workspace{made_for[design.made_for]}",
         bold=(2,),
     )
 
@@ -137,6 +153,9 @@ def _widths(bands: Bands) -> str:
         "links": bands.link_mass,
     }
     notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items()]
+    if bands.spring_stiffness != EXACT:
+        low, high = bands.spring_stiffness
+        notes.insert(0, f"springs {low:g} to {high:g} × as stiff")
     if bands.air:
         low, high = (100 * air for air in bands.air)
         notes.append(f"entrained air {low:g} to {high:g} %")
@@ -242,7 +261,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     """Best designs of a trade-off, a row for each limit, relative to today's machine."""
     box = front.against == "pin_box"
     digs, first = "digging_share" in front.frame, front.designs[0]
-    banded = [f"{first.band_before.low.frequency:.3f} Hz"] if front.robust else []
+    banded = [f"{first.band_before.low.frequency:.3f} Hz", ""] if front.robust else []
     rows = [
         ("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))
     ]
@@ -253,7 +272,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
                 units.text(row["limit"], "m") if box else f"{row['limit']:g}",
                 f"{row['frequency_hz']:.3f} Hz",
                 f"{100 * row['gain']:+.1f} %",
-                *([f"{row['banded_hz']:.3f} Hz"] if front.robust else []),
+                *(_within(row) if front.robust else []),
                 *(f"{share:.3f}" for share in shares),
                 f"{row['squared_times_speed']:.2f}",
             )
@@ -262,7 +281,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
         "limit",
         "frequency",
         "gain",
-        *front.robust * ["in the bands"],
+        *front.robust * ["in the bands", "least gain"],
         "oil",
         "thrust",
         *digs * ["digging"],
@@ -280,13 +299,33 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     )
 
 
+def _within(row: Mapping[Hashable, Any]) -> list[str]:
+    """Worst frequency and least gain within the bands, of a row of a trade-off."""
+    return [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
+
+
 def summary(design: Design) -> str:
     """The result in one sentence."""
     before, after = design.before.worst, design.after.worst
     gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
+    if stuck := spring_note(design.machine, after.cylinder):
+        limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits{limiting}."
+        f" limits{limiting}.{_throughout(design)}"
+    )
+
+
+def _throughout(design: Design) -> str:
+    """What the new machine gains within the bands at least; empty where nothing is uncertain."""
+    if design.bands == Bands():
+        return ""
+    least = design.band_after.least_gain(design.band_before)
+    low, high = (design.band_after.low.frequency, design.band_after.high.frequency)
+    what = "it gains at least" if least > 0 else "the gain vanishes there:"
+    return (
+        f" Within the bands of what is not known exactly, {low:.3f} to {high:.3f} Hz, {what}"
+        f" {100 * least:+.1f} %."
     )

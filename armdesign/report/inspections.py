@@ -20,6 +20,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         _joints(inspection, units),
         _cylinders(inspection, units),
         *([_motors(inspection, units)] if inspection.machine.motors else []),
+        *([_springs(inspection, units)] if inspection.machine.springs else []),
         _levers(inspection, units),
         _static_loads(inspection, units),
     ]
@@ -63,11 +64,10 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
 
 def _masses(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
+    moving = [joint.name for joint in machine.arm.coordinates]
     for link, mass in inspection.masses.items():
         carrier = machine.arm.links[link].joint
-        rows.append(
-            (f"link {link}", f"{mass:.1f}", machine.joints[carrier] if carrier >= 0 else "fixed")
-        )
+        rows.append((f"link {link}", f"{mass:.1f}", moving[carrier] if carrier >= 0 else "fixed"))
     for cylinder in machine.cylinders:
         rows += [
             (f"{cylinder.name} {bar}", f"{mass:.1f}", "")
@@ -144,6 +144,21 @@ def _motors(inspection: Inspection, units: Units) -> Sheet:
             "speed at full flow",
         ),
         rows=tuple(rows),
+    )
+
+
+def _springs(inspection: Inspection, units: Units) -> Sheet:
+    rows = []
+    for spring, least in zip(inspection.machine.springs, inspection.least_stiffness, strict=True):
+        numbers = (f"{number:.4g}" for number in (spring.stiffness, least))
+        at = units.text(spring.at, "rad" if spring.revolute else "m")
+        unit, damping = spring.stiffness_unit, f"{spring.damping_ratio:g}"
+        rows.append((spring.name, spring.joint, *numbers, unit, at, damping))
+    return Sheet(
+        title="Springs: structure that yields",
+        columns=("spring", "joint", "stiffness", "least", "unit", "at rest at", "damping ratio"),
+        rows=tuple(rows),
+        note="least: what gravity needs over the workspace, the other springs as they are",
     )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
 from armdesign.errors import SimulationError
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -22,7 +22,12 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
     """Worst pose, percentiles, limiting cylinders and origin of the stiffness, of one map."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
-    limiting = next(actuator for actuator in machine.actuators if actuator.name == worst.cylinder)
+    limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
+    notes = (
+        spring_note(machine, worst.cylinder),
+        _relief_note(frequencies, units),
+        _rest_note(frequencies),
+    )
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
@@ -34,9 +39,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),
-        note="; ".join(
-            note for note in (_relief_note(frequencies, units), _rest_note(frequencies)) if note
-        ),
+        note="; ".join(filter(None, notes)),
         bold=(0,),
     )
     return [
@@ -76,7 +79,7 @@ def _rest_note(frequencies: FrequencyMap) -> str:
         modes = linearize(machine.with_payload(worst.payload), worst.q).natural_frequencies
     except SimulationError as error:
         return str(error)
-    left = len(modes) == len(machine.joints)
+    left = len(modes) == len(machine.arm.coordinates)
     if left and abs(modes[0] - worst.frequency) < NOTABLE * worst.frequency:
         return ""
     return (
@@ -111,11 +114,16 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
             median = percentiles(ratio, frequencies.weights[limits], [50]) if limits.any() else ()
             ratios.append("".join(f"{value:.2f}" for value in median) or "–")
         rows.append((cylinder.name, f"{100 * shares[cylinder.name]:.1f} %", *ratios))
+    springs = [spring.name for spring in frequencies.machine.springs]
+    rows += [(name, f"{100 * shares[name]:.1f} %", "–", "–") for name in springs]
+    note = "share of poses that the cylinder limits, and medians over them; 1.00 would be exact"
+    if springs:
+        note += f"; where the spring {' or '.join(springs)} limits, no cylinder can help"
     return Sheet(
         title="Limiting cylinders, and simpler formulas there",
         columns=("cylinder", "limits", "locked / coupled", "rigid load / coupled"),
         rows=tuple(rows),
-        note="share of poses that the cylinder limits, and medians over them; 1.00 would be exact",
+        note=note,
     )
 
 
@@ -123,6 +131,7 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     stable = frequencies.frame["f1_hz"].to_numpy() > 0
     shares, weights = 100 * frequencies.stiffness_shares[stable], frequencies.weights[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
+    origins["springs"] = "springs of the structure"
     rows = [
         (
             origins[str(part)],

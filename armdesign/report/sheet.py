@@ -63,6 +63,12 @@ def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> st
     return f"{', '.join(parts)}, payload {worst.payload}"
 
 
+def spring_note(machine: Machine, limiting: str) -> str:
+    """What it means that a spring limits; empty where ``limiting`` is an actuator."""
+    springs = [spring.name for spring in machine.springs]
+    return f"the {limiting} limits there, no cylinder can help" if limiting in springs else ""
+
+
 def unit_of(joint: Joint) -> str:
     """SI unit of a joint's position."""
     return "rad" if joint.revolute else "m"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -132,7 +132,8 @@ class ControlledPlant:
 def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> Command:
     """The command as one call for all cylinders."""
     if not isinstance(command, Mapping):
-        count = np.size(_function(command, f"{machine}: command")(0.0))
+        _refuse_no_function(command, f"{machine}: command")
+        count = np.size(command(0.0))
         if count != len(names) or np.ndim(command(0.0)) != 1:
             fault = f"gives {count} number{'s' * (count != 1)}"
             raise SimulationError(
@@ -144,7 +145,7 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
             raise SimulationError(
                 f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}"
             )
-        _function(part, f"{machine}: command {name}")
+        _refuse_no_function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 
     def demand(time: float) -> list[float]:
@@ -196,13 +197,11 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
     return list(times.tolist())
 
 
-def _function(given: Any, part: str) -> Any:
-    """The given function, if it can be called."""
+def _refuse_no_function(given: object, part: str) -> None:
     if not callable(given):
         raise SimulationError(
             part, f"{given!r} is not a function of time", "give one, like lambda t: 0.1"
         )
-    return given
 
 
 @compiled

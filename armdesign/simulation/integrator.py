@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -230,15 +230,9 @@ class _Stepper:
         )
         self._evaluations = Counter[int]()
         self._tableau = Tableau.of_scipy()
-        self._kernels = self._resolved()
-
-    def _resolved(self) -> tuple[Any, Any]:
-        """The compiled ``place_stage`` and ``finish_steps`` for arguments of these types."""
-        stages = Stages.like(self.rows.state)
-        return (
-            resolved(place_stage, 1, self._tableau, self.rows, stages),
-            resolved(finish_steps, self._tableau, self.rows, stages, self.records, self.tolerance),
-        )
+        types = self._tableau, self.rows, Stages.like(start)
+        self._place_stage = resolved(place_stage, 1, *types)
+        self._finish_steps = resolved(finish_steps, *types, self.records, self.tolerance)
 
     def begin(self, rows: Sequence[int]) -> None:
         """Let some rows enter their next stretch; with short steps if their rates jump."""
@@ -255,13 +249,12 @@ class _Stepper:
 
     def advance(self) -> None:
         """One step of every case, taken or refused."""
-        place, finish = self._kernels
         stages = Stages.like(self.rows.state)
         stages.slopes[0] = self.rows.slope
         for stage in range(1, 7):
-            place(stage, self._tableau, self.rows, stages)
+            self._place_stage(stage, self._tableau, self.rows, stages)
             stages.slopes[stage] = self.system.rates(stages.at, stages.ahead)
-        if finish(self._tableau, self.rows, stages, self.records, self.tolerance):
+        if self._finish_steps(self._tableau, self.rows, stages, self.records, self.tolerance):
             self._go_on()
 
     def _go_on(self) -> None:

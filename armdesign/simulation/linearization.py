@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.friction import Friction
 from armdesign.machine.machine import Machine
@@ -38,7 +38,7 @@ NEGLIGIBLE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class LinearModel(ReadOnly):
     """State space about the equilibrium at one pose; arrays are read-only, SI.
 
     Attributes:
@@ -58,10 +58,6 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     equilibrium: Array
-
-    def __post_init__(self) -> None:
-        for value in (self.A, self.B, self.C, self.D, self.equilibrium):
-            value.setflags(write=False)
 
     @cached_property
     def poles(self) -> Array:

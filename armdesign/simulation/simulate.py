@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
@@ -30,7 +30,7 @@ F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation:
+class Simulation(ReadOnly):
     """A run at n instants, over nq joints and nc cylinders; arrays are read-only.
 
     Attributes:
@@ -79,11 +79,6 @@ class Simulation:
     cylinders: tuple[str, ...]
     payload: str
     events: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
 
     @property
     def energy_error(self) -> float:

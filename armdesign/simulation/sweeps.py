@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.simulation.identification.modal_fit import ModalFit
 
@@ -18,7 +18,7 @@ SHRINKS = 0.75  # largest deviation at half amplitude, over full, that counts as
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep:
+class Sweep(ReadOnly):
     """Machine, pose and mode of one sweep; arrays are read-only.
 
     Attributes:
@@ -44,11 +44,6 @@ class Sweep:
     frequency_at_rest: float
     linear_damping: float
     amplitude: float
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -82,7 +82,7 @@ def workspace_of(name: str) -> Workspace:
 def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:
     """The problem of a named machine; settings are those of Problem or of Requirements."""
     machine = MACHINES[name]()
-    names = ("proportional", "tightening", "bands")
+    names = ("proportional", "tightening", "bands", "gain")
     own = {key: settings.pop(key) for key in names if key in settings}
     requirements = replace(Requirements.of(machine), **settings)
     return Problem.of(

@@ -17,12 +17,8 @@ import armdesign as ad
 from armdesign.frequency.bands import Corner, FrequencyBand, Scenario
 from armdesign.frequency.cases import scaled_links
 from tests import machines
-
-
-def stated(machine: ad.Machine, bands: str) -> str:
-    """The text of a machine's file with other bands."""
-    return f"{machine.text.partition('[bands]')[0]}\n[bands]\n{bands}\n"
-
+from tests.machines import machine_with
+from tests.sprung import rocking
 
 BANDS = ad.Bands(
     bulk_modulus=(0.8, 1.2), dead_volume=(0.9, 1.3), payload=(0.7, 1.25), link_mass=(0.9, 1.1)
@@ -186,13 +182,16 @@ def test_least_gain_is_that_of_the_poorest_corner() -> None:
 
 
 def test_bands_are_read_from_the_file(excavator: ad.Machine) -> None:
-    text = stated(
+    machine = machine_with(
         excavator,
-        "bulk_modulus_share = [0.7, 1.1]\nentrained_air_percent = [0, 1.5]\nstructure = [0, 0.8]",
+        "bulk_modulus_share = [0.7, 1.1]\nentrained_air_percent = [0, 1.5]\nstructure = [0, 0.8]\n"
+        "spring_stiffness_share = [0.5, 1.5]",
     )
-    machine = ad.Machine.from_text(text, excavator.urdf_text, excavator.source)
     assert ad.Bands.of(machine) == ad.Bands(
-        bulk_modulus=(0.7, 1.1), air=(0.0, 0.015), structure=(0.0, 0.8)
+        bulk_modulus=(0.7, 1.1),
+        air=(0.0, 0.015),
+        structure=(0.0, 0.8),
+        spring_stiffness=(0.5, 1.5),
     )
 
 
@@ -223,7 +222,7 @@ FAULTS = [
 @pytest.mark.parametrize(("line", "message"), FAULTS)
 def test_faults_are_said(excavator: ad.Machine, line: str, message: str) -> None:
     with pytest.raises(ad.ArmDesignError, match=message):
-        ad.Machine.from_text(stated(excavator, line), excavator.urdf_text, excavator.source)
+        machine_with(excavator, line)
 
 
 @pytest.mark.parametrize("band", [(1.2, 0.8), (0.0, 1.0), (float("nan"), 1.0), (1.0,), ("a", 1.0)])
@@ -232,3 +231,17 @@ def test_impossible_bands_are_refused(band: tuple[float, ...]) -> None:
         ad.ArmDesignError, match=r"bands\.payload: .* is not allowed; give \(lower, upper\) within"
     ):
         ad.Bands(payload=band)  # type: ignore[arg-type]
+
+
+def test_springs_within_their_share() -> None:
+    """Through the file: the ends of the band are machines whose spring is so much stiffer."""
+    machine = rocking()
+    workspace = ad.Workspace.grid(machine, points=4)
+    band = ad.frequency_band(machine, workspace, ad.Bands(spring_stiffness=(0.5, 2.0)))
+    for extreme, share in ((band.low, 0.5), (band.high, 2.0)):
+        (spring,) = machine.springs
+        path = f"spring.{spring.name}.{spring.stiffness_key}"
+        other = machine.replace({path: share * spring.stiffness})
+        worst = ad.frequency_band(other, workspace, ad.Bands()).nominal
+        assert extreme.frequency == pytest.approx(worst, rel=1e-12)
+    assert band.low.frequency < band.nominal < band.high.frequency

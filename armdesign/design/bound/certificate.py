@@ -103,6 +103,7 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
 
 # of branching, without and with air in the oil, which makes two more numbers of every cylinder
 ROUNDS, AIRY = 6, 2
+WATCHED = 300  # lowest rows that may enter, of a corner of the bands
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 ROUNDING = (
@@ -143,8 +144,36 @@ class Bound:
         return replace(self, frequency=math.inf, refused=words)
 
 
+def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
+    """The bound on all designs of a problem, for whatever objective within its bands.
+
+    None where none is known. What no design exceeds at one corner of the bands bounds the least
+    gain: of each end of oil and structure the corner counts at which x gains least.
+
+    Args:
+        problem: the design problem.
+        x: a good design, as in ``upper_bound``.
+        rows: rows that may enter.
+    """
+    dynamics = problem.dynamics
+    if not dynamics.gain:
+        return upper_bound(problem.softest, x, rows)
+    corners, squared = dynamics.corners, dynamics.omega_squared(x)
+    least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
+    found = []
+    for end in range(len(corners.ends)):
+        k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
+        own = np.flatnonzero(dynamics.rows.corner == k)
+        lowest = own[np.argsort(squared[own])[:WATCHED]]
+        watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]
+        if bound := upper_bound(problem.at_corner(int(k)), x, watched):
+            ratio = math.sqrt(corners.weights[k])
+            found.append(replace(bound, frequency=bound.frequency / ratio))
+    return min(found, key=lambda bound: bound.frequency, default=None)
+
+
 def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
-    """The bound on all designs of a problem.
+    """The bound on the worst frequency of all designs of a problem with exact oil and structure.
 
     None where none is known. Where no pin varies it is the search's own.
 

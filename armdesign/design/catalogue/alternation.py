@@ -204,7 +204,7 @@ def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:
         tolerance=MISSED if problem.vector.moving else TOLERANCE,
         free=problem.vector.resized,
     )
-    return select(allowed, problem.dynamics.bands)
+    return select(allowed, problem.dynamics.corners)
 
 
 def _search_with(problem: Problem, x: Array, sizes: ChosenSizes) -> Search:

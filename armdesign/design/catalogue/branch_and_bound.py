@@ -7,7 +7,7 @@ bound lies below what is reached are cut, and what is left is evaluated exactly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.separable import AllowedSizes
 from armdesign.design.catalogue.separable_bound import ScaledPoses, scaled_poses, separable_bound
 from armdesign.design.catalogue.sizes import Sizes
+from armdesign.design.program.corners import Corners
 from armdesign.design.search.semidefinite import contradicted
-from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
-from armdesign.machine.machine import Machine
 
 # share below the bound that is looked at first, and times more each time
 FIRST_DEPTH, DEEPER = 0.01, 3
@@ -47,26 +46,20 @@ class SizeSelection:
     below: float | None = None
 
 
-def select(allowed: AllowedSizes, bands: Bands | None = None) -> SizeSelection:
+def select(allowed: AllowedSizes, corners: Corners | None = None) -> SizeSelection:
     """The sizes that raise the lowest frequency most, among all allowed combinations.
 
     Args:
         allowed: cylinders to choose from, on a machine whose pins, strokes and oil count.
-        bands: what is not known exactly: the worst frequency within them counts; None: all is
-            exact.
+        corners: of the bands at which frequencies count; None: all is exact.
 
     Raises:
         InfeasibleError: no combination meets the requirements.
     """
-    bands = bands or Bands()
-    placed = allowed.judge.placed
-    soft = bands.at_end(placed, softest=True, today=allowed.judge.today)
-    cylinders = tuple(
-        tuple(replace(at_end, bore=c.bore, rod=c.rod) for c in sizes)
-        for at_end, sizes in zip(soft.cylinders, allowed.cylinders, strict=True)
-    )
-    poses, reference = scaled_poses(soft, allowed.judge.workspace, bands.mass_shares(placed))
-    tree = BranchAndBound(replace(allowed, cylinders=cylinders), poses, soft)
+    judge = allowed.judge
+    corners = corners or Corners(today=judge.today, workspace=judge.workspace)
+    poses, reference = scaled_poses(judge.placed, corners)
+    tree = BranchAndBound(allowed, poses, corners)
     best, bound, combination = tree.best()
     chosen = [sizes[o] for sizes, o in zip(allowed.cylinders, combination, strict=True)]
     return SizeSelection(
@@ -82,14 +75,14 @@ class BranchAndBound:
     Args:
         allowed: cylinders to choose from.
         poses: on which frequencies are judged.
-        medium: the machine whose oil and supply count.
+        corners: of the bands, whose oil counts.
     """
 
-    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, medium: Machine) -> None:
-        self._allowed, self._poses, self._medium = allowed, poses, medium
-        self.bound, rows = separable_bound(allowed, poses, medium)
+    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, corners: Corners) -> None:
+        self._allowed, self._poses, self._corners = allowed, poses, corners
+        self.bound, rows = separable_bound(allowed, poses, corners)
         self._low = poses[rows]
-        self._oil = self._low.oil(allowed.cylinders, medium)  # (sizes, low poses) of each
+        self._oil = self._low.oil(allowed.cylinders, corners)  # (sizes, low poses) of each
 
     def best(self) -> tuple[float, float, Array]:
         """Lowest λ of the best combination, the bound on all others, and its sizes (nc,).
@@ -142,12 +135,12 @@ class BranchAndBound:
         cylinders = [
             (sizes[o],) for sizes, o in zip(self._allowed.cylinders, combination, strict=True)
         ]
-        oil = np.stack([k[0] for k in self._poses.oil(cylinders, self._medium)])
+        oil = np.stack([k[0] for k in self._poses.oil(cylinders, self._corners)])
         lowest = self._poses.lowest_with(oil)
         row = np.array([int(lowest.argmin())])
         joining = self._poses[row]
         self._low = self._low.joined(joining)
-        more = joining.oil(self._allowed.cylinders, self._medium)
+        more = joining.oil(self._allowed.cylinders, self._corners)
         self._oil = [np.hstack(pair) for pair in zip(self._oil, more, strict=True)]
         return float(lowest[row[0]])
 

@@ -20,11 +20,11 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.separable import AllowedSizes
+from armdesign.design.program.corners import Corners
 from armdesign.design.search.semidefinite import certificate, programme
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
-from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 
@@ -35,12 +35,14 @@ class ScaledPoses:
 
     Attributes:
         extension: of every cylinder (n, nc) [m].
+        end: index (n,) of the end of oil and structure of ``Corners``.
         force: static forces (n, nc) [N].
         arm: L⁻¹r (n, nc, nq).
         rest: L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil.
         lowest: lowest ω² with today's sizes (n,).
     """
 
+    end: Array
     extension: Array
     force: Array
     arm: Array
@@ -70,39 +72,45 @@ class ScaledPoses:
         matrix[~np.isfinite(matrix).all(axis=(-2, -1))] = 0.0
         return np.asarray(np.linalg.eigvalsh(matrix)[..., 0])
 
-    def oil(self, cylinders: Sequence[Sequence[Cylinder]], medium: Machine) -> list[Array]:
-        """Oil stiffness of every size of each cylinder (sizes, n) [N/m], with a machine's oil."""
-        fluid, supply = medium.fluid, medium.supply
-        return [
-            np.stack(
-                [c.stiffness(self.extension[:, i], self.force[:, i], fluid, supply) for c in sizes]
-            )
-            for i, sizes in enumerate(cylinders)
-        ]
+    def oil(self, cylinders: Sequence[Sequence[Cylinder]], corners: Corners) -> list[Array]:
+        """Stiffness of every size of each cylinder (sizes, n) [N/m], with the oil of the ends."""
+        found = [np.empty((len(sizes), len(self))) for sizes in cylinders]
+        for k, (softest, today) in enumerate(zip(corners.ends, corners.machines, strict=True)):
+            rows, oil = self.end == k, (today.fluid, today.supply)
+            extension, force = self.extension[rows], self.force[rows]
+            for i, sizes in enumerate(cylinders):
+                at_end = corners.bands.actuators_at_end(sizes, softest, corners.today)
+                for n, one in enumerate(at_end):
+                    found[i][n, rows] = one.stiffness(extension[:, i], force[:, i], *oil)
+        return found
 
 
-def scaled_poses(
-    machine: Machine, workspace: Workspace, masses: Sequence[tuple[float, float]]
-) -> tuple[ScaledPoses, float]:
-    """Every pose and load case at shares of payload and link mass, and the reference ω²."""
-    nc = len(machine.cylinders)
-    closed = np.array([c.closed_length for c in machine.cylinders])
+def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]:
+    """Every pose and load case at all corners of the bands, and the reference ω².
+
+    ``placed`` is the machine whose pins count.
+    """
+    nc = len(placed.cylinders)
+    closed = np.array([c.closed_length for c in placed.cylinders])
     parts = []
-    cases = (case for shares in masses for case in load_cases(machine, workspace, *shares))
-    for case in cases:
-        poses = case.evaluate()
-        inverse = inverse_cholesky(poses.mass_matrix)
-        turned = np.swapaxes(inverse, 1, 2)
-        arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]
-        of_oil = np.swapaxes(arms, 1, 2) @ (arms * oil[:, :, None])
-        part = ScaledPoses(
-            extension=poses.lengths[:, :nc] - closed,
-            force=poses.cylinder_forces[:, :nc],
-            arm=arms @ turned,
-            rest=inverse @ (poses.stiffness_matrix - of_oil) @ turned,
-            lowest=np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ turned)[:, 0],
-        )
-        parts.append(part)
+    for corner, end, weight in zip(corners.all, corners.end, corners.weights, strict=True):
+        machine = corners.bands.at_end(placed, corner.softest, corners.today)
+        shares = corner.payload_share, corner.link_share
+        for case in load_cases(machine, corners.workspace, *shares):
+            poses = case.evaluate()
+            inverse = inverse_cholesky(weight * poses.mass_matrix)
+            turned = np.swapaxes(inverse, 1, 2)
+            arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]
+            of_oil = np.swapaxes(arms, 1, 2) @ (arms * oil[:, :, None])
+            part = ScaledPoses(
+                end=np.full(len(arms), end),
+                extension=poses.lengths[:, :nc] - closed,
+                force=poses.cylinder_forces[:, :nc],
+                arm=arms @ turned,
+                rest=inverse @ (poses.stiffness_matrix - of_oil) @ turned,
+                lowest=np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ turned)[:, 0],
+            )
+            parts.append(part)
     whole = parts[0]
     for part in parts[1:]:
         whole = whole.joined(part)
@@ -142,22 +150,22 @@ class SeparableBound:
 
 
 def separable_bound(
-    allowed: AllowedSizes, poses: ScaledPoses, medium: Machine
+    allowed: AllowedSizes, poses: ScaledPoses, corners: Corners
 ) -> tuple[SeparableBound, Array]:
     """The best bound of programmes of few sizes at few poses, and the poses that mattered."""
     order = np.argsort(poses.lowest)
     spread = np.arange(0, len(order), max(1, len(order) // (4 * WATCHED)))
     watched = np.unique(np.concatenate([order[:WATCHED], spread]))
-    bound, rows = _Mixtures(allowed, poses[watched], medium).best_bound()
+    bound, rows = _Mixtures(allowed, poses[watched], corners).best_bound()
     return bound, watched[rows]
 
 
 class _Mixtures:
     """Programmes over mixtures of sizes at some poses."""
 
-    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, medium: Machine) -> None:
+    def __init__(self, allowed: AllowedSizes, poses: ScaledPoses, corners: Corners) -> None:
         self._allowed, self._poses = allowed, poses
-        self._oil = poses.oil(allowed.cylinders, medium)
+        self._oil = poses.oil(allowed.cylinders, corners)
 
     def best_bound(self) -> tuple[SeparableBound, Array]:
         """The best bound of several rounds, and the poses that were in them."""

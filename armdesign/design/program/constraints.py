@@ -27,7 +27,6 @@ from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
-from armdesign.machine.poses import static_forces
 
 CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -83,7 +82,7 @@ def evaluations_at(
     reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
     arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
-    forces = static_forces(arm, gravity, new.areas[:, None, :, 0])
+    forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
     return evaluations(new, reference, forces)
 
 

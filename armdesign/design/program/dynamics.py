@@ -6,7 +6,6 @@ on the requirements. Derivatives are exact, see ``gradient.py``.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,14 +13,14 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, remembered
+from armdesign.design.program.corners import Corners
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
-from armdesign.frequency.bands import Bands
+from armdesign.frequency.bands import Bands, Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
-from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 
 
@@ -55,12 +54,15 @@ def lowest(scaled: Array) -> Array:
 class Rows:
     """Pairs of a pose and a load case: indices of both (n,), inertia M, gravity g and ∂g/∂q.
 
-    With the load, without masses that depend on x. Where masses have bands, a load case at other
-    masses is another one: ``payload`` counts on.
+    With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
+    A load case at another corner of the bands is another one: ``payload`` counts on, and
+    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is, see ``corners.py``.
     """
 
     pose: Array
     payload: Array
+    corner: Array
+    weight: Array
     mass: Array
     gravity: Array
     slope: Array
@@ -76,40 +78,59 @@ class Dynamics:
     Attributes:
         vector: what x means.
         workspace: poses that count.
-        bands: what is not known exactly; the worst within them counts.
+        bands: what is not known exactly.
+        gain: whether the least gain over today's machine within the bands counts; else the worst
+            frequency.
         proportional: whether dead volumes grow with the areas.
     """
 
     vector: DesignVector
     workspace: Workspace
     bands: Bands = field(default_factory=Bands)
+    gain: bool = False
     proportional: bool = False
 
     # ---------------------------------------------------------------------------------------- rows
 
     @cached_property
+    def corners(self) -> Corners:
+        """The corners of the bands that count."""
+        return Corners(
+            today=self.vector.machine,
+            workspace=self.workspace,
+            bands=self.bands,
+            gain=self.gain,
+            proportional=self.proportional,
+        )
+
+    @cached_property
     def rows(self) -> Rows:
-        """Every pose with every load case that exists there, at all masses within the bands."""
-        return self._rows(self.bands.mass_shares(self.vector.machine))
+        """Every pose with every load case that exists there, at all corners of the bands."""
+        return self._rows(self.corners.all, self.corners.weights)
 
     @cached_property
     def nominal_rows(self) -> Rows:
         """Every pose with every load case at the masses of the file, which requirements count."""
-        masses = self.bands.mass_shares(self.vector.machine)
-        return self.rows if masses == [(1.0, 1.0)] else self._rows([(1.0, 1.0)])
+        as_in_file = Corner(True, 1.0, 1.0)
+        return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file], [1.0])
 
-    def _rows(self, masses: Sequence[tuple[float, float]]) -> Rows:
-        """Pairs of a pose and a load case at shares of the payload's and of the links' masses."""
-        cases = [
-            case
-            for payload_share, link_share in masses
-            for case in load_cases(self.vector.bare, self.workspace, payload_share, link_share)
-        ]
-        parts = [
-            (case.indices, np.full(case.exists.sum(), k), *case.machine.loaded(case.rigid))
-            for k, case in enumerate(cases)
-        ]
+    def _rows(self, corners: Sequence[Corner], weights: Sequence[float] | Array) -> Rows:
+        """Pairs of a pose and a load case at corners of the bands, weighted."""
+        parts: list[tuple[Array, ...]] = []
+        for corner, (one, weight) in enumerate(zip(corners, weights, strict=True)):
+            shares = one.payload_share, one.link_share
+            springs = self.bands.at_end(self.vector.machine, one.softest).spring_stiffness
+            added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
+            for case in load_cases(self.vector.bare, self.workspace, *shares):
+                mass, gravity, slope = case.machine.loaded(case.rigid)
+                numbers = (np.full(len(mass), x) for x in (len(parts), corner, float(weight)))
+                parts.append((case.indices, *numbers, weight * mass, gravity, slope + added))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def forces_of_nominal(self, forces: Array) -> Array | None:
+        """Of static forces (n, nc) of all rows those of ``nominal_rows``; None if not known."""
+        masses = {corner[1:] for corner in self.corners.all}
+        return forces[: len(self.nominal_rows)] if masses == {(1.0, 1.0)} else None
 
     def row_coordinates(self, rows: Array) -> Array:
         """Load case and joint positions, each over its range, of rows: to tell rows apart."""
@@ -140,7 +161,8 @@ class Dynamics:
             mass, gravity, slope = self._unit_masses_today
             units = mass[:, poses], gravity[:, poses], slope[:, poses]
         added = summed(moving.masses(self.vector.areas(x), closed, linkages), units)
-        return known[0] + added[0][back], known[1] + added[1][back], known[2] + added[2][back]
+        mass = rows.weight[chosen, None, None] * added[0][back]
+        return known[0] + mass, known[1] + added[1][back], known[2] + added[2][back]
 
     @cached_property
     def _unit_masses_today(self) -> InertiaAndGravity:
@@ -161,7 +183,8 @@ class Dynamics:
         if self.vector.moving_masses is None:
             return mass[None], gravity[None], slope[None]
         added = self.stepped(x).mass_terms(self.workspace.rigid[rows.pose[chosen]])
-        return mass + added[0], gravity + added[1], slope + added[2]
+        weight = rows.weight[chosen, None, None]
+        return mass + weight * added[0], gravity + added[1], slope + added[2]
 
     def scaled_fixed_mass(self, x: Array, rows: Array) -> Array:
         """L⁻¹M₀L⁻ᵀ (n, nq, nq) of rows: M₀ without masses that depend on x, M = L Lᵀ with them."""
@@ -172,7 +195,11 @@ class Dynamics:
         """Static forces (n, nc) [N] of ``nominal_rows`` at x."""
         arm = self._geometry(x, self.nominal_rows.pose).arm
         gravity = self.inertia_and_gravity(x, self.nominal_rows, slice(None))[1]
-        return static_forces(arm, gravity, self.vector.areas(x)[:, 0])
+        return self.static_forces(arm, gravity, self.vector.areas(x))
+
+    def static_forces(self, arm: Array, gravity: Array, areas: Array) -> Array:
+        """Forces (…, nc) [N] that hold gravity (…, k) at areas (…, nc, 2)."""
+        return static_forces(arm, gravity, areas[..., 0], len(self.vector.machine.joints))
 
     # --------------------------------------------------------------------------------- frequencies
 
@@ -191,7 +218,8 @@ class Dynamics:
     def _of_rows(self, x: Array, rows: Array | slice) -> tuple[Array, Array]:
         if (fixed := self._fixed_pins) is not None:
             length, forces = fixed.length[rows], fixed.forces[rows]
-            oil = self._oil(length, *self.vector.strokes(x), self.vector.areas(x), forces)
+            at = length, *self.vector.strokes(x), self.vector.areas(x), forces
+            oil = self.corners.stiffness(self.rows.corner[rows], *at)
             return fixed.omega_squared(rows, oil), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
         lower = self.inverse_cholesky_of(mass, rows)
@@ -239,7 +267,7 @@ class Dynamics:
             return None
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
-        forces = static_forces(arm, self.rows.gravity, self.vector.areas_today[:, 0])
+        forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
         return FixedPins(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
 
@@ -267,9 +295,10 @@ class Dynamics:
         g = at.geometry(self.workspace.rigid[self.rows.pose[rows]])
         mass, gravity, slope = self.stepped_inertia_and_gravity(x, self.rows, rows)
         pull = slope - 1j * squared * mass.imag
-        forces = static_forces(g.arm, gravity, at.areas[:, None, :, 0])
+        forces = self.static_forces(g.arm, gravity, at.areas[:, None])
         lengths = at.closed[:, None], at.stroke[:, None]
-        stiffness = self.actuator_stiffness(g, *lengths, at.areas[:, None], forces) + pull
+        corner = self.rows.corner[rows]
+        stiffness = self.actuator_stiffness(corner, g, *lengths, at.areas[:, None], forces) + pull
         lower = self.inverse_cholesky_of(mass[0].real, rows)
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
@@ -319,52 +348,18 @@ class Dynamics:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
         g, areas = self._geometry(x, self.rows.pose[rows]), self.vector.areas(x)
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
-        forces = static_forces(g.arm, gravity, areas[:, 0])
-        stiffness = self.actuator_stiffness(g, *self.vector.strokes(x), areas, forces)
+        forces = self.static_forces(g.arm, gravity, areas)
+        at = g, *self.vector.strokes(x), areas, forces
+        stiffness = self.actuator_stiffness(self.rows.corner[rows], *at)
         return stiffness + slope, mass, forces
 
     def actuator_stiffness(
-        self, g: Geometry, closed: Array, stroke: Array, areas: Array, forces: Array
+        self, corner: Array, g: Geometry, closed: Array, stroke: Array, areas: Array, forces: Array
     ) -> Array:
         """Oil's and geometric stiffness (…, n, nq, nq), without gravity's; complex-safe.
 
-        Axes in front as in ``_oil``.
+        Axes in front as in ``Corners.stiffness``.
         """
-        oil = self._oil(g.length, closed, stroke, areas, forces)[..., None]
+        oil = self.corners.stiffness(corner, g.length, closed, stroke, areas, forces)[..., None]
         geometric = np.einsum("...c,...cij->...ij", forces, g.curve)
         return np.asarray(np.swapaxes(g.arm, -1, -2) @ (g.arm * oil) - geometric)
-
-    @cached_property
-    def softest(self) -> Machine:
-        """Today's machine with the softest oil and structure of the bands."""
-        return self.bands.at_end(self.vector.machine, softest=True)
-
-    def _oil(
-        self, length: Array, closed: Array, stroke: Array, areas: Array, forces: Array
-    ) -> Array:
-        """Oil stiffness of every actuator (…, n, nc) [N/m, N m/rad] at lengths and static forces.
-
-        Closed lengths and strokes (…, nc) and areas (…, nc, 2) are broadcast.
-        """
-        fluid, supply = self.softest.fluid, self.softest.supply
-        oil = []
-        for i, actuator in enumerate(self.softest.actuators):
-            a1, a2 = areas[..., i, 0], areas[..., i, 1]
-            if self.proportional:
-                old = self.vector.areas_today[i]
-                actuator = dataclasses.replace(
-                    actuator,
-                    cap_dead_volume=actuator.cap_dead_volume * a1 / old[0],
-                    annulus_dead_volume=actuator.annulus_dead_volume * a2 / old[1],
-                )
-            oil.append(
-                actuator.stiffness(
-                    length[..., i] - closed[..., i],
-                    forces[..., i],
-                    fluid,
-                    supply,
-                    areas=(a1, a2),
-                    stroke=stroke[..., i],
-                )
-            )
-        return np.stack(oil, axis=-1)

@@ -67,12 +67,17 @@ class Problem:
         *,
         proportional: bool = False,
         bands: Bands | None = None,
+        gain: bool = False,
         tightening: float = 0.0,
     ) -> Problem:
         """The problem in which what ``vary`` names of today's machine varies on its workspace."""
         vector = DesignVector.of(machine, workspace, requirements, vary)
         dynamics = Dynamics(
-            vector=vector, workspace=workspace, bands=bands or Bands(), proportional=proportional
+            vector=vector,
+            workspace=workspace,
+            bands=bands or Bands(),
+            gain=gain,
+            proportional=proportional,
         )
         margins = Margins(tightening=tightening)
         return cls(dynamics=dynamics, requirements=requirements, margins=margins)
@@ -149,10 +154,28 @@ class Problem:
         """The same problem under other requirements that leave the pin boxes as they are."""
         return replace(self, requirements=requirements)
 
+    def at_corner(self, k: int) -> Problem:
+        """The problem of the worst frequency with the oil, structure and masses of corner ``k``.
+
+        What no design exceeds there bounds the whole.
+        """
+        corners = self.dynamics.corners
+        corner, today = corners.all[k], self.machine
+        machine = corners.bands.at_end(today, corner.softest)
+        payload, links = ((share, share) for share in (corner.payload_share, corner.link_share))
+        dynamics = replace(
+            self.dynamics,
+            vector=replace(self.vector, machine=machine),
+            bands=Bands(payload=payload, link_mass=links),
+            gain=False,
+        )
+        return replace(self, dynamics=dynamics)
+
     @property
     def softest(self) -> Problem:
         """The problem with the softest oil and structure: only bands of masses are left."""
-        bands, machine = self.dynamics.bands, self.dynamics.softest
+        bands, machine = self.dynamics.bands, self.dynamics.corners.machines[0]
         masses = Bands(payload=bands.payload, link_mass=bands.link_mass)
         vector = replace(self.vector, machine=machine)
-        return replace(self, dynamics=replace(self.dynamics, vector=vector, bands=masses))
+        dynamics = replace(self.dynamics, vector=vector, bands=masses, gain=False)
+        return replace(self, dynamics=dynamics)

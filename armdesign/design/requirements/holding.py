@@ -129,7 +129,7 @@ def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         pose = lift_pose(reference.today, lift, share)
         arms = new.moment_arms(pose.rigid)
         bare, per_mass = (
-            static_forces(arms, load, new.areas[:, None, :, 0])[:, 0]
+            static_forces(arms, load, new.areas[:, None, :, 0], len(new.machine.joints))[:, 0]
             for load in (new.bare_gravity(pose.rigid), pose.torque[None])
         )
         mass = liftable(new.machine, bare, per_mass, new.areas, share)
@@ -234,7 +234,8 @@ def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) 
     areas = areas_of(machine.actuators)
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     bare, per_mass = (
-        static_forces(arms, load, areas[:, 0]) for load in (unloaded(machine, rigid), torque)
+        static_forces(arms, load, areas[:, 0], len(machine.joints))
+        for load in (unloaded(machine, rigid), torque)
     )
     return np.asarray(liftable(machine, bare, per_mass, areas, share).min(axis=1))
 

@@ -268,7 +268,8 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
 def _poses_between(today: Machine, part: Clearance, i: int) -> RigidPoses:
     """Poses over the ranges of the joints between a cylinder and the link it keeps clear of."""
     arm, linkage = today.arm, today.linkages[i]
-    between = sorted({*linkage.joints, *(j for j, _ in arm.path(linkage.base.link, part.link))})
+    path = (j for j, _ in arm.path(linkage.base.link, part.link) if j < len(arm.joints))
+    between = sorted({*linkage.joints, *path})
     count = MESH.get(len(between), 5)
     axes = [over(today.ranges[j], count) for j in between]
     q = np.tile(today.ranges.mean(axis=1), (count ** len(between), 1))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from armdesign.design.requirements.candidate import MachineCandidate, Reference
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Names, Stated, at_work, cylinders, number, stated
+from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
 
@@ -44,7 +45,7 @@ class PinBoxes:
         Stated(key="pin_boxes_mm", read=_read, names=_names)
     )
 
-    def box(self, machine: Machine, workspace: Any) -> float:
+    def box(self, machine: Machine, workspace: Workspace) -> float:
         """Half side of a pin's box where no box of its own is given [m]."""
         if self.pin_box is not None:
             return self.pin_box
@@ -53,7 +54,7 @@ class PinBoxes:
             0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max()
         )
 
-    def with_box(self, machine: Machine, workspace: Any) -> Self:
+    def with_box(self, machine: Machine, workspace: Workspace) -> Self:
         """The requirements with this workspace's pin box stated, whichever workspace is judged."""
         return replace(self, pin_box=self.box(machine, workspace))
 

@@ -15,11 +15,13 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import improve_by_slsqp
+from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
+OBJECTIVES = ["gain", "worst"]
 STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
 DRAWN = (
     0.7  # share of the pin box in which starts are drawn; a start is shrunk by it until it closes
@@ -37,13 +39,21 @@ def formulate(
     vary: Sequence[str],
     proportional: bool = False,
     bands: Bands | None = None,
+    objective: str = "gain",
 ) -> Problem:
     """The design problem; with the default grid and the file's requirements where none are given.
 
+    And with the file's bands.
+
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a requirement
-            on what is not there.
+            on what is not there; an objective that there is not.
     """
+    if objective not in OBJECTIVES:
+        raise ArmDesignError(
+            "objective", f"{objective!r} is not allowed", choose(str(objective), OBJECTIVES)
+        )
+    bands = Bands.of(machine) if bands is None else bands
     chosen(machine, vary)
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
@@ -54,7 +64,8 @@ def formulate(
         requirements=requirements,
         vary=tuple(vary),
         proportional=proportional,
-        bands=bands or Bands(),
+        bands=bands,
+        gain=objective == "gain" and bands != Bands(),
     )
 
 

@@ -23,9 +23,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.frequency.bands import Bands, worst_within
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
@@ -75,21 +73,21 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
-    problem = search.problem
+    problem, judged = search.problem, search.problem.dynamics.corners.judged
     tuned = [CheckedMachine.of(machine, problem) for machine in _retuned(search)]
     allowed = [one for one in tuned if one.allowed]
     if not allowed:
         one = _near_sizes(search) or inmost_machine(search)
         allowed = [one] if one else []
     if len(allowed) > 1:  # of one alone nothing need be known
-        allowed = [max(allowed, key=lambda one: worst_on_poses(one.machine, problem))]
+        allowed = [max(allowed, key=lambda one: judged(one.machine))]
     best = allowed[0] if allowed else None
     if not _hardly_gained(search):
         return best
     today = CheckedMachine.of(problem.machine, problem)
     if best is None:
         return today
-    new, old = (worst_on_poses(one.machine, problem) for one in (best, today))
+    new, old = (judged(one.machine) for one in (best, today))
     return best if new > old else today
 
 
@@ -121,14 +119,6 @@ def nearest_misses(search: Search) -> list[Check]:
     return min(
         missed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks))
     )
-
-
-def worst_on_poses(machine: Machine, problem: Problem) -> float:
-    """Lowest coupled frequency over poses, load cases and the problem's bands [Hz]."""
-    workspace = problem.workspace
-    if problem.dynamics.bands != Bands():
-        return worst_within(machine, workspace, problem.dynamics.bands, problem.machine).frequency
-    return worst_frequency(machine, workspace).frequency
 
 
 def _hardly_gained(search: Search) -> bool:

@@ -149,9 +149,7 @@ class Search:
         lowest = np.argsort(squared)[:MEMORY]
         spread = np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
-        known = (
-            forces if self.problem.dynamics.nominal_rows is self.problem.dynamics.rows else None
-        )
+        known = self.problem.dynamics.forces_of_nominal(forces)
         loaded = holding_rows(self.problem, self.x, known)
         self.holding = np.union1d(self.holding, loaded).astype(int)
         self.squared = float(squared.min())

@@ -56,6 +56,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
     for kind, actuators in (("cylinder", machine.cylinder), ("motor", machine.motor)):
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
+    yield from _of_springs(machine)
     for key, band in machine.bands:
         if band and not band[0] <= band[1]:
             fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
@@ -75,6 +76,36 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_springs(machine: MachineSection) -> Iterator[Fault]:
+    """A spring has a joint of its own, and numbers of one that turns or of one that slides."""
+    springs = machine.spring
+    for name, spring in springs.items():
+        path, joint = f"spring.{name}", spring.joint
+        turns, slides = spring.stiffness_N_m_per_rad, spring.stiffness_N_per_m
+        if (turns is None) == (slides is None):
+            words = "neither" if turns is None else "both"
+            fault = f"{words} stiffness_N_m_per_rad {'nor' if turns is None else 'and'}"
+            remedy = "give the first for a joint that turns, the second for one that slides"
+            yield path, f"{fault} stiffness_N_per_m given", remedy
+        elif spring.at_mm is not None and slides is None:
+            yield f"{path}.at_mm", "is of a joint that slides", "give at_deg"
+        elif spring.at_deg is not None and turns is None:
+            yield f"{path}.at_deg", "is of a joint that turns", "give at_mm"
+        if name in machine.cylinder or name in machine.motor:
+            yield path, "is the name of an actuator too", "give the spring a name of its own"
+        if joint in machine.joints:
+            fault = f'"{joint}" is one of joints, which poses move'
+            yield f"{path}.joint", fault, "take it out of joints, or choose another joint"
+        if joint in machine.frozen:
+            yield f"{path}.joint", f'"{joint}" is frozen too', "take it out of frozen"
+        for motor, table in machine.motor.items():
+            if joint == (table.joint or motor):
+                remedy = "choose another joint, or give the motor compliance_rad_per_N_m"
+                yield f"{path}.joint", f'"{joint}" is driven by motor.{motor}', remedy
+        if other := next((k for k, s in springs.items() if s.joint == joint and k < name), None):
+            yield f"{path}.joint", f'"{joint}" carries spring.{other} too', "choose another joint"
 
 
 def _of_supply(supply: SupplySection) -> Iterator[Fault]:

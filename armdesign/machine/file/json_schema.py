@@ -43,6 +43,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "compliance_m_per_N": "compliance of pins, brackets and links in series, all together",
     "hose": "the share of the dead volume that lies in hoses",
     "motor": "hydraulic motors by name, on joints that turn without end",
+    "spring": "structure that yields: joints that no actuator drives, by name",
+    "stiffness_N_m_per_rad": "stiffness of a joint that turns",
+    "stiffness_N_per_m": "stiffness of a joint that slides",
+    "at_deg": "where the joint stands at rest: its preload is what gravity needs there",
     "joint": "joint that the motor turns; default: the one of the motor's name",
     "displacement_cm3": "oil per turn of one motor",
     "gear_ratio": "turns of a motor per turn of the joint",
@@ -80,6 +84,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
         " soft as the oil"
     ),
+    "spring_stiffness_share": "of every spring's stiffness",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
@@ -128,6 +133,11 @@ IN_SECTION = {  # where a key means something else than in most tables
     "MotorSection": {
         "count": "equal motors in parallel on one joint",
         "hose": "the share of the trapped volume that lies in hoses",
+    },
+    "SpringSection": {
+        "joint": "passive joint of the URDF, which is none of joints",
+        "damping_ratio": "of the joint alone, all others locked",
+        "at_mm": "where the joint stands at rest: its preload is what gravity needs there",
     },
     "PinBoxSection": {
         "base": "of the barrel's pin: how far each of its coordinates may move [mm]",

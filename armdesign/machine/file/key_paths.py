@@ -24,6 +24,8 @@ UNITS = {  # by the end of the key, longer ends first
     "mm_per_s": "mm/s",
     "m_per_N": "m/N",
     "N_s_per_m": "N s/m",
+    "N_m_per_rad": "N m/rad",
+    "N_per_m": "N/m",
     "ms": "ms",
     "percent": "%",
     "MPa": "MPa",

@@ -171,4 +171,4 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
 def _table(path: str) -> str:
     """Table whose keys must agree: ``cylinder.boom`` of ``cylinder.boom.rod_mm``."""
     words = path.split(".")
-    return ".".join(words[: 2 if words[0] in ("payload", "cylinder") else 1])
+    return ".".join(words[: 2 if words[0] in ("payload", "cylinder", "spring") else 1])

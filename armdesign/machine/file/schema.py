@@ -282,6 +282,20 @@ class MotorSection(Section):
     friction: MotorFrictionSection = MotorFrictionSection()
 
 
+Stiffness = Annotated[float, Field(gt=0, le=1e15)]
+
+
+class SpringSection(Section):
+    """A passive joint: one that no actuator drives, on which structure yields."""
+
+    joint: Text
+    stiffness_N_m_per_rad: Stiffness | None = None
+    stiffness_N_per_m: Stiffness | None = None
+    damping_ratio: Annotated[float, Field(ge=0, le=10)] = 0.0
+    at_deg: Angle | None = None
+    at_mm: Coordinate | None = None
+
+
 ShareBand = Annotated[
     list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)
 ]
@@ -297,6 +311,7 @@ class BandsSection(Section):
         Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
         | None
     ) = None
+    spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
@@ -321,5 +336,6 @@ class MachineSection(Section):
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
+    spring: dict[Name, SpringSection] = {}
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()

@@ -36,11 +36,11 @@ class Pin:
 
 @dataclass(frozen=True, eq=False)
 class Actuation:
-    """Length [m], moment arm [m/rad] and its derivative over n poses and nq joints."""
+    """Length [m], moment arm [m/rad] and its derivative over n poses and k coordinates."""
 
     length: Array  # (n,)
-    moment_arm: Array  # (n, nq)
-    moment_arm_derivative: Array  # (n, nq, nq)
+    moment_arm: Array  # (n, k), zero for springs
+    moment_arm_derivative: Array  # (n, k, k)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,12 +222,12 @@ class Linkage(Drive):
         return self.arm.point(poses, pin.link, np.array(pin.at))
 
     def bars(self, poses: RigidPoses, length: float) -> dict[str, tuple[VectorJet, VectorJet]]:
-        """Both ends of every moving bar as seen from the root, with derivatives by all joints.
+        """Both ends of every moving bar seen from the root, with derivatives by all coordinates.
 
         Barrel and rod are as long as the closed cylinder, ``length`` [m]: one from the base pin,
         one up to the rod end.
         """
-        root, joints = self.arm.root, tuple(range(len(self.arm.joints)))
+        root, joints = self.arm.root, tuple(range(len(self.arm.coordinates)))
         end = self.rod_end_from(poses, root, joints).position
         base = self._motion(poses, self.base, root, joints)
         span = end - base
@@ -266,9 +266,9 @@ class Linkage(Drive):
                 yield end.derivative(name, axis)
 
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
-        """From the linkage's joints to all joints of the arm, and ``back`` to all poses."""
-        length, nq = jet.value[back], len(self.arm.joints)
-        moment_arm, derivative = np.zeros((len(length), nq)), np.zeros((len(length), nq, nq))
+        """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""
+        length, k = jet.value[back], len(self.arm.coordinates)
+        moment_arm, derivative = np.zeros((len(length), k)), np.zeros((len(length), k, k))
         for a, joint in enumerate(self.joints):
             moment_arm[:, joint] = jet.first[back, a]
             for b, other in enumerate(self.joints):

@@ -98,14 +98,14 @@ class FourBar(Linkage):
         if not path and arm.frozen_between(ends):
             return None  # it stands still: its knee is a pin of the pivot's link
         where = f"{where}.{self.key}"
-        if len(path) != 1 or not arm.joints[path[0][0]].revolute:
+        if len(path) != 1 or not arm.coordinates[path[0][0]].revolute:
             fault = "pivot and lug are not on the two links of one revolute joint"
             return MachineFileError(where, fault, "place them so")
         j = path[0][0]
         zero = arm.kinematics(np.zeros((1, len(arm.joints))))
         normal = arm.link_rotation(zero, self.pivot.link)[0, :, 1]
         if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
-            name = arm.joints[j].name
+            name = arm.coordinates[j].name
             fault = f'joint "{name}" does not turn about the y axis of the pivot\'s link'
             return MachineFileError(where, fault, "a four-bar lies in its link's x–z plane")
         return None

@@ -31,10 +31,10 @@ class Gear(Drive):
 
     def actuation(self, poses: RigidPoses) -> Actuation:
         """Angle, and the unit moment arm."""
-        n, nq = poses.q.shape
-        moment_arm = np.zeros((n, nq))
+        n, k = poses.gravity_torque.shape
+        moment_arm = np.zeros((n, k))
         moment_arm[:, self.joint] = 1.0
-        return Actuation(self.length(poses), moment_arm, np.zeros((n, nq, nq)))
+        return Actuation(self.length(poses), moment_arm, np.zeros((n, k, k)))
 
     def record(self) -> dict[str, Any]:
         """Record for compiled code."""

@@ -17,13 +17,14 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
@@ -127,6 +128,8 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
+        if self.machine.springs:
+            raise SimulationError(f"{self.machine.name}: spring", "springs are not simulated yet")
         self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
@@ -137,7 +140,7 @@ class Plant:
         self.nq, self.nc = nq, nc = len(self.machine.joints), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
-        self._kernel: Any = None
+        self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
         self._layout = Layout(chambers=edges[2], line=edges[4], spools=edges[5], size=edges[7])

@@ -19,6 +19,7 @@ from armdesign.design.catalogue.branch_and_bound import BranchAndBound, select
 from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.separable_bound import scaled_poses
 from armdesign.design.catalogue.sizes import sized, sizes_of
+from armdesign.design.program.corners import Corners
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.units import mm
@@ -147,8 +148,9 @@ def test_bounds_hold_for_every_combination() -> None:
     """Weak duality: no allowed combination exceeds its own bound."""
     machine, space = double(), workspace_of("double")
     offered = allowed_sizes(machine, machine, space, LOOSE, sizes_of(AROUND))
-    poses, _ = scaled_poses(machine, space, [(1.0, 1.0)])
-    tree = BranchAndBound(offered, poses, machine)
+    corners = Corners(today=machine, workspace=space)
+    poses, _ = scaled_poses(machine, corners)
+    tree = BranchAndBound(offered, poses, corners)
     combinations, bounds, _ = tree.above(-math.inf)
     assert len(combinations) > 20
     values = [tree.evaluate(c) for c in combinations]

@@ -1,0 +1,162 @@
+"""Corners of the bands at which a design counts: how much each weighs, and its oil's stiffness.
+
+For the worst frequency within the bands these are the corners of the softest oil and structure,
+all alike. For the least gain over today's machine both ends count, and ω² is measured at each
+corner by what today's machine has there: K − λ w M ⪰ 0 with w = ω²_today there over ω²_today at
+the values of the file. The lowest λ is the square of the least gain times the latter: the same
+programme for both objectives.
+
+Structure in series with an actuator stays as it is in m/N, whatever cylinder is chosen.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.bands import Bands, Corner, scenario
+from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import worst_frequency
+from armdesign.hydraulics.actuator import areas_of
+from armdesign.machine.machine import Machine
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Corners:
+    """The corners of a machine's bands that count.
+
+    Attributes:
+        today: the machine with the file's values.
+        workspace: poses that count.
+        bands: what is not known exactly.
+        gain: whether the least gain over today's machine counts; else the worst frequency.
+        proportional: whether dead volumes grow with the areas.
+    """
+
+    today: Machine
+    workspace: Workspace
+    bands: Bands = field(default_factory=Bands)
+    gain: bool = False
+    proportional: bool = False
+
+    @cached_property
+    def all(self) -> list[Corner]:
+        """The corners, each end of oil and structure with all masses."""
+        return self.bands.corners(self.today, self.ends)
+
+    @cached_property
+    def frequencies(self) -> tuple[float, ...]:
+        """Today's worst frequency at each corner [Hz]."""
+        return tuple(
+            scenario(self.today, self.workspace, self.bands, corner).frequency
+            for corner in self.all
+        )
+
+    @cached_property
+    def nominal(self) -> float:
+        """Today's worst frequency with the file's values [Hz]."""
+        return worst_frequency(self.today, self.workspace).frequency
+
+    @cached_property
+    def weights(self) -> Array:
+        """By how much inertia counts at each corner.
+
+        Raises:
+            ArmDesignError: today's machine is unstable there, so that there is no gain over it.
+        """
+        if not self.gain:
+            return np.ones(len(self.all))
+        if min(*self.frequencies, self.nominal) <= 0:
+            raise ArmDesignError(
+                f"bands of {self.today.name}",
+                "today's machine is unstable at one of their corners: there is no gain over it",
+                'narrow them, or design for the worst frequency (objective="worst")',
+            )
+        return (np.array(self.frequencies) / self.nominal) ** 2
+
+    def judged(self, machine: Machine) -> float:
+        """What the objective is of a machine on the workspace's poses [Hz].
+
+        Its worst frequency within the bands; or its least gain times today's worst frequency.
+        """
+        found = [
+            scenario(machine, self.workspace, self.bands, corner, self.today).frequency
+            for corner in self.all
+        ]
+        return float((found / np.sqrt(self.weights)).min())
+
+    @property
+    def ends(self) -> tuple[bool, ...]:
+        """The ends of oil and structure that count, as ``softest``."""
+        return self.bands.ends if self.gain else (True,)
+
+    @cached_property
+    def machines(self) -> tuple[Machine, ...]:
+        """Today's machine at each of the ends."""
+        return tuple(self.bands.at_end(self.today, softest) for softest in self.ends)
+
+    @cached_property
+    def end(self) -> Array:
+        """Index into ``ends`` of each corner."""
+        return np.array([self.ends.index(corner.softest) for corner in self.all])
+
+    def stiffness(
+        self,
+        corner: Array,
+        length: Array,
+        closed: Array,
+        stroke: Array,
+        areas: Array,
+        forces: Array,
+    ) -> Array:
+        """Stiffness of oil and structure (…, n, nc) [N/m, N m/rad] at lengths and static forces.
+
+        Of rows at the corners (n,). Closed lengths and strokes (…, nc) and areas (…, nc, 2) are
+        broadcast.
+        """
+        length, forces = np.broadcast_arrays(length, forces)
+        if len(self.machines) == 1:
+            return self._at(self.machines[0], length, closed, stroke, areas, forces)
+        parts, end = [], self.end[corner]
+        order = np.argsort(end, kind="stable")
+        for k, machine in enumerate(self.machines):
+            rows = order[end[order] == k]
+            some = length[..., rows, :], closed, stroke, areas, forces[..., rows, :]
+            parts.append(self._at(machine, *some))
+        return np.concatenate(parts, axis=-2)[..., np.argsort(order), :]
+
+    def _at(
+        self,
+        machine: Machine,
+        length: Array,
+        closed: Array,
+        stroke: Array,
+        areas: Array,
+        forces: Array,
+    ) -> Array:
+        """As ``stiffness``, of rows at one end."""
+        springs, areas_today = [], areas_of(machine.actuators)
+        for i, actuator in enumerate(machine.actuators):
+            a1, a2 = areas[..., i, 0], areas[..., i, 1]
+            if self.proportional:
+                actuator = dataclasses.replace(
+                    actuator,
+                    cap_dead_volume=actuator.cap_dead_volume * a1 / areas_today[i, 0],
+                    annulus_dead_volume=actuator.annulus_dead_volume * a2 / areas_today[i, 1],
+                )
+            springs.append(
+                actuator.stiffness(
+                    length[..., i] - closed[..., i],
+                    forces[..., i],
+                    machine.fluid,
+                    machine.supply,
+                    areas=(a1, a2),
+                    stroke=stroke[..., i],
+                )
+            )
+        return np.stack(springs, axis=-1)

@@ -1,0 +1,98 @@
+"""Springs: joints that no actuator drives, on which structure yields: carriage, pillar, slew gear.
+
+A spring's joint is a coordinate z of modes and motion beside the joints q of poses, with the
+torque
+
+    τ = τ₀ − κ (z − z₀) − d ż,   τ₀ = g_z(q, z₀)
+
+It stands at z₀ whatever the pose and the load at rest: the preload τ₀ is what gravity needs there.
+So K gains κ on the diagonal beside ∂g/∂(q, z) (THEORY §8), and static forces of actuators are
+those of a rigid machine. Static condensation would be wrong where what yields has inertia.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring:
+    """A passive joint.
+
+    Attributes:
+        name: of the spring.
+        joint: its joint of the URDF.
+        revolute: whether its numbers are of a joint that turns; else of one that slides.
+        stiffness: κ [N m/rad, N/m].
+        damping_ratio: of the joint alone, all others locked.
+        at: where it stands at rest, z₀ [rad, m].
+    """
+
+    name: str
+    joint: str
+    revolute: bool
+    stiffness: float
+    damping_ratio: float = 0.0
+    at: float = 0.0
+
+    kind = "spring"
+
+    @property
+    def stiffness_key(self) -> str:
+        """Key of the stiffness in the spring's table of the machine file."""
+        return f"stiffness_{'N_m_per_rad' if self.revolute else 'N_per_m'}"
+
+    @property
+    def stiffness_unit(self) -> str:
+        """Unit of the stiffness."""
+        return "N m/rad" if self.revolute else "N/m"
+
+    def damping(self, mass: float, stiffness: float) -> float:
+        """Damping d = 2 ζ √(K M) [N m s/rad, N s/m] of the joint alone.
+
+        Args:
+            mass: its diagonal term of M [kg m², kg].
+            stiffness: its diagonal term of K, gravity's part included [N m/rad, N/m].
+        """
+        return 2 * self.damping_ratio * math.sqrt(max(stiffness, 0.0) * mass)
+
+
+def least_stiffness_factors(stiffness_matrix: Array, springs: Array) -> Array:
+    """Factors on each spring's κ alone, then on all, above which K is positive definite.
+
+    (n, ns + 1); inf where no factor is enough.
+
+    Args:
+        stiffness_matrix: K (n, k, k), springs last.
+        springs: their κ (ns,) [N m/rad, N/m].
+    """
+    k, ns = stiffness_matrix.shape[1], len(springs)
+    factors = []
+    for own in (*([j] for j in range(ns)), list(range(ns))):
+        last = [k - ns + j for j in own]
+        order = [i for i in range(k) if i not in last] + last
+        factors.append(_least_factor(stiffness_matrix[:, order][:, :, order], springs[own]))
+    return np.stack(factors, axis=1)
+
+
+def _least_factor(stiffness_matrix: Array, springs: Array) -> Array:
+    """Factor on the κ of the last coordinates above which K is positive definite (n,).
+
+    It is where K_qq and S = K_zz − K_zq K_qq⁻¹ K_qz are; S grows with κ, so that the factor is
+    1 − λ_min of κ^(−½) S κ^(−½). inf where K_qq is not.
+    """
+    nq = stiffness_matrix.shape[1] - len(springs)
+    others, coupling = stiffness_matrix[:, :nq, :nq], stiffness_matrix[:, :nq, nq:]
+    stable = np.linalg.eigvalsh(others)[:, 0] > 0
+    turned = np.swapaxes(coupling[stable], 1, 2)
+    condensed = stiffness_matrix[stable, nq:, nq:]
+    condensed = condensed - turned @ np.linalg.solve(others[stable], coupling[stable])
+    scale = np.sqrt(springs)
+    factor = np.full(len(stiffness_matrix), np.inf)
+    factor[stable] = 1 - np.linalg.eigvalsh(condensed / scale / scale[:, None])[:, 0]
+    return factor

@@ -1,0 +1,313 @@
+"""Springs: joints that no actuator drives, against closed forms and against the total energy."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from numpy.testing import assert_allclose
+
+import armdesign as ad
+from armdesign.frequency.modes import energy_shares
+from armdesign.inspection.file_faults import faults
+from armdesign.units import GRAVITY
+from tests.checks import assert_same, difference
+from tests.machines import CylinderSpec, Joint, build
+from tests.sprung import random_sprung, rocking, spring, two_masses
+
+SEEDS = range(8)
+
+
+class Energy:
+    """Kinetic and potential energy over all coordinates, with nothing of the package's formulas.
+
+    Links and places are Pinocchio's of the whole URDF, cylinders' masses 40 lumps along each bar,
+    trapped oil a spring of its stiffness under its static force, springs as their file says. The
+    preload is what keeps gravity from moving the spring, by difference.
+    """
+
+    def __init__(self, machine: ad.Machine, q: np.ndarray) -> None:
+        self.machine, self.poses = machine, machine.at(q)
+        self.model = pinocchio.buildModelFromXML(machine.urdf_text)
+        self.data = self.model.createData()
+        names = [*machine.joints, *(spring.joint for spring in machine.springs)]
+        self.order = [self.model.joints[self.model.getJointId(n)].idx_q for n in names]
+        self.rest = np.concatenate([q, [spring.at for spring in machine.springs]])
+        self.lengths = self.of_cylinders(self.rest)
+        slope = difference(lambda x: np.array([self.weight(row) for row in x]), self.rest[None])
+        self.preload = slope[0, len(q) :]
+
+    def ordered(self, x: np.ndarray) -> np.ndarray:
+        values = np.empty(len(x))
+        values[self.order] = x
+        return values
+
+    def place(self, link: str, at: tuple[float, ...], x: np.ndarray) -> np.ndarray:
+        pinocchio.framesForwardKinematics(self.model, self.data, self.ordered(x))
+        frame = self.model.getFrameId(link, pinocchio.FrameType.BODY)
+        return np.asarray(self.data.oMf[frame].act(np.array(at)))
+
+    def lumps(self, x: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """Payload and bars as masses and places."""
+        payload = self.machine.payload
+        found = [(payload.mass, self.place(payload.link, payload.at, x))]
+        for cylinder, linkage in zip(self.machine.cylinders, self.machine.linkages, strict=True):
+            base, end = (self.place(pin.link, pin.at, x) for pin in linkage.pins)
+            along = (end - base) / np.linalg.norm(end - base) * cylinder.closed_length
+            nodes, weights = np.polynomial.legendre.leggauss(8)
+            for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
+                found.append((weight * cylinder.barrel_mass, base + node * along))
+                found.append((weight * cylinder.rod_mass, end - node * along))
+        return found
+
+    def of_cylinders(self, x: np.ndarray) -> np.ndarray:
+        return np.array(
+            [
+                np.linalg.norm(np.subtract(*(self.place(p.link, p.at, x) for p in k.pins)))
+                for k in self.machine.linkages
+            ]
+        )
+
+    def weight(self, x: np.ndarray) -> float:
+        links = pinocchio.computePotentialEnergy(self.model, self.data, self.ordered(x))
+        return float(links + sum(m * GRAVITY * at[2] for m, at in self.lumps(x)))
+
+    def potential(self, x: np.ndarray) -> float:
+        stretch, springs = self.of_cylinders(x) - self.lengths, self.machine.springs
+        oil = 0.5 * self.poses.oil_stiffness[0] * stretch**2
+        oil = oil - self.poses.cylinder_forces[0] * stretch
+        moved = (x - self.rest)[len(self.machine.joints) :]
+        stiffness = np.array([spring.stiffness for spring in springs])
+        return self.weight(x) + float(
+            oil.sum() + (0.5 * stiffness * moved**2 - self.preload * moved).sum()
+        )
+
+    def kinetic(self, velocity: np.ndarray) -> float:
+        links = pinocchio.computeKineticEnergy(
+            self.model, self.data, self.ordered(self.rest), self.ordered(velocity)
+        )
+        step = 1e-5
+
+        def moved(sign: float) -> np.ndarray:
+            return np.array([at for _, at in self.lumps(self.rest + sign * step * velocity)])
+
+        speed = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12 * step)
+        masses = np.array([m for m, _ in self.lumps(self.rest)])
+        return float(links + 0.5 * (masses * (speed**2).sum(axis=1)).sum())
+
+
+def middle(machine: ad.Machine) -> np.ndarray:
+    return np.asarray(machine.ranges @ [0.45, 0.55])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_matrices_are_derivatives_of_the_total_energy(seed: int) -> None:
+    """K is the curvature of the potential energy at rest, M that of the kinetic one; no force is
+    left: the springs' preload holds what gravity needs.
+    """
+    machine = random_sprung(seed)
+    energy, poses = Energy(machine, middle(machine)), machine.at(middle(machine))
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        return difference(lambda y: np.array([energy.potential(row) for row in y]), x)
+
+    curvature = difference(slope, energy.rest[None])[0]
+    scale = np.abs(poses.gravity_torque).max()
+    assert_allclose(slope(energy.rest[None])[0], 0, atol=1e-8 * scale)
+    assert_same(poses.stiffness_matrix[0], curvature, 1e-7)
+    units = np.eye(len(energy.rest))
+    kinetic = [
+        [energy.kinetic(a + b) - energy.kinetic(a) - energy.kinetic(b) for a in units]
+        for b in units
+    ]
+    assert_same(poses.mass_matrix[0], np.array(kinetic), 1e-8)
+
+
+def test_two_masses() -> None:
+    """M over a spring, m on oil upon it: ω⁴ − (k/m + (k + κ)/M) ω² + kκ/(mM) = 0, and with the
+    cylinder locked √(κ/(M + m)).
+    """
+    m, big, kappa = 400.0, 900.0, 3e6
+    machine = two_masses(kappa, big)
+    poses = machine.at([0.05])
+    modes, k = ad.natural_modes(poses), float(poses.oil_stiffness[0, 0])
+    half = (k / m + (k + kappa) / big) / 2
+    root = math.sqrt(half**2 - k * kappa / (m * big))
+    expected = np.sqrt([half - root, half + root]) / (2 * math.pi)
+    assert_allclose(modes.frequencies[0], expected, rtol=1e-12)
+    x = k / (k - m * (2 * math.pi * expected[0]) ** 2)  # of the slide per carriage, in one mode
+    oil, structure = k * (x - 1) ** 2, kappa
+    shares = energy_shares(poses, modes)[0, 0]
+    assert_allclose(shares, np.array([oil, structure]) / (oil + structure), rtol=1e-10)
+    assert_allclose(poses.gravity_torque, 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "mini_excavator_2t"])
+def test_stiff_springs_make_the_machine_without_springs(name: str) -> None:
+    rigid, machine = ad.load(name), rocking(name, 1e15)
+    q = middle(rigid)
+    first, second = (ad.natural_modes(m.at(q)) for m in (rigid, machine))
+    assert_allclose(second.frequencies[:, :3], first.frequencies, rtol=1e-6)
+    assert_allclose(second.locked_frequencies, first.locked_frequencies, rtol=1e-6)
+    assert_allclose(second.rigid_frequencies, first.rigid_frequencies, rtol=1e-12)
+    assert_allclose(machine.at(q).cylinder_forces, rigid.at(q).cylinder_forces, rtol=1e-12)
+
+
+def test_locked_frequencies_leave_springs_free() -> None:
+    """The lowest of the other cylinders' oil made a million times stiffer, but for inertia that
+    they no longer let pass: what is left is the locked frequency.
+    """
+    machine = rocking()
+    poses = machine.at(middle(machine))
+    locked = ad.natural_modes(poses).locked_frequencies[0]
+    for i in range(3):
+        oil = np.where(np.arange(3) == i, poses.oil_stiffness[0], 1e6 * poses.oil_stiffness[0])
+        r = poses.moment_arms[0]
+        k = poses.stiffness_matrix[0] + r.T @ np.diag(oil - poses.oil_stiffness[0]) @ r
+        lowest = np.linalg.eigvals(np.linalg.solve(poses.mass_matrix[0], k)).real.min()
+        assert locked[i] == pytest.approx(math.sqrt(lowest) / (2 * math.pi), rel=1e-5)
+
+
+def test_a_spring_limits_and_is_named() -> None:
+    """On a soft carriage the carriage has most of the energy; on a stiff one the boom has."""
+    for stiffness, limiting in ((3e6, "carriage"), (1e9, "boom")):
+        machine = rocking(stiffness=stiffness)
+        found = ad.frequency_map(machine, ad.Workspace.grid(machine, points=4))
+        assert found.worst.cylinder == limiting
+        assert found.limiting_shares.idxmax() == limiting
+        assert found.limiting_shares.sum() == pytest.approx(1)
+        assert list(found.limiting_shares.index) == ["boom", "stick", "bucket", "carriage"]
+        assert [c for c in found.frame.columns if c[0] == "f" and c.endswith("_hz")] == [
+            f"f{i}_hz" for i in (1, 2, 3, 4)
+        ]
+        assert_allclose(found.stiffness_shares.sum(axis=1), 1)
+        squared = (2 * math.pi * found.frame["f1_hz"]) ** 2
+        assert_allclose(found.stiffness["omega_squared"], squared, rtol=1e-9)
+
+
+def test_softer_springs_lower_every_frequency() -> None:
+    """K grows with κ and M stays, so every eigenvalue does (Courant and Fischer)."""
+    soft, stiff = (rocking(stiffness=k) for k in (1e7, 2e7))
+    q = middle(soft)
+    assert np.all(
+        ad.natural_modes(soft.at(q)).frequencies < ad.natural_modes(stiff.at(q)).frequencies
+    )
+
+
+def test_stiffness_is_a_key_path() -> None:
+    machine = rocking()
+    path = "spring.carriage.stiffness_N_m_per_rad"
+    other = machine.replace({path: 5e7})
+    assert other.springs[0].stiffness == 5e7
+    assert other.arm is machine.arm
+    tilted = machine.replace({"spring.carriage.at_deg": 1.0})
+    tip = tilted.at(middle(machine)).tool - machine.at(middle(machine)).tool
+    assert np.linalg.norm(tip) > 0.05, "the machine stands where its spring does"
+
+
+def test_workspace_and_ranges_are_those_of_the_joints() -> None:
+    machine, rigid = rocking(), ad.load("excavator_20t")
+    assert machine.joints == rigid.joints
+    assert_allclose(machine.ranges, rigid.ranges, rtol=1e-12)
+    one, other = (ad.Workspace.grid(m, points=4) for m in (machine, rigid))
+    assert_allclose(one.q, other.q, rtol=1e-12)
+
+
+def test_a_spring_too_soft_for_gravity_is_refused_with_what_it_needs() -> None:
+    """The stiffness named is enough, a thousandth less is not."""
+    path = "spring.carriage.stiffness_N_m_per_rad"
+    machine = rocking(stiffness=1e5).with_payload("full")
+    q = ad.Workspace.grid(machine, points=4).q
+    q = q[machine.holds(q)]
+    with pytest.raises(ad.ArmDesignError, match="does not hold the machine upright") as caught:
+        machine.at(q)
+    error = caught.value
+    assert error.part.endswith(path)
+    assert "boom" in error.fault
+    assert "payload full" in error.fault
+    assert error.line is not None
+    least = float(error.remedy.removeprefix("give more than ").removesuffix(" N m/rad"))
+    machine.replace({path: 1.0005 * least}).at(q)
+    with pytest.raises(ad.ArmDesignError, match="upright"):
+        machine.replace({path: 0.999 * least}).at(q)
+
+
+def test_several_springs_too_soft() -> None:
+    """Two springs in a row under a tall mass: no single one is enough, both together are."""
+    joints = [
+        Joint("low", "root", mass=10.0, com=(0, 0, 0.5)),
+        Joint("high", "low", xyz=(0, 0, 1.0), mass=10.0, com=(0, 0, 0.5)),
+        Joint("arm", "high", xyz=(0, 0, 1.0), mass=2000.0, com=(0.3, 0, 0.5)),
+    ]
+    lift = CylinderSpec("lift", ("high", (0.7, 0, 0.1)), ("arm", (1.1, 0, 0.4)))
+    tables = "\n\n".join(spring(name, name, 1e3) for name in ("low", "high"))
+    machine = build(joints, [lift], order=["arm"], more=tables)
+    with pytest.raises(ad.ArmDesignError, match="all springs") as caught:
+        machine.at([0.0])
+    factor = float(caught.value.remedy.rpartition(" ")[2])
+
+    def times(factor: float) -> ad.Machine:
+        keys = [f"spring.{name}.stiffness_N_m_per_rad" for name in ("low", "high")]
+        return machine.replace(dict.fromkeys(keys, factor * 1e3))
+
+    times(1.001 * factor).at([0.0])
+    with pytest.raises(ad.ArmDesignError, match="upright"):
+        times(0.998 * factor).at([0.0])
+
+
+ROCK = 'joint = "rocking"\n'
+STIFF = "stiffness_N_m_per_rad = 2.5e7\n"
+BAD = {
+    "one_of_joints": ('joint = "boom"\n' + STIFF, r"spring\.s\.joint: .*one of joints"),
+    "frozen": ('joint = "swing"\n' + STIFF, r"spring\.s\.joint: .*frozen"),
+    "unknown": ('joint = "rockin"\n' + STIFF, r'is not in the URDF.*did you mean "rocking"'),
+    "fixed": ('joint = "boom_foot"\n' + STIFF, "is fixed and cannot be a coordinate"),
+    "unit_of_stiffness": (ROCK + "stiffness_N_per_m = 1e7\n", '"rocking" turns; give stiffness_N'),
+    "unit_of_at": (ROCK + STIFF + "at_mm = 1.0\n", r"at_mm: .*give at_deg"),
+    "no_stiffness": (ROCK, "neither stiffness_N_m_per_rad nor stiffness_N_per_m given"),
+    "two": (ROCK + STIFF + "stiffness_N_per_m = 1e7\n", "both stiffness_N_m_per_rad and"),
+    "zero": (ROCK + "stiffness_N_m_per_rad = 0\n", r"0 .*in \(0, 1e\+15\] N m/rad"),
+    "negative": (ROCK + "stiffness_N_m_per_rad = -1.0\n", r"-1\.0 .*in \(0, 1e\+15\] N m/rad"),
+    "nan": (ROCK + "stiffness_N_m_per_rad = nan\n", r"in \(0, 1e\+15\] N m/rad"),
+    "outside": (ROCK + STIFF + "at_deg = 30.0\n", r"at_deg: 30 .*\[-5\.72958, 5\.72958\]"),
+    "damping": (ROCK + STIFF + "damping_ratio = -0.1\n", r"in \[0, 10\]"),
+    "unknown_key": (ROCK + STIFF + "mass_kg = 1.0\n", "mass_kg"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_springs(name: str, tmp_path: Path) -> None:
+    """One line each; `check` says the same."""
+    table, words = BAD[name]
+    machine = rocking()
+    text = machine.text.partition("[spring.carriage]")[0] + "[spring.s]\n" + table
+    with pytest.raises(ad.ArmDesignError, match=words) as caught:
+        ad.Machine.from_text(text, machine.urdf_text, machine.source)
+    assert "\n" not in str(caught.value)
+    path = tmp_path / machine.source.name
+    path.write_text(text, encoding="utf-8")
+    (tmp_path / machine.section.urdf).write_text(machine.urdf_text, encoding="utf-8")
+    assert str(caught.value) in map(str, faults(path))
+
+
+def test_a_joint_between_pins_carries_no_spring() -> None:
+    """Freed from `joints`, the stick would still be driven by its cylinder."""
+    machine = rocking()
+    text = machine.text.replace('joints = ["boom", "stick", "bucket"]', 'joints = ["boom"]')
+    assert text != machine.text
+    text = text.replace('joint = "rocking"', 'joint = "stick"')
+    with pytest.raises(ad.ArmDesignError, match=r"lies between the pins of cylinder\.stick"):
+        ad.Machine.from_text(text, machine.urdf_text, machine.source)
+
+
+def test_a_spring_needs_a_joint_and_a_name_of_its_own() -> None:
+    again = "[spring.{name}]\njoint = 'rocking'\nstiffness_N_m_per_rad = 1e7"
+    with pytest.raises(ad.ArmDesignError, match=r'spring\.mast\.joint: "rocking" carries spring'):
+        rocking(more=again.format(name="mast"))
+    machine = rocking()
+    boom = machine.text.replace("[spring.carriage]", "[spring.boom]")
+    with pytest.raises(ad.ArmDesignError, match=r"spring\.boom: is the name of an actuator too"):
+        ad.Machine.from_text(boom, machine.urdf_text, machine.source)
