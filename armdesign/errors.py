@@ -96,10 +96,7 @@ class SimulationError(ArmDesignError):
 
 
 def raise_together(errors: Sequence[ArmDesignError]) -> None:
-    """Raise an error of the first one's kind that says all of them, each once.
-
-    Nothing if there are none.
-    """
+    """Raise an error of the first one's kind that says all of them once; nothing if none."""
     different = list({str(error): error for error in errors}.values())
     if len(different) == 1:
         raise different[0]

@@ -195,10 +195,7 @@ class _Stage:
         (self.root / "moving").unlink()
 
     def _undo(self) -> None:
-        """Old files return; where there was none, the new one goes back.
-
-        What cannot be is left to the next run.
-        """
+        """Old files return, new ones without one go; what cannot is left to the next run."""
         journal = self._journal("undoing")
         for file in journal["files"]:
             if os.path.lexists(self.old / file):

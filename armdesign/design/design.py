@@ -221,10 +221,7 @@ class Design:
 
     @property
     def gap(self) -> float | None:
-        """Share by which the bound exceeds the optimum before rounding.
-
-        None where no bound is known.
-        """
+        """Share by which the bound exceeds the optimum before rounding; None: no bound known."""
         if self.bound is None:
             return None
         return self.bound / self.unrounded - 1 if self.unrounded > 0 else math.inf
@@ -246,10 +243,7 @@ class Design:
 
     @property
     def tightest(self) -> list[Check]:
-        """Requirements that depend on the areas, the one with the least slack first.
-
-        They count where sizes come in steps.
-        """
+        """Requirements that depend on areas, the least slack first: for sizes in steps."""
         loads = static_loads(self.machine, self.workspace)
         areas = areas_of(self.machine.actuators)
         both = np.stack([areas, SMALLER * areas])

@@ -180,10 +180,7 @@ class LeastAmount:
         return best
 
     def with_given_pins(self, sizes: Sizes) -> tuple[Search, SizeSelection]:
-        """The combination of a catalogue that needs least with today's pins.
-
-        Of equals the one that reaches most.
-        """
+        """The combination that needs least with today's pins; of equals the best one."""
         search, selection = self._select(WIDEST * self._today, sizes)
         if _frequency(search) < self.frequency:
             raise self._out_of_reach(_frequency(search))

@@ -29,10 +29,7 @@ def documented(
 
 
 def call(function: str, **arguments: Any) -> str:
-    """A call of this package as it is written in Python.
-
-    Arguments that ask for nothing are left out.
-    """
+    """A call of this package as Python writes it, without arguments that ask for nothing."""
     given = {name: value for name, value in arguments.items() if value is not None}
     words = ", ".join(f"{name}={value!r}" for name, value in given.items())
     return f"armdesign.{function}({words})"

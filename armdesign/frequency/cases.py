@@ -22,19 +22,12 @@ from armdesign.mechanism.arm import RigidPoses
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CasePoses:
-    """A load case and the poses of a workspace at which it exists.
+    """A load case and the poses of a workspace at which it exists."""
 
-    Attributes:
-        machine: the machine with this load case at work.
-        workspace: all poses, also those at which the load case does not exist.
-        exists: whether the load case exists at each pose of the workspace (n,).
-        link_share: factor on all masses and inertias of the bare links.
-    """
-
-    machine: Machine
-    workspace: Workspace
-    exists: Flags
-    link_share: float = 1.0
+    machine: Machine  # the machine with this load case at work
+    workspace: Workspace  # all poses, also those at which the load case does not exist
+    exists: Flags  # whether the load case exists at each pose of the workspace (n,)
+    link_share: float = 1.0  # factor on all masses and inertias of the bare links
 
     @property
     def name(self) -> str:
@@ -54,6 +47,10 @@ class CasePoses:
     def evaluate(self) -> Poses:
         """Everything at its poses (m), without the checks of ``Machine.at``."""
         return self.machine.evaluate(self.rigid)
+
+    def exists_at(self, rigid: RigidPoses) -> Flags:
+        """Whether it exists, with all cylinders in stroke, at any poses within the ranges (n,)."""
+        return self.machine.holds(rigid) & self.workspace.in_stroke(rigid.q)
 
 
 def load_cases(

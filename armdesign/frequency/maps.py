@@ -188,9 +188,7 @@ class FrequencyMap(ReadOnly):
         tool = self.frame[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy()
         lowest = self.frame["f1_hz"].to_numpy()
         points = np.stack([self.machine.arm.reach(q, tool), tool[:, 2], lowest], axis=1)
-        of_case = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
-        rows = {name: (q[of_case[name]], points[of_case[name]]) for name in of_case}
-        return reach_map(self.machine, self.workspace, rows, cells)
+        return reach_map(list(load_cases(self.machine, self.workspace)), points, cells)
 
     def plot(self, ax: Any = None, plane: str = "joints", **limits: float) -> Any:
         """Heatmap of the lowest coupled frequency over two joints or over reach and height."""

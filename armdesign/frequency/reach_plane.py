@@ -16,6 +16,7 @@ from armdesign.frequency.joint_grid import Axes, steps_along
 from armdesign.frequency.spread import edge_poses, wrapped
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses
 
 STARTS = 6  # per cell on each edge of the joint ranges
 
@@ -83,11 +84,14 @@ def poses_on_cells(
 
 def reach_and_height(machine: Machine, q: Array) -> Array:
     """Reach and height of the tool (n, 2) [m]."""
-    arm, parts = machine.arm, [np.empty((0, 2))]
-    for rows in chunks(len(q)):
-        tool = arm.point(arm.kinematics(q[rows]), machine.tool.link, np.array(machine.tool.at))
-        parts.append(np.stack([arm.reach(q[rows], tool), tool[:, 2]], axis=1))
+    parts = [places(machine, machine.arm.kinematics(q[rows])) for rows in chunks(len(q))]
     return np.concatenate(parts)
+
+
+def places(machine: Machine, rigid: RigidPoses) -> Array:
+    """Reach and height of the tool (n, 2) [m] at poses with known kinematics."""
+    tool = machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
+    return np.stack([machine.arm.reach(rigid.q, tool), tool[:, 2]], axis=1)
 
 
 def _postures(axes: Axes, q: Array, cell: Array) -> tuple[Array, Array]:

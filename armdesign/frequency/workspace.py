@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from armdesign.progress import with_bar
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MARGIN_TOLERANCE = 1e-9
 
+Kind = Literal["grid", "sobol", "reach plane", "poses"]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Workspace(ReadOnly):
@@ -42,6 +45,7 @@ class Workspace(ReadOnly):
         axes: even values of each joint [rad, m]: the grid, or the cells of pictures.
         end_margin: share of its stroke that every cylinder keeps free at both ends.
         machine: the machine that the workspace was made for: today's.
+        kind: how its poses were chosen; "poses": one by one.
         cells: of a reach plane: middles of its cells, reach and height [m].
     """
 
@@ -50,6 +54,7 @@ class Workspace(ReadOnly):
     axes: Axes
     end_margin: float
     machine: Machine
+    kind: Kind = "poses"
     cells: tuple[Array, Array] | None = None
 
     @classmethod
@@ -81,7 +86,7 @@ class Workspace(ReadOnly):
             return mesh((*axes[:joint], one_value, *axes[joint + 1 :]))
 
         parts = [mesh(axes), *_on_pitch_limits(machine, ranges, others)]
-        return _in_stroke(machine, np.concatenate(parts), box_shares(axes), axes, margin)
+        return _in_stroke(machine, np.concatenate(parts), box_shares(axes), axes, margin, "grid")
 
     @classmethod
     def sobol(
@@ -121,7 +126,7 @@ class Workspace(ReadOnly):
         parts = [inside, edges, *_on_pitch_limits(machine, ranges, lambda _: others)]
         bins = max(2, min(int((count / 16) ** (1 / min(nq, 2))), 60))
         axes = tuple(over(ends, bins) for ends in ranges)
-        return _in_stroke(machine, np.concatenate(parts), np.ones(count), axes, margin)
+        return _in_stroke(machine, np.concatenate(parts), np.ones(count), axes, margin, "sobol")
 
     @classmethod
     def reach_plane(
@@ -152,14 +157,15 @@ class Workspace(ReadOnly):
             raise ArmDesignError("cells", f"{cells!r} is not allowed", "give a whole number ≥ 2")
         grid = cls.grid(machine, points, end_margin)
         q, weights, middles = poses_on_cells(machine, grid.axes, grid.q, grid.weights, cells)
-        return _in_stroke(machine, q, weights, grid.axes, grid.end_margin, middles)
+        return _in_stroke(machine, q, weights, grid.axes, grid.end_margin, "reach plane", middles)
 
     def __len__(self) -> int:
         return len(self.q)
 
     def subset(self, rows: Array) -> Workspace:
         """Some of the poses, each of weight one."""
-        return replace(self, q=self.q[rows], weights=np.ones(len(rows)), cells=None)
+        q, weights = self.q[rows], np.ones(len(rows))
+        return replace(self, q=q, weights=weights, kind="poses", cells=None)
 
     def in_stroke(self, q: Array) -> Flags:
         """Whether every cylinder keeps the end margin (n,), at poses (n, nq) within the ranges."""
@@ -213,6 +219,7 @@ def _in_stroke(
     weights: Array,
     axes: Axes,
     end_margin: float,
+    kind: Kind,
     cells: tuple[Array, Array] | None = None,
 ) -> Workspace:
     """The workspace of those poses at which every cylinder keeps its end margin.
@@ -230,6 +237,7 @@ def _in_stroke(
         axes=axes,
         end_margin=end_margin,
         machine=machine,
+        kind=kind,
         cells=cells,
     )
 

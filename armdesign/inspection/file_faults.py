@@ -87,10 +87,7 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
 def _unknown_names(
     section: MachineSection, urdf_text: str, source: str, wrong: set[str]
 ) -> list[MachineFileError]:
-    """Links and motors' joints that the URDF lacks, without stand-ins.
-
-    None if the URDF has no links, or no joints, at all.
-    """
+    """Links and motors' joints that the URDF lacks, no stand-ins; none if it has none."""
     try:
         robot = urdf_faults.parse(urdf_text, source)
     except MachineFileError:

@@ -146,10 +146,7 @@ def _of_distance(
 
 
 def _is_far_too_small(yardstick: Yardstick, path: str, value: float) -> bool:
-    """Whether a box or a reach [mm] is a thousandth of what machines have.
-
-    A height may be anything: its reach counts.
-    """
+    """Whether a box or reach [mm] is a thousandth of the usual; a height's reach counts."""
     if path.endswith("height_mm"):
         path = path.replace("height", "reach")
         value = float(yardstick.values.get(path, 1e9))

@@ -38,15 +38,10 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Yardstick:
-    """A machine that can be used, and what its numbers are judged by.
+    """A machine that can be used, and what its numbers are judged by."""
 
-    Attributes:
-        machine: the machine.
-        shares: by actuator, its largest static force over what the supply holds.
-    """
-
-    machine: Machine
-    shares: Mapping[str, float]
+    machine: Machine  # the machine
+    shares: Mapping[str, float]  # by actuator, its largest static force over what the supply holds
 
     @property
     def largest_share(self) -> float:
@@ -118,10 +113,7 @@ class Yardstick:
         return size if size > 0.05 * self.largest_size else self.largest_size
 
     def span(self, i: int) -> float:
-        """Largest distance of a cylinder's pins [m] within its joint's limits.
-
-        Its open length if the limits are no help.
-        """
+        """Largest distance of a cylinder's pins [m] within joint limits, or its open length."""
         linkage, cylinder = self.machine.linkages[i], self.machine.cylinders[i]
         arm = self.machine.arm
         if len(linkage.joints) != 1 or self.far_limits(arm.joints[linkage.joints[0]]):

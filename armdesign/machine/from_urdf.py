@@ -122,10 +122,7 @@ def _above(link: str, parents: dict[str, tuple[ET.Element, str]]) -> list[ET.Ele
 def _driven(
     robot: ET.Element, cylinders: Mapping[str, Any], motors: Mapping[str, Any]
 ) -> list[str]:
-    """Movable joints that cylinders span or motors turn, from the root outwards.
-
-    All movable ones if there is none.
-    """
+    """Movable joints that cylinders or motors drive, from the root outwards; all if none is."""
     parents, between = _parents(robot), []
     for table in cylinders.values():
         first, *others = [_above(link, parents) for link in _links(table)] or [[]]

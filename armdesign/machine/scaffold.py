@@ -50,10 +50,7 @@ flow_l_per_min = 60                     # replace: pump flow at working speed
 
 @dataclass(frozen=True)
 class _BoomStage:
-    """A link with its joint and cylinder.
-
-    Angles [rad], pins [mm] in the frames of carrier and link.
-    """
+    """A link with its joint and cylinder; angles [rad], pins [mm] in carrier and link."""
 
     name: str
     carrier: str

@@ -22,7 +22,7 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.spring import Spring
-from armdesign.mechanism.urdf import read_urdf, rotations
+from armdesign.mechanism.urdf import read_urdf, rotations, turned
 from armdesign.units import GRAVITY
 
 
@@ -160,10 +160,7 @@ class Arm:
 
     @cached_property
     def slewing(self) -> dict[int, float]:
-        """Coordinates that turn the whole arm about the vertical; +1 if their axis is up, else −1.
-
-        Neither inertia nor gravity depends on them.
-        """
+        """Joints that turn the arm about the vertical, +1 if up else −1: M and g ignore them."""
         axes = self.kinematics(np.zeros((1, len(self.joints)))).axis[0]
         signs: dict[int, float] = {}
         for index in self.outwards:
@@ -239,24 +236,22 @@ class Arm:
         q = self.with_springs(q)
         n, k = q.shape
         rotation, translation = np.empty((n, k, 3, 3)), np.empty((n, k, 3))
+        axis = np.empty((n, k, 3))
         for index in self.outwards:
             joint = self.coordinates[index]
             angle = q[:, index] if joint.revolute else np.zeros(n)
-            local = joint.rotation @ rotations(joint.axis, angle)
-            offset = np.broadcast_to(joint.translation, (n, 3))
-            if not joint.revolute:
-                offset = offset + np.outer(q[:, index], joint.rotation @ joint.axis)
+            local = rotations(joint.axis, angle, joint.rotation)
             if joint.parent < 0:
-                rotation[:, index], translation[:, index] = local, offset
+                rotation[:, index], translation[:, index] = local, joint.translation
             else:
                 before = rotation[:, joint.parent]
                 rotation[:, index] = before @ local
-                translation[:, index] = translation[:, joint.parent] + np.einsum(
-                    "nij,nj->ni", before, offset
+                translation[:, index] = translation[:, joint.parent] + turned(
+                    before, joint.translation
                 )
-        axis = np.stack(
-            [rotation[:, i] @ joint.axis for i, joint in enumerate(self.coordinates)], axis=1
-        )
+            axis[:, index] = turned(rotation[:, index], joint.axis)
+            if not joint.revolute:
+                translation[:, index] += q[:, index, None] * axis[:, index]
         return rotation, translation, axis
 
     def kinematics(self, q: Array) -> RigidPoses:
@@ -278,7 +273,7 @@ class Arm:
         local = body.translation + body.rotation @ at
         if body.joint < 0:
             return np.broadcast_to(local, (len(poses), 3))
-        return np.asarray(poses.translation[:, body.joint] + poses.rotation[:, body.joint] @ local)
+        return poses.translation[:, body.joint] + turned(poses.rotation[:, body.joint], local)
 
     def motion(
         self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
@@ -335,9 +330,9 @@ class Arm:
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:
         """Pitch of a link's x axis up from forward (n,) [rad], square to its y axis."""
-        rotation = self.link_rotation(poses, link)
-        forward = np.cross(rotation[:, :, 1], [0.0, 0.0, 1.0])
-        return np.arctan2(rotation[:, 2, 0], np.einsum("ni,ni->n", rotation[:, :, 0], forward))
+        x, y = np.moveaxis(self.link_rotation(poses, link)[:, :, :2], (2, 1), (0, 1))
+        forward = x[0] * y[1] - x[1] * y[0]  # of x, along the level direction square to y
+        return np.arctan2(x[2], forward)
 
     # ----------------------------------------------------------------------------------- Pinocchio
 

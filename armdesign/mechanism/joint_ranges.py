@@ -195,10 +195,7 @@ def _zero(function: Callable[[float], float], a: float, b: float) -> float:
 
 
 def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
-    """First and last index of the longest run of true.
-
-    Of runs as long but for a sample, the one nearest to zero.
-    """
+    """Ends of the longest run of true; of runs as long but for a sample, nearest to zero."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     starts, ends = edges[::2], edges[1::2] - 1
     long = np.flatnonzero(ends - starts >= (ends - starts).max() - 1)

@@ -22,23 +22,14 @@ from armdesign.arrays import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Spring:
-    """A passive joint.
+    """A passive joint."""
 
-    Attributes:
-        name: of the spring.
-        joint: its joint of the URDF.
-        revolute: whether its numbers are of a joint that turns; else of one that slides.
-        stiffness: κ [N m/rad, N/m].
-        damping_ratio: of the joint alone, all others locked.
-        at: where it stands at rest, z₀ [rad, m].
-    """
-
-    name: str
-    joint: str
-    revolute: bool
-    stiffness: float
-    damping_ratio: float = 0.0
-    at: float = 0.0
+    name: str  # of the spring
+    joint: str  # its joint of the URDF
+    revolute: bool  # whether its numbers are of a joint that turns; else of one that slides
+    stiffness: float  # κ [N m/rad, N/m]
+    damping_ratio: float = 0.0  # of the joint alone, all others locked
+    at: float = 0.0  # where it stands at rest, z₀ [rad, m]
 
     kind = "spring"
 

@@ -92,12 +92,19 @@ def read_urdf(
     return ET.tostring(robot, encoding="unicode"), moving, links
 
 
-def rotations(axis: Array, angle: Array) -> Array:
-    """Rotation matrices (n, 3, 3) about a unit axis (Rodrigues)."""
+def rotations(axis: Array, angle: Array, before: Array | None = None) -> Array:
+    """Rotation matrices (n, 3, 3) about a unit axis (Rodrigues), after ``before`` (3, 3)."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sine, versine = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + versine * (cross @ cross))
+    first = np.eye(3) if before is None else before
+    parts = np.stack([first, first @ cross, first @ cross @ cross]).reshape(3, 9)
+    factors = np.stack([np.ones_like(angle), np.sin(angle), 1 - np.cos(angle)], axis=1)
+    return np.asarray(factors @ parts).reshape(-1, 3, 3)
+
+
+def turned(rotation: Array, vector: Array) -> Array:
+    """A vector (3,) turned by rotation matrices (n, 3, 3): (n, 3)."""
+    return np.asarray(rotation.reshape(-1, 3) @ vector).reshape(-1, 3)
 
 
 def _origin(element: ET.Element) -> tuple[Array, Array]:

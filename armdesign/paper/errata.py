@@ -103,10 +103,7 @@ def _errata_of_gravity(at: Mechanism, exact: Any) -> list[Erratum]:
 
 
 def errata_frame(errata: Sequence[Erratum]) -> pd.DataFrame:
-    """One row per erratum: least and largest relative change, root mean square [rad/s].
-
-    Cells are empty where an erratum is in no frequency.
-    """
+    """A row per erratum: least and largest relative change, rms [rad/s]; or empty."""
     import pandas as pd
 
     rows = []

@@ -130,10 +130,7 @@ class Reproduction:
         return sum(one.least_pressure < 0 for one in self.measurements)
 
     def plot(self, formula: str) -> Any:
-        """The paper's pair of figures for one of ``FORMULAS``, against mass and length.
-
-        Returns the figure.
-        """
+        """The paper's pair of figures for one of ``FORMULAS``, against mass and length."""
         from armdesign.paper.sheets import paper_pair
 
         return paper_pair(self, formula)

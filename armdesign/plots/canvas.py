@@ -81,10 +81,7 @@ def save(fig: Any, path: Path) -> Path:
 
 
 def literal(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorator: the axes or figure that a function returns show all names as they stand.
-
-    No ``$`` starts a formula, no control character is left.
-    """
+    """Decorator: names in the returned axes or figure stand as they are, no controls."""
 
     @wraps(draw)
     def literally(*args: P.args, **kwargs: P.kwargs) -> T:

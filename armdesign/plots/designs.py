@@ -80,10 +80,7 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
 
 
 def _moment_arm(machine: Machine, cylinder: str, joint: str) -> tuple[Array, Array] | None:
-    """Joint positions and sizes of a cylinder's moment arm there, in the units of the axes.
-
-    None if the machine has no such cylinder at that joint.
-    """
+    """Joint positions and sizes of a cylinder's moment arm in axes' units; None without it."""
     names = [c.name for c in machine.cylinders]
     if cylinder not in names or joint not in machine.joints:
         return None

@@ -157,10 +157,7 @@ def joint_plane(
 
 
 def drawn_joints(machine: Machine) -> list[int]:
-    """Indices of the joints that a picture shows: the first two that do not slew the whole arm.
-
-    One index if there is but one such joint.
-    """
+    """Indices of the joints that a picture shows: the first one or two that do not slew."""
     return [j for j in range(len(machine.joints)) if j not in machine.idle_joints][:2] or [0]
 
 

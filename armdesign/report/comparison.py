@@ -26,20 +26,14 @@ SHOWN = 40  # differing keys that are printed; the CSV has them all
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Frequency maps of two machines by their labels.
-
-    ``same_workspace`` tells whether the poses are the same.
-    """
+    """Frequency maps of two machines by their labels, and whether the poses are the same."""
 
     maps: dict[str, FrequencyMap]
     same_workspace: bool
 
     @cached_property
     def differences(self) -> dict[str, tuple[Any, Any]]:
-        """Values of the machine files that differ, by key path, in the files' units.
-
-        A value is None where a file has none.
-        """
+        """Values that differ, by key path, in the files' units; None where a file has none."""
         one, other = (machine_file.flat(m.machine.section) for m in self.maps.values())
         paths = [*one, *(path for path in other if path not in one)]
         return {

@@ -36,24 +36,15 @@ class ControlledPlant:
     its crossover ω_c/4. The two lags turn what it does at a resonance above ω_c into a little
     damping, where a plain proportional loop, K_v < 2 ζ ω_n (Merritt 1967), would drive an undamped
     arm unstable.
-
-    Attributes:
-        plant: of all cases.
-        start: states at t = 0 (n, size).
-        demands: spool commands by time.
-        breaks: when these jump.
-        corners: ω_c (n, 1) [rad/s], 0: no loop.
-        gains: K (n, nc) [1/m].
-        places: s0 (n, nc) [m].
     """
 
-    plant: Plant
-    start: Array
-    demands: tuple[Command, ...]
-    breaks: tuple[Breaks, ...]
-    corners: Array
-    gains: Array
-    places: Array
+    plant: Plant  # of all cases
+    start: Array  # states at t = 0 (n, size)
+    demands: tuple[Command, ...]  # spool commands by time
+    breaks: tuple[Breaks, ...]  # when these jump
+    corners: Array  # ω_c (n, 1) [rad/s], 0: no loop
+    gains: Array  # K (n, nc) [1/m]
+    places: Array  # s0 (n, nc) [m]
 
     @classmethod
     def of(
@@ -208,10 +199,7 @@ def _refuse_no_function(given: object, part: str) -> None:
 def _correct(
     demand: Array, state: Array, gains: Array, actuators: Records, corrected: Array
 ) -> None:
-    """Write spool positions that open a valve by what the loop adds; without a loop the demands.
-
-    One machine and one row of gains serve any number of states.
-    """
+    """Write spool positions that open a valve by what the loop adds, with any number of states."""
     n, nc = demand.shape
     for case in range(n):
         m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0

@@ -21,43 +21,24 @@ MOST_JUMPS = 50  # unannounced, one right after the other
 
 
 class Running(NamedTuple):
-    """Cases under way: one row of every array each.
+    """Cases under way: one row of every array each."""
 
-    Attributes:
-        case: number of the case.
-        end: of its run [s].
-        longest: step wherever its command may jump unannounced [s].
-        most: step at all, by stability [s].
-        needed: step that its oscillations need [s].
-        time: reached [s].
-        state: there (n, m).
-        slope: rates there (n, m).
-        low: when rates of its stretch are evaluated first [s].
-        high: and last [s].
-        stop: end of its stretch [s].
-        step: next step [s]; 0: halted.
-        size: next step but for the stop [s].
-        jumps: steps as short as an instant, one right after the other.
-        landed: stops reached since the last look at stiffness.
-        before: time then [s].
-    """
-
-    case: Array
-    end: Array
-    longest: Array
-    most: Array
-    needed: Array
-    time: Array
-    state: Array
-    slope: Array
-    low: Array
-    high: Array
-    stop: Array
-    step: Array
-    size: Array
-    jumps: Array
-    landed: Array
-    before: Array
+    case: Array  # number of the case
+    end: Array  # of its run [s]
+    longest: Array  # step wherever its command may jump unannounced [s]
+    most: Array  # step at all, by stability [s]
+    needed: Array  # step that its oscillations need [s]
+    time: Array  # reached [s]
+    state: Array  # there (n, m)
+    slope: Array  # rates there (n, m)
+    low: Array  # when rates of its stretch are evaluated first [s]
+    high: Array  # and last [s]
+    stop: Array  # end of its stretch [s]
+    step: Array  # next step [s]; 0: halted
+    size: Array  # next step but for the stop [s]
+    jumps: Array  # steps as short as an instant, one right after the other
+    landed: Array  # stops reached since the last look at stiffness
+    before: Array  # time then [s]
 
     @property
     def under_way(self) -> Flags:
@@ -66,19 +47,12 @@ class Running(NamedTuple):
 
 
 class Tableau(NamedTuple):
-    """Coefficients of the pair.
+    """Coefficients of the pair."""
 
-    Attributes:
-        nodes: c of the stages after the first (6,).
-        weights: a of these stages (6, 6), below the diagonal; the last row is b.
-        error: b less the weights of order 4 (7,).
-        interpolant: P (7, 4).
-    """
-
-    nodes: Array
-    weights: Array
-    error: Array
-    interpolant: Array
+    nodes: Array  # c of the stages after the first (6,)
+    weights: Array  # a of these stages (6, 6), below the diagonal; the last row is b
+    error: Array  # b less the weights of order 4 (7,)
+    interpolant: Array  # P (7, 4)
 
     @classmethod
     def of_scipy(cls) -> Tableau:
@@ -105,21 +79,13 @@ class Stages(NamedTuple):
 
 
 class Records(NamedTuple):
-    """States at evenly spaced instants of every case, one case below the other.
+    """States at evenly spaced instants of every case, one case below the other."""
 
-    Attributes:
-        states: (rows, m).
-        first: row of each case's start.
-        last: row of its end.
-        spacing: between its records [s].
-        done: row filled last.
-    """
-
-    states: Array
-    first: Array
-    last: Array
-    spacing: Array
-    done: Array
+    states: Array  # (rows, m)
+    first: Array  # row of each case's start
+    last: Array  # row of its end
+    spacing: Array  # between its records [s]
+    done: Array  # row filled last
 
     @classmethod
     def of(cls, start: Array, durations: Array, counts: Array) -> Records:

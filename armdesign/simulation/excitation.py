@@ -131,18 +131,12 @@ class SymmetricValve:
     Open by x, a valve passes more oil on the side with the larger pressure drop: a sine of the
     spool would drive the piston away. The opening is therefore divided by its side's flow over
     the mean of both, as a pressure compensator does.
-
-    Attributes:
-        valve: of the actuator.
-        speed: of the piston with the valve wide open, mean of both sides [m/s].
-        extend: factor of the openings that extend.
-        retract: factor of those that retract.
     """
 
-    valve: Valve
-    speed: float
-    extend: float
-    retract: float
+    valve: Valve  # of the actuator
+    speed: float  # of the piston with the valve wide open, mean of both sides [m/s]
+    extend: float  # factor of the openings that extend
+    retract: float  # factor of those that retract
 
     @classmethod
     def all(cls, plant: Plant, equilibrium: Array) -> list[SymmetricValve]:

@@ -230,10 +230,7 @@ class Experiment:
         return largest * self._undetuned(largest * joints)
 
     def _swing(self, linear: LinearModel) -> tuple[Array, Array, Array, Array]:
-        """Largest swings of joints, cap and annulus pressures [Pa] and pistons [m].
-
-        In a sweep of opening 1 of the linear plant.
-        """
+        """Largest swings of joints, pressures [Pa], pistons [m] in a linear sweep of opening 1."""
         from scipy.signal import StateSpace, lsim
 
         plant, size = self.plant, len(linear.A) - 2 * self.plant.nc

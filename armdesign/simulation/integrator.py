@@ -52,17 +52,11 @@ class Breaks(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Time without a breakpoint.
+    """Time without a breakpoint."""
 
-    Attributes:
-        low: when rates are evaluated first [s], just inside.
-        high: when they are evaluated last [s].
-        stop: its end [s].
-    """
-
-    low: float
-    high: float
-    stop: float
+    low: float  # when rates are evaluated first [s], just inside
+    high: float  # when they are evaluated last [s]
+    stop: float  # its end [s]
 
 
 def stretches(instants: Sequence[float], end: float) -> list[Stretch]:
@@ -125,15 +119,10 @@ class Span(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Largest ω of the oscillations of the cases.
+    """Largest ω of the oscillations of the cases."""
 
-    Attributes:
-        undamped: largest ω of undamped oscillations (n,) [rad/s]; 0: none.
-        largest: ω of damped ones, too, that steps may have to follow (n,) [rad/s].
-    """
-
-    undamped: Array
-    largest: Array
+    undamped: Array  # largest ω of undamped oscillations (n,) [rad/s]; 0: none
+    largest: Array  # ω of damped ones, too, that steps may have to follow (n,) [rad/s]
 
 
 class GaveUpError(Exception):

@@ -168,10 +168,7 @@ def _rows(values: Array, like: Array) -> Array:
 
 
 def _jacobian(f: Callable[[Array], Array], x: Array, steps: Array) -> Array:
-    """Jacobian ∂f/∂x (outputs, inputs) at x with a step per input.
-
-    The function takes all shifted x (n, inputs) at once.
-    """
+    """Jacobian ∂f/∂x (outputs, inputs) with a step per input; f takes all shifted x at once."""
     shifts = np.diag(steps)
     points = [x + sign * k * shifts for k in range(1, len(WEIGHTS) + 1) for sign in (1, -1)]
     values = f(np.concatenate(points)).reshape(len(WEIGHTS), 2, len(steps), -1)

@@ -16,19 +16,12 @@ FIRST_STEP = 1e-4  # [s], at most
 
 
 class Limits(NamedTuple):
-    """Settings of a case that is finished alone.
+    """Settings of a case that is finished alone."""
 
-    Attributes:
-        longest: step [s].
-        tolerance: of a step's error, relative and absolute.
-        gain: least time [s] to gain in a ``window``.
-        window: steps.
-    """
-
-    longest: float
-    tolerance: float
-    gain: float
-    window: int
+    longest: float  # step [s]
+    tolerance: float  # of a step's error, relative and absolute
+    gain: float  # least time [s] to gain in a ``window``
+    window: int  # steps
 
 
 def integrate_stiff(

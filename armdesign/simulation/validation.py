@@ -134,10 +134,7 @@ class Validation:
         return Validation(self.joints, tuple(sweeps))
 
     def plot(self) -> Any:
-        """Measured and fitted frequency response of every pose's first sweep.
-
-        Returns the figure.
-        """
+        """Figure of the measured and fitted frequency response of every pose's first sweep."""
         from armdesign import plots
 
         return plots.frequency_responses(self.by_pose)

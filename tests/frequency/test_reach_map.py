@@ -158,3 +158,82 @@ def test_no_pose_with_all_joints_but_two_at_an_end_lies_below_its_cell() -> None
     above = reach.frequency[reached] / lowest[reached]
     assert np.mean(np.isnan(above)) < 1e-3
     assert np.nanmax(above) < 1.02
+
+
+def lowest_by_search(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> np.ndarray:
+    """Brute force: the lowest frequency of each cell among random poses, and those near the best.
+
+    Poses inside, with joints at ends, and turned onto pitch limits; then ever nearer to the lowest
+    pose of each cell. All computed, none interpolated.
+    """
+    machine, rng = found.machine, np.random.default_rng(seed)
+    axes, margin = (reach.reach, reach.height), found.workspace.end_margin
+    low, high = machine.range_within(margin).T
+    shape = reach.frequency.shape
+    lowest = np.full(shape, np.inf)
+    for payload in machine.payloads:
+        case, joints = machine.with_payload(payload.name), tipping_joints(machine, payload)
+        best, where = np.full(lowest.size, np.inf), np.zeros((lowest.size, len(low)))
+
+        def try_all(q: np.ndarray) -> None:
+            limits = itertools.product(joints, payload.pitch or ())  # noqa: B023
+            turned = [onto_pitch_limit(case, payload, q, *limit)[1] for limit in limits]  # noqa: B023
+            q = np.concatenate([q, *turned])
+            q = q[np.all((q >= low) & (q <= high), axis=1)]
+            poses = case.evaluate(case.rigid_poses(q[case.holds(q)]))  # noqa: B023
+            at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+            index = [nearest(axis, x) for axis, x in zip(axes, at, strict=True)]
+            cell, value = np.ravel_multi_index(index, shape), lowest_frequency(poses)
+            order = np.lexsort((value, cell))
+            first = order[np.unique(cell[order], return_index=True)[1]]
+            first = first[value[first] < best[cell[first]]]  # noqa: B023
+            best[cell[first]], where[cell[first]] = value[first], poses.q[first]  # noqa: B023
+
+        for ended in range(len(low)):
+            q = low + rng.random((40_000, len(low))) * (high - low)
+            which = np.argsort(rng.random(q.shape), axis=1) < ended
+            try_all(np.where(which, np.where(rng.random(q.shape) < 0.5, low, high), q))
+        for width in 0.02 * 0.7 ** np.arange(12):
+            near = np.repeat(where[np.isfinite(best)], 6, axis=0)
+            moves = rng.random(near.shape) < 0.7
+            step = moves * rng.normal(0, width, near.shape) * (high - low)
+            try_all(np.clip(near + step, low, high))
+        lowest = np.minimum(lowest, best.reshape(lowest.shape))
+    return lowest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["grid", "sobol"])
+@pytest.mark.parametrize("name", ["slewing"])
+def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
+    """Within 2 %: of 3229 cells of the slewing machine one on a pitch limit was 3.6 % too high.
+
+    With quasi-random poses nothing was interpolated between them.
+    """
+    machine = machines.named(name)
+    space = ad.Workspace.grid(machine) if kind == "grid" else ad.Workspace.sobol(machine, 3000)
+    found = ad.frequency_map(machine, space)
+    reach = found.reach_map()
+    lowest = lowest_by_search(found, reach, 5)
+    reached = np.isfinite(lowest)
+    above = reach.frequency[reached] / lowest[reached]
+    assert reached.sum() > 3000
+    assert np.isnan(above).sum() <= 2
+    assert np.nanmax(above) < 1.02
+
+
+def test_quasi_random_poses_make_the_picture_of_the_grid() -> None:
+    """Whatever the poses of the workspace, a cell is the least over all poses that bring the tool.
+
+    Of 3000 poses 2 % reached a cell of their own before.
+    """
+    machine = machines.named("excavator_20t")
+    grid = ad.frequency_map(machine).reach_map()
+    found = ad.frequency_map(machine, ad.Workspace.sobol(machine, 3000)).reach_map()
+    assert np.isfinite(found.frequency).sum() == pytest.approx(
+        np.isfinite(grid.frequency).sum(), rel=0.01
+    )
+    assert np.nanmin(found.frequency) == pytest.approx(np.nanmin(grid.frequency), rel=2e-3)
+    some = ad.frequency_map(machine, ad.Workspace.sobol(machine, 3000).subset(np.arange(500)))
+    reached = np.isfinite(some.reach_map().frequency).sum()
+    assert reached < 500  # poses that are named one by one stand for nothing but themselves

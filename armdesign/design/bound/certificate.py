@@ -52,10 +52,7 @@ CLOSE_FOR_AREAS = 1e-4  # of ω², between the bound and the lowest pose, where 
 
 
 def bound_of_areas(search: Search) -> float | None:
-    """Worst frequency [Hz] that no areas can exceed with the pins of a search.
-
-    None where no bound is known.
-    """
+    """Worst frequency [Hz] that no areas can exceed with a search's pins; None where unknown."""
     try:
         enclosed = convex_relaxation(search.problem)
     except InfeasibleError:  # by less than the search lets pass

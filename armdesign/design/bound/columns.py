@@ -60,17 +60,11 @@ def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[So
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """Designs of single cylinders.
+    """Designs of single cylinders."""
 
-    Attributes:
-        drive: index of the drive (c,).
-        design: b and scale (c, 3).
-        volume: swept volumes (c, 2) [m³].
-    """
-
-    drive: Array
-    design: Array
-    volume: Array
+    drive: Array  # index of the drive (c,)
+    design: Array  # b and scale (c, 3)
+    volume: Array  # swept volumes (c, 2) [m³]
 
     def __getitem__(self, rows: Array) -> Columns:
         return Columns(drive=self.drive[rows], design=self.design[rows], volume=self.volume[rows])

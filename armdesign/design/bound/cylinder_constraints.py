@@ -165,10 +165,7 @@ def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tup
 def cylinder_constraints(
     problem: Problem, i: int, bars: Sequence[BarEnclosure] = ()
 ) -> CylinderConstraints | None:
-    """Limits of cylinder ``i``, each wider by ``CONSTRAINT_TOLERANCE``, whatever ``bars`` weigh.
-
-    None where its shape is not known.
-    """
+    """Limits of cylinder ``i`` under ``bars``, each wider by ``CONSTRAINT_TOLERANCE``; or None."""
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
     vector, poses, more = problem.vector, problem.vector.range_poses[i], 1 + CONSTRAINT_TOLERANCE
     if poses is None:

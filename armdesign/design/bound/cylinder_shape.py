@@ -293,10 +293,7 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
 
 
 def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
-    """Reach of each pin of a cylinder, down and up (2, 2: x and z) [m].
-
-    None if another part varies too.
-    """
+    """Reach of each pin, down and up (2, 2: x and z) [m]; None if another part varies too."""
     reaches: dict[str, Array] = {}
     for v in problem.vector.variables:
         if v.cylinder != i or v.pin is None:
@@ -309,10 +306,7 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
 
 
 def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
-    """The shape by moves b [m] of the base pin in its link, within ``reach`` (2, 2).
-
-    The rod end stays.
-    """
+    """The shape by moves b [m] of the base pin within ``reach`` (2, 2); the rod end stays."""
     joint = linkage.joints[0]
     now = linkage.actuation(poses)
     length, arm, curve = (
@@ -409,10 +403,7 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
 
 
 def _turn(linkage: Linkage, poses: RigidPoses) -> Array | None:
-    """Rotation of the rod end's link in the base's (n, 2, 2), in x and z.
-
-    None if not in one plane.
-    """
+    """Rotation of the rod end's link in the base's (n, 2, 2), x and z; None if not in a plane."""
     rod_end = linkage.pin("rod_end")
     if rod_end is None:
         return None

@@ -95,10 +95,7 @@ class CylinderTerm:
     own: Sequence[float] = 0.0, 0.0
 
     def upper(self, low: Array, high: Array) -> Cells:
-        """Upper bounds over cells, infinite where not known.
-
-        Cells in which nothing is allowed are left out.
-        """
+        """Upper bounds over cells, infinite if not known; cells with nothing allowed left out."""
         kept, scale, vertices = self.limits.allowed(low, high)
         low, high = low[kept], high[kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])

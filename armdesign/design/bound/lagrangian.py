@@ -64,27 +64,16 @@ CELLS, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Multipliers:
-    """Multipliers of one programme, ω² in units of the reference.
+    """Multipliers of one programme, ω² in units of the reference."""
 
-    Attributes:
-        rows: the rows that it had (n,).
-        weight: L⁻ᵀ Z L⁻¹ (n, nd, nd) over the drives' joints and the reference.
-        trace: of each Z (n,).
-        oil: μ of both sides (2,) [1/m³].
-        constant: the part of the upper bound that no design changes.
-        light: Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all.
-        mixed: the best of mixtures.
-        mixture: how much of each column it takes (c,).
-    """
-
-    rows: Array
-    weight: Array
-    trace: Array
-    oil: Array
-    constant: float
-    light: float
-    mixed: float
-    mixture: Array
+    rows: Array  # the rows that it had (n,)
+    weight: Array  # L⁻ᵀ Z L⁻¹ (n, nd, nd) over the drives' joints and the reference
+    trace: Array  # of each Z (n,)
+    oil: Array  # μ of both sides (2,) [1/m³]
+    constant: float  # the part of the upper bound that no design changes
+    light: float  # Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all
+    mixed: float  # the best of mixtures
+    mixture: Array  # how much of each column it takes (c,)
 
 
 @dataclass(eq=False)
@@ -279,10 +268,7 @@ class LagrangianDual:
         )
 
     def _take_rows(self, multipliers: Multipliers) -> float:
-        """Replace rows of least weight by rows where the mixture is lowest.
-
-        Returns the lowest ω² of the mixture over the reference.
-        """
+        """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
         inverse, base = self.scaled_bases(self.watched)
         mixed = base + np.einsum(
             "c,cnij->nij", multipliers.mixture, self._matrices(inverse, self.watched)

@@ -169,10 +169,7 @@ class BarEnclosure:
         return (Interval(low[0], high[0]), rod, *(interval(1.0) for _ in self.per_area[2:]))
 
     def gravity(self, rigid: RigidPoses) -> Interval:
-        """Gravity torques (n, nq) [N m] of all bars.
-
-        Unknown on the joint of a linkage that moves.
-        """
+        """Gravity torques (n, nq) [N m] of all bars; unknown on a moving linkage's joint."""
         motions, totals = _pin_motions(self.problem, self.cylinder, rigid), []
         for cell in self.cells:
             total = interval(0.0)

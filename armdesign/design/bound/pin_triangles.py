@@ -37,10 +37,7 @@ class TriangleBoxes:
         return points.min(axis=(0, 1)) - margin, points.max(axis=(0, 1)) + margin, scale
 
     def scales(self, low: Array, high: Array, scale: Interval) -> Interval:
-        """The scales (m,) at which a triangle with b in the box (m, 2) may be possible.
-
-        Empty where low > high.
-        """
+        """Scales (m,) at which b in the box (m, 2) may be possible; empty where low > high."""
         nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
         farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)), axis=1)
         near, far = _distances(self.base)

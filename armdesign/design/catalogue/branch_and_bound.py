@@ -147,10 +147,7 @@ class BranchAndBound:
     def _try(
         self, combinations: Array, bounds: Array, reached: float, best: Array
     ) -> tuple[float, Array]:
-        """The best of the combinations, evaluated exactly in the order of their bounds.
-
-        Or what was reached before.
-        """
+        """The best of combinations, exact in order of bounds, or what was reached before."""
         order = np.argsort(-bounds, kind="stable")
         for start in range(0, len(order), BATCH):
             batch = order[start : start + BATCH]
@@ -169,10 +166,7 @@ class BranchAndBound:
         return reached, best
 
     def _at_low_poses(self, combinations: Array, first: int = 0) -> Array:
-        """Lowest λ of combinations at the poses that have been lowest so far.
-
-        From the one numbered ``first``.
-        """
+        """Lowest λ of combinations at the poses lowest so far, from the one numbered ``first``."""
         low = self._low[np.arange(first, len(self._low))]
         parts = []
         for part in np.array_split(combinations, max(1, len(combinations) * len(low) // CHUNK)):

@@ -41,17 +41,11 @@ TOLERANCE = 1e-9  # of a slack
 
 @dataclass(frozen=True, eq=False)
 class SlackSums:
-    """Slacks as sums over the cylinders.
+    """Slacks as sums over the cylinders."""
 
-    Attributes:
-        slack: of the machine as it is placed (m,).
-        changes: by each cylinder's sizes (sizes, m).
-        touched: which cylinder changes which (nc, m).
-    """
-
-    slack: Array
-    changes: list[Array]
-    touched: Flags
+    slack: Array  # of the machine as it is placed (m,)
+    changes: list[Array]  # by each cylinder's sizes (sizes, m)
+    touched: Flags  # which cylinder changes which (nc, m)
 
     def combination(self, columns: Array) -> Array | None:
         """A combination (nc,) that meets the requirements in ``columns``; None if none does.
@@ -79,10 +73,7 @@ class SlackSums:
         return chosen[meets[0]] if len(meets) > 0 else None
 
     def nearest(self, give: Array, keep: Array) -> Array | None:
-        """The combination (nc,) that meets ``keep`` and misses ``give`` least; None if none can.
-
-        Of several that do, one that misses the first of ``give`` least, then the next.
-        """
+        """The combination that meets ``keep`` and misses ``give`` least in order, or None."""
         shares, every = np.zeros(len(self.slack)), np.union1d(keep, give)
         shares[give] = 2 * LOST
         best = self.eased(shares).combination(every)
@@ -176,10 +167,7 @@ class Judge:
         return areas_of(self.placed.actuators)[None]
 
     def slacks(self, areas: Array) -> Array:
-        """Slack (b, m) of every requirement at areas (b, nc, 2).
-
-        What lies below −``LOST`` is lost anyhow.
-        """
+        """Slack (b, m) of every requirement at areas (b, nc, 2); below −``LOST`` all is lost."""
         parts = np.array_split(areas, -(-len(areas) // BATCH))
         return np.maximum(
             np.concatenate([self._judged(part)[1] for part in parts]) + self.tolerance, -LOST

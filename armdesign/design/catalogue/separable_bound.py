@@ -31,23 +31,14 @@ from armdesign.machine.machine import Machine
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScaledPoses:
-    """Poses with a load case, in the frame of L⁻¹, M = L Lᵀ, over a reference ω².
+    """Poses with a load case, in the frame of L⁻¹, M = L Lᵀ, over a reference ω²."""
 
-    Attributes:
-        extension: of every cylinder (n, nc) [m].
-        end: index (n,) of the end of oil and structure of ``Corners``.
-        force: static forces (n, nc) [N].
-        arm: L⁻¹r (n, nc, nq).
-        rest: L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil.
-        lowest: lowest ω² with today's sizes (n,).
-    """
-
-    end: Array
-    extension: Array
-    force: Array
-    arm: Array
-    rest: Array
-    lowest: Array
+    end: Array  # index (n,) of the end of oil and structure of ``Corners``
+    extension: Array  # of every cylinder (n, nc) [m]
+    force: Array  # static forces (n, nc) [N]
+    arm: Array  # L⁻¹r (n, nc, nq)
+    rest: Array  # L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil
+    lowest: Array  # lowest ω² with today's sizes (n,)
 
     def __getitem__(self, rows: Array) -> ScaledPoses:
         return ScaledPoses(**{name: value[rows] for name, value in vars(self).items()})

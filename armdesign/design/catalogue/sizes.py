@@ -123,10 +123,7 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
 
 
 def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:
-    """The cylinder with another bore and rod [m].
-
-    Its dead volumes grow with the areas if ``proportional``.
-    """
+    """The cylinder with another bore and rod [m]; dead volumes follow if ``proportional``."""
     new = replace(cylinder, bore=bore, rod=rod)
     if not proportional:
         return new

@@ -61,10 +61,7 @@ def constraints_at(problem: Problem, x: Array, holding: Array | None = None) -> 
 
 
 def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
-    """By how much the problem's tightening draws a constraint in (b, k).
-
-    What no variable moves, no rounding moves.
-    """
+    """Tightening of a constraint (b, k): what no variable moves, no rounding moves."""
     tightening = problem.margins.tightening
     if not tightening:
         return 0.0

@@ -192,10 +192,7 @@ class DesignVector:
 
     @cached_property
     def arms_today(self) -> list[Array]:
-        """Today's moment arm of each cylinder over its joint's range [m/rad].
-
-        Empty across several joints.
-        """
+        """Today's moment arms over each joint's range [m/rad]; empty across several joints."""
         return [
             k.actuation(p).moment_arm[:, k.joints[0]] if p is not None else np.empty(0)
             for k, p in zip(self.machine.linkages, self.range_poses, strict=True)
@@ -203,10 +200,7 @@ class DesignVector:
 
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
-        """Closed length and stroke of each actuator (nc,) [m], to cover its joint's range.
-
-        Today's for a motor and for a cylinder whose pins stay.
-        """
+        """Closed length and stroke (nc,) [m] that cover joint ranges; today's if pins stay."""
         actuators = self.machine.actuators
         closed, stroke = (
             np.array([getattr(f, key) for f in actuators]) for key in ("closed_length", "stroke")
@@ -243,10 +237,7 @@ class DesignVector:
         return self.machine if self.moving_masses is None else self.moving_masses.rest
 
     def with_pins(self, x: Array) -> Machine:
-        """Today's machine with pins, bars, closed lengths, strokes and masses of x.
-
-        Bores and rods are today's.
-        """
+        """Today's machine and sizes with pins, bars, lengths, strokes and masses of x."""
         lengths = zip(self.machine.cylinders, *self.strokes(x), strict=False)  # motors stay
         cylinders = [
             dataclasses.replace(c, closed_length=float(closed), stroke=float(stroke))

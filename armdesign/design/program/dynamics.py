@@ -175,10 +175,7 @@ class Dynamics:
     def stepped_inertia_and_gravity(
         self, x: Array, rows: Rows, chosen: Array
     ) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of some rows, a complex step along each entry of x in front (nx, n, …).
-
-        (1, n, …) where they do not depend on x.
-        """
+        """M, g, ∂g/∂q of rows, a complex step along each entry of x (nx, n, …), or (1, n, …)."""
         mass, gravity, slope = rows.mass[chosen], rows.gravity[chosen], rows.slope[chosen]
         if self.vector.moving_masses is None:
             return mass[None], gravity[None], slope[None]

@@ -54,10 +54,7 @@ class SteppedDesign:
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:
-        """Length and moment arm of each cylinder over the range of its joint (nx, n).
-
-        None across several joints.
-        """
+        """Length and moment arm over each joint's range (nx, n); None across several joints."""
         return [
             None if poses is None else self._swept(i, poses)
             for i, poses in enumerate(self.vector.range_poses)
@@ -141,10 +138,7 @@ class SteppedDesign:
         return ends[0], ends[1]
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:
-        """Gravity torque of links, cylinders and four-bars without a load [N m].
-
-        (nx, n, nq), or (1, n, nq) where it does not depend on x.
-        """
+        """Gravity torque without a load [N m], (nx, n, nq), or (1, n, nq) if x does not matter."""
         known = unloaded(self.vector.bare, rigid)[None]
         return known if self.vector.moving_masses is None else known + self.mass_terms(rigid)[1]
 

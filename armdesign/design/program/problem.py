@@ -99,10 +99,7 @@ class Problem:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper end of every entry of x.
-
-        A pin with a smaller box of its own keeps to that, an area of a chosen size to that size.
-        """
+        """Ends of every entry of x: a pin keeps to its own box, an area to its chosen size."""
         low, high = np.array([self._ends(v) for v in self.vector.variables]).T
         return low, high
 

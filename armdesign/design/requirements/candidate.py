@@ -48,16 +48,10 @@ class Candidate(Protocol):
 
     @property
     def sweeps(self) -> list[tuple[Array, Array] | None]:
-        """Length and moment arm of each cylinder over the range of its joint (b, k).
-
-        None across several joints.
-        """
+        """Length and moment arm over each joint's range (b, k); None across several joints."""
 
     def place(self, i: int, name: str) -> Array | None:
-        """A pin of a cylinder's linkage in its link (b, 3) or length of a bar (b, 1) [m].
-
-        None where there is none.
-        """
+        """A pin in its link (b, 3) or length of a bar (b, 1) [m]; None where there is none."""
 
     def transmission(self, i: int) -> Array:
         """Cosine of the angle between rocker and coupler over the range of the joint (b, k)."""
@@ -69,10 +63,7 @@ class Candidate(Protocol):
         """Base pin and rod end of a cylinder in the world (b, n, 3) [m]."""
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:
-        """Gravity torque (b, n, nq) of links, cylinders and four-bars without a load [N m].
-
-        Or (1, n, nq) for all.
-        """
+        """Gravity torque without a load (b, n, nq) [N m], or (1, n, nq) for all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +182,7 @@ def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
 def _swept(
     linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: int
 ) -> tuple[Array, Array]:
-    """Length and moment arm over its joint's range (1, k).
-
-    Remembered: many sizes are tried on the same pins.
-    """
+    """Length and moment arm over its joint's range (1, k), remembered for many sizes."""
     joint = linkage.joints[0]
     actuation = linkage.actuation(sweep(arm, joint, over(np.array(ends), samples)))
     return actuation.length[None], actuation.moment_arm[None, :, joint]

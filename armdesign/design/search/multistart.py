@@ -71,15 +71,10 @@ def formulate(
 
 @dataclass(frozen=True)
 class Starts:
-    """Results of all starts of a search.
+    """Results of all starts of a search."""
 
-    Attributes:
-        reached: worst frequencies [Hz] where all requirements are met.
-        failed: of every other start why it failed, in words.
-    """
-
-    reached: tuple[float, ...] = ()
-    failed: tuple[str, ...] = ()
+    reached: tuple[float, ...] = ()  # worst frequencies [Hz] where all requirements are met
+    failed: tuple[str, ...] = ()  # of every other start why it failed, in words
 
     @classmethod
     def of(cls, searches: Sequence[Search]) -> Starts:

@@ -30,15 +30,10 @@ LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price
 
 @dataclass(frozen=True)
 class Price:
-    """Relative gain in the worst frequency from relaxing a requirement by 1 %.
+    """Relative gain in the worst frequency from relaxing a requirement by 1 %."""
 
-    Attributes:
-        at_margin: gain per 1 % for a small relaxation.
-        gain: of the whole 1 %.
-    """
-
-    at_margin: float
-    gain: float
+    at_margin: float  # gain per 1 % for a small relaxation
+    gain: float  # of the whole 1 %
 
 
 def prices(search: Search) -> dict[str, Price]:

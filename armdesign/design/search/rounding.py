@@ -231,10 +231,7 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
 
 
 def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array, Array] | None]:
-    """Today's sizes on pins and strokes on the grid, and its static loads.
-
-    None where they depend on the sizes.
-    """
+    """Today's sizes on rounded pins and strokes, and static loads; None if these need sizes."""
     changes = pin_changes(search.problem, search.x)
     placed = search.problem.machine.replace(changes) if changes else search.problem.machine
     known = search.problem.vector.moving_masses is None and len(placed.actuators) == len(

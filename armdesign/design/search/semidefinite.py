@@ -102,18 +102,12 @@ class StepProgramme:
 
 @lru_cache(maxsize=8)
 def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
-    """The programme of this shape, set up once in a process.
-
-    Not for use by several threads at a time.
-    """
+    """The programme of this shape, set up once in a process; not for several threads at a time."""
     return StepProgramme(n, nq, m, nx)
 
 
 def _levelled(base: Array) -> Array:
-    """A congruence T for each matrix A, so that T A Tᵀ has no large entries.
-
-    Stiff modes may be 10⁵ × the lowest.
-    """
+    """A congruence T for each A, so that T A Tᵀ has no large entries (stiff modes: 10⁵ ×)."""
     size, vectors = np.linalg.eigh(base)
     return np.asarray(
         np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2)
@@ -174,10 +168,7 @@ def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Ar
 
 
 def contradicted(bound: float, reached: float) -> bool:
-    """Whether a bound is not a number, or below what an allowed design reaches.
-
-    Both in Hz or both as ω².
-    """
+    """Whether a bound is NaN, or below what an allowed design reaches; both in Hz or as ω²."""
     return not bound >= reached - MISSED_SHARE * abs(reached)
 
 

@@ -189,10 +189,7 @@ class Search:
         )
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
-        """Rows for the next programme: the lowest, and those that spoilt a step.
-
-        But no two that nearly coincide.
-        """
+        """Rows for the next programme: the lowest and those that spoilt a step, no two alike."""
         place = self.problem.dynamics.row_coordinates(self.rows)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
         for spacing in (0.05, 0.0):
@@ -282,10 +279,7 @@ def _missed(at: Constraints) -> Array:
 
 
 def _nearest_limits(at: Constraints, box: Box, count: int) -> Array:
-    """The constraints that a step in the box could bring nearest to violation.
-
-    Always the same number of them.
-    """
+    """As many constraints each time: those that a step could bring nearest to violation."""
     reach = np.minimum(at.jacobian * box[0], at.jacobian * box[1]).sum(axis=1)
     lowest = at.values + reach
     return np.sort(np.argsort(lowest)[: min(count, len(lowest))])

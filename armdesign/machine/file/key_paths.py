@@ -143,10 +143,7 @@ def bounds(location: Location) -> tuple[float, float]:
 
 
 def unit_of(location: Location) -> str:
-    """Unit of a number, with a space before it.
-
-    Its key names it, or else the list or table that holds the number.
-    """
+    """Unit of a number after a space, from its key or from the list or table that holds it."""
     kind: Any = MachineSection
     unit = ""
     for key in location:

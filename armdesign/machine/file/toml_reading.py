@@ -138,10 +138,7 @@ def list_meant(written: str, count: int) -> str:
 
 
 def number_meant(text: str, unit: str) -> tuple[str, str]:
-    """Fault of a text where a number belongs, beside the quotes, and the remedy.
-
-    Either is "" where there is nothing to say.
-    """
+    """Fault of a text where a number belongs, and the remedy; "" where there is nothing to say."""
     text = text.strip()
     if _GROUPED.fullmatch(text):
         return "points and commas, and a text", f"write {without_groups(text)}"
@@ -216,10 +213,7 @@ class KeyLines:
 
     @cached_property
     def by_path(self) -> dict[str, KeyLine]:
-        """Line of every key, table and list item by its path.
-
-        Of a table its header, or the key that makes it.
-        """
+        """Line of every key, list item and table (header, or the key that makes it) by path."""
         table: Keys = ()
         at = self._past_space(0)
         while at < len(self._text):
@@ -234,10 +228,7 @@ class KeyLines:
         return {".".join(keys): place for keys, place in self._found.items()}
 
     def line_of(self, path: str) -> int | None:
-        """Line of a key path, or of the nearest table above it that the text has.
-
-        None where it has neither.
-        """
+        """Line of a key path, or of the nearest table above it in the text; None if neither."""
         while path and path not in self.by_path:
             path = path.rpartition(".")[0]
         return self.by_path[path].line if path else None

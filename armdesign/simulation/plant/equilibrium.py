@@ -42,17 +42,11 @@ Intervals: TypeAlias = tuple[float, float, float, float]
 
 
 class PortLaw(NamedTuple):
-    """Data of the flows of an actuator's ports, but for chamber pressures and spool.
+    """Data of the flows of an actuator's ports, but for chamber pressures and spool."""
 
-    Attributes:
-        actuator: record ``ACTUATOR``.
-        system: record ``SYSTEM``.
-        supply: pressure at the valve [Pa].
-    """
-
-    actuator: Record
-    system: Record
-    supply: float
+    actuator: Record  # record ``ACTUATOR``
+    system: Record  # record ``SYSTEM``
+    supply: float  # pressure at the valve [Pa]
 
 
 @compiled
@@ -118,10 +112,7 @@ def _positions(law: PortLaw, low: Array, high: Array, share: float) -> Intervals
 
 @compiled
 def _apart(positions: Intervals) -> float:
-    """Side of the cap's interval: 1 further out than the annulus's, −1 further in, 0 they meet.
-
-    NaN if both are out of reach.
-    """
+    """Side of the cap's interval: 1 beyond the annulus's, −1 before, 0 they meet, NaN none."""
     first, last, begin, end = positions
     if abs(first) == OUT_OF_REACH and first == begin:
         return np.nan
@@ -159,33 +150,20 @@ def _gain(law: PortLaw, side: int, own: float, other: float, spool: float) -> fl
 
 
 class StaticHold(NamedTuple):
-    """Static hold of a load by an actuator.
+    """Static hold of a load by an actuator."""
 
-    Attributes:
-        cap: pressure [Pa].
-        annulus: pressure [Pa].
-        spool: position −1…1.
-        overcome: in words, that its relief cannot hold the load; else empty.
-        creeps: in words, that oil leaks which no spool position makes up for; else empty.
-    """
-
-    cap: float
-    annulus: float
-    spool: float = 0.0
-    overcome: str = ""
-    creeps: str = ""
+    cap: float  # pressure [Pa]
+    annulus: float  # pressure [Pa]
+    spool: float = 0.0  # position −1…1
+    overcome: str = ""  # in words, that its relief cannot hold the load; else empty
+    creeps: str = ""  # in words, that oil leaks which no spool position makes up for; else empty
 
 
 class Equilibrium(NamedTuple):
-    """A state of equilibrium, and how every actuator holds its load there, or why it does not.
+    """A state of equilibrium, and how every actuator holds its load there, or why it does not."""
 
-    Attributes:
-        state: (size,).
-        holdings: of the actuators, in order.
-    """
-
-    state: Array
-    holdings: tuple[StaticHold, ...]
+    state: Array  # (size,)
+    holdings: tuple[StaticHold, ...]  # of the actuators, in order
 
 
 def find_equilibrium(plant: Plant, q: ArrayLike, preloaded: bool | None = None) -> Equilibrium:

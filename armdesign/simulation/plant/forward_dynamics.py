@@ -82,10 +82,7 @@ class ForwardDynamics:
 def _solve(
     mass: Array, force: Array, order: Array, bars: BarLoads, torque: Array, acceleration: Array
 ) -> None:
-    """Write (M + M_bars)⁻¹(τ − h − h_bars) of every case.
-
-    Pinocchio fills the upper triangle of M, in its own order.
-    """
+    """Write (M + M_bars)⁻¹(τ − h − h_bars) of every case; Pinocchio fills M's upper triangle."""
     for case in range(len(acceleration)):
         whole, net = bars.mass[case].copy(), torque[case] - bars.force[case]
         for j in range(len(order)):

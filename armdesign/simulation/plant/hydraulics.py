@@ -285,10 +285,7 @@ def beyond_stop(actuator: Record, extension: float) -> float:
 
 @compiled
 def pressed(actuator: Record, beyond: float) -> float:
-    """Depression of a stop [m] by a piston that would be ``beyond`` it, had it no stop.
-
-    The compliance in series gives way.
-    """
+    """Depression of a stop [m] by a piston ``beyond`` it; the compliance in series gives way."""
     return beyond / (1 + actuator.compliance * actuator.stop)
 
 

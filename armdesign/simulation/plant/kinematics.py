@@ -70,17 +70,11 @@ class Frames(NamedTuple):
 
 
 class PinMotion(NamedTuple):
-    """Motion of the points of a drive.
+    """Motion of the points of a drive."""
 
-    Attributes:
-        slope: by each joint (POINTS, nq, 3).
-        coriolis: Coriolis and centrifugal accelerations (POINTS, 3).
-        arm: moment arms (nq,).
-    """
-
-    slope: Array
-    coriolis: Array
-    arm: Array
+    slope: Array  # by each joint (POINTS, nq, 3)
+    coriolis: Array  # Coriolis and centrifugal accelerations (POINTS, 3)
+    arm: Array  # moment arms (nq,)
 
 
 class BarLoads(NamedTuple):
@@ -244,10 +238,7 @@ def _moved(
 
 @compiled
 def _knee(drive: Record, a: Vector, c: Vector) -> tuple[Vector, Vector]:
-    """Both coordinates of the knee, right and up, from the lug's a and c.
-
-    Each with its first and second derivative in time.
-    """
+    """Coordinates of the knee, right and up, from the lug's a and c, with two time derivatives."""
     e = a[0] * a[0] + c[0] * c[0]
     e1 = 2 * (a[0] * a[1] + c[0] * c[1])
     e2 = 2 * (a[1] * a[1] + a[0] * a[2] + c[1] * c[1] + c[0] * c[2])

@@ -54,19 +54,12 @@ from armdesign.units import bar
 
 
 class PlantInstant(NamedTuple):
-    """The plant at one instant of n cases.
+    """The plant at one instant of n cases."""
 
-    Attributes:
-        rates: ẏ (n, size).
-        outputs: of every actuator (n, nc), records ``OUTPUT``.
-        powers: supplied, into oil compression, dissipated (n, 3) [W].
-        springs: energy in end stops and series compliances (n,) [J].
-    """
-
-    rates: Array
-    outputs: Records
-    powers: Array
-    springs: Array
+    rates: Array  # ẏ (n, size)
+    outputs: Records  # of every actuator (n, nc), records ``OUTPUT``
+    powers: Array  # supplied, into oil compression, dissipated (n, 3) [W]
+    springs: Array  # energy in end stops and series compliances (n,) [J]
 
     @property
     def extensions(self) -> Array:
@@ -80,35 +73,21 @@ class PlantInstant(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """The constants of the plant's equations: one row per machine, records.
+    """The constants of the plant's equations: one row per machine, records."""
 
-    Attributes:
-        actuators: ``ACTUATOR`` (n, nc).
-        systems: ``SYSTEM`` (n,).
-        joints: ``JOINT`` (n, nq).
-        drives: ``DRIVE`` (n, nc).
-    """
-
-    actuators: Records
-    systems: Records
-    joints: Records
-    drives: Records
+    actuators: Records  # ``ACTUATOR`` (n, nc)
+    systems: Records  # ``SYSTEM`` (n,)
+    joints: Records  # ``JOINT`` (n, nq)
+    drives: Records  # ``DRIVE`` (n, nc)
 
 
 class Layout(NamedTuple):
-    """First indices of the parts of a state, after joint positions and speeds.
+    """First indices of the parts of a state, after joint positions and speeds."""
 
-    Attributes:
-        chambers: pressures of caps, then of annuli.
-        line: supply pressure, if the pump is limited in flow.
-        spools: positions, then speeds.
-        size: of the state.
-    """
-
-    chambers: int
-    line: int
-    spools: int
-    size: int
+    chambers: int  # pressures of caps, then of annuli
+    line: int  # supply pressure, if the pump is limited in flow
+    spools: int  # positions, then speeds
+    size: int  # of the state
 
 
 class Plant:
@@ -188,10 +167,7 @@ class Plant:
         return moved
 
     def derivative(self, state: Array, command: Array) -> Array:
-        """ẏ at states (n, size) under spool commands −1…1 (n, nc).
-
-        NaN where a four-bar does not close.
-        """
+        """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN if a four-bar is open."""
         return self.evaluate(state, command).rates
 
     def state_at(self, q: Array, pressures: Array, line: float, spool: Sequence[float]) -> Array:
