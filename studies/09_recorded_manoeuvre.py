@@ -35,7 +35,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, ad.Simulation]:
     simulated = ad.simulate(CRANE.replace(edges), START, {"lift": COMMAND}, **options)
     windows = zip(measured["begin_s"], measured["end_s"], strict=True)
     table = pd.DataFrame([ring(simulated, *window) for window in windows], columns=COMPARED)
-    return table.join(table / measured[COMPARED], rsuffix=" over measured"), simulated
+    return table.join((table / measured[COMPARED]).add_suffix(" over measured")), simulated
 
 
 def ring(simulated: ad.Simulation, begin: float, end: float) -> tuple[float, float, float]:
