@@ -31,8 +31,9 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, ad.Simulation]:
     """Simulated values in every window, and over measured; the run. ``fast`` changes nothing."""
     measured = pd.read_csv(FOLDER / "measured.csv", comment="#")[:6]  # moving
     edges = {f"cylinder.lift.valve.edges.{name}": share for name, share in EDGES.items()}
-    options = {"duration": 27.0, "payload": "full", "supply_pressure": PRESSURE}
-    simulated = ad.simulate(CRANE.replace(edges), START, {"lift": COMMAND}, **options)
+    crane = CRANE.with_payload("full").replace(edges)
+    command = {"lift": COMMAND}
+    simulated = ad.simulate(crane, START, command, duration=27.0, supply_pressure=PRESSURE)
     windows = zip(measured["begin_s"], measured["end_s"], strict=True)
     table = pd.DataFrame([ring(simulated, *window) for window in windows], columns=COMPARED)
     return table.join((table / measured[COMPARED]).add_suffix(" over measured")), simulated

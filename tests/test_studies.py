@@ -61,7 +61,7 @@ def test_which_formula_finds_its_headline() -> None:
     module = study("02_which_formula")
     words = module.__doc__ or ""
     medians, worst = (re.findall(rf"{mark}([\d.]+)", words) for mark in ("×", r"\+"))
-    table, _ = module.run(fast=True)
+    table, _ = module.run()
     rigid, locked = (table.xs(formula, level="formula") for formula in ("rigid", "locked"))
     found = [rigid["median"].min(), rigid["median"].max(), rigid["worst"].max()]
     assert found == pytest.approx([float(x) for x in medians], rel=0.02)  # printed with two digits

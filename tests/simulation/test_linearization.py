@@ -161,7 +161,7 @@ def test_a_map_says_so_only_there(changes: dict[str, float]) -> None:
 
 @pytest.mark.parametrize("payload", ["empty", "full"])
 @pytest.mark.parametrize(
-    "name", ["excavator_20t", "excavator_12t", "mini_excavator_2t", "patu_boom"]
+    "name", ["excavator_20t", "excavator_12t", "mini_excavator_2t", "loader_crane", "patu_boom"]
 )
 def test_shipped_machines_settle_as_measured_ones_do(name: str, payload: str) -> None:
     """Issue 13: ζ of the lowest mode between 0.01 and 0.05 in the middle of the joint ranges.
