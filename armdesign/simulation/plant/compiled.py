@@ -16,7 +16,7 @@ import contextlib
 import hashlib
 import pickle
 import sys
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -72,10 +72,10 @@ def resolved(function: F, *arguments: object) -> F:
     return cast(F, _resolved[kind])
 
 
-_resolved: dict[Hashable, Any] = {}
+_resolved: dict[object, Any] = {}
 
 
-def _kind(argument: object) -> Hashable:
+def _kind(argument: object) -> object:
     """Everything of an argument that numba's type of it depends on."""
     if isinstance(argument, tuple):
         return type(argument), *map(_kind, argument)
