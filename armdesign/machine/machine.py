@@ -134,7 +134,7 @@ class Machine:
         return cls(
             name=section.name,
             arm=arm,
-            cylinders=tuple(parts.cylinder(name, table) for name, table in cylinders.items()),
+            cylinders=parts.cylinders(cylinders, section.damped),
             linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
             motors=parts.motors(section),
             springs=springs,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
-from armdesign.hydraulics.friction import Friction
+from armdesign.hydraulics.friction import NO_FRICTION, Friction
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
 from armdesign.machine.file.schema import (
     CylinderSection,
@@ -28,6 +30,8 @@ from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.spring import Spring
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
+
+A = TypeVar("A", Cylinder, Motor)
 
 
 def load_cases(section: MachineSection) -> tuple[LoadCase, ...]:
@@ -72,7 +76,8 @@ def coordinates(section: MachineSection) -> tuple[Any, ...]:
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:
     """Springs in the order of the file."""
-    return tuple(_spring(name, table) for name, table in section.spring.items())
+    made = (_spring(name, table) for name, table in section.spring.items())
+    return tuple(made if section.damped else (replace(one, damping_ratio=0.0) for one in made))
 
 
 def _spring(name: str, section: SpringSection) -> Spring:
@@ -156,8 +161,18 @@ def _load_holding(section: LoadHoldingSection) -> LoadHolding:
     )
 
 
-def cylinder(name: str, section: CylinderSection) -> Cylinder:
-    """The hydraulics of a cylinder, with valve and friction."""
+def cylinders(tables: Mapping[str, CylinderSection], damped: bool) -> tuple[Cylinder, ...]:
+    """The hydraulics of cylinders, with valves; friction and leakage too if ``damped``."""
+    made = (_cylinder(name, table) for name, table in tables.items())
+    return tuple(made if damped else map(_without_losses, made))
+
+
+def _without_losses(actuator: A) -> A:
+    valve = actuator.valve and replace(actuator.valve, leakage=0.0, tank_leakage=0.0)
+    return replace(actuator, valve=valve, friction=NO_FRICTION)
+
+
+def _cylinder(name: str, section: CylinderSection) -> Cylinder:
     friction, (kind, table) = section.friction, _kind(section)
     return Cylinder(
         name=name,
@@ -200,8 +215,9 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
     """Motors of the joints that are coordinates; motors of frozen joints stand still."""
-    motors = (_motor(name, motor) for name, motor in section.motor.items())
-    return tuple(motor for motor in motors if motor.joint in section.joints)
+    made = (_motor(name, motor) for name, motor in section.motor.items())
+    at_work = (motor for motor in made if motor.joint in section.joints)
+    return tuple(at_work if section.damped else map(_without_losses, at_work))
 
 
 def _motor(name: str, section: MotorSection) -> Motor:

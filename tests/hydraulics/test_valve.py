@@ -62,3 +62,12 @@ def test_spool_position_opens_by_the_share(share: float) -> None:
 def test_spool_position_with_underlap(share: float) -> None:
     valve = replace(VALVE, overlap=-0.25)
     assert opening(valve, spool_position(valve, share)) == pytest.approx(share, abs=1e-15)
+
+
+def test_seals_in_good_order_shut() -> None:
+    """TIGHT is 1e-5 of the rated flow at the rated drop: here 6e-5 l/min per bar, both leaks."""
+    for across, to_tank, leaks in ((3e-5, 2e-5, False), (5e-5, 2e-5, True), (0.0, 7e-5, True)):
+        leakage, tank_leakage = (value * l_per_min / bar for value in (across, to_tank))
+        valve = replace(VALVE, leakage=leakage, tank_leakage=tank_leakage)
+        assert valve.leaks == leaks
+    assert replace(VALVE, overlap=-0.01).leaks

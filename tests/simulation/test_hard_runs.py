@@ -110,7 +110,7 @@ def test_zero_supply_pressure(excavator: Machine) -> None:
     assert run.extensions[-1, 0] < run.extensions[0, 0] - 0.1
     assert not any("relief" in event for event in run.events)
     assert (run.supply == 0).all()
-    limited = ad.load("excavator_20t").with_payload("full")
+    limited = excavator.replace({"supply.pump": "flow_limited"})
     assert limited.supply.flow_limited
     same = simulate(
         limited, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7

@@ -21,6 +21,24 @@ def with_valves(machine: Machine, valve: Valve = VALVE, **changes: object) -> Ma
     return _each(machine, lambda f: replace(f, valve=f.valve or valve, **changes))
 
 
+def without_losses(machine: Machine) -> Machine:
+    """The machine whose file states neither friction nor leakage; a test may state them anew."""
+    friction = ("coulomb_N", "static_N", "viscous_N_s_per_m")
+    changes = {
+        f"cylinder.{name}.friction.{key}": 0.0
+        for name in machine.section.cylinder
+        for key in friction
+    }
+    leaks = ("leakage_l_per_min_per_bar", "tank_leakage_l_per_min_per_bar")
+    changes |= {
+        f"cylinder.{name}.valve.{key}": 0.0
+        for name, table in machine.section.cylinder.items()
+        if table.valve
+        for key in leaks
+    }
+    return machine.replace(changes)
+
+
 def with_leakage(machine: Machine, leakage: float) -> Machine:
     """The machine with leakage [m³/s/Pa] across every piston."""
     return _each(machine, lambda f: replace(f, valve=replace(f.valve or VALVE, leakage=leakage)))

@@ -14,6 +14,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "urdf": "the URDF, relative to this file",
     "joints": "the coordinates, in this order; every other joint of the URDF is frozen",
     "frozen": "values of frozen joints [rad or m]; 0 where none is given",
+    "damped": "false: friction and leakage of all actuators, and damping of springs, are left out",
     "tool": "the point whose place is reported",
     "payload": "load cases by name; the worst one counts",
     "cylinder": "hydraulic actuators by name",

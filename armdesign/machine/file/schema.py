@@ -330,6 +330,7 @@ class MachineSection(Section):
     urdf: Text
     joints: Annotated[list[Text], Field(min_length=1, max_length=20)]
     frozen: dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]] = {}
+    damped: bool = True
     tool: PinSection
     payload: Annotated[dict[Name, PayloadSection], Field(min_length=1)]
     fluid: FluidSection

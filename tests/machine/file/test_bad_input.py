@@ -46,7 +46,16 @@ OPTIONAL = {  # have a default
         "cylinder.boom.count",
     ),
     *("supply.return_pressure_bar", "payload.full.pitch_deg", "payload.empty", "payload.full"),
-    *(f"cylinder.{name}.valve" for name in DATA["cylinder"]),
+    *(
+        f"cylinder.{name}.{key}"
+        for name, table in DATA["cylinder"].items()
+        for key in (
+            "valve",
+            "valve.leakage_l_per_min_per_bar",
+            "friction",
+            *(f"friction.{key}" for key in table["friction"]),
+        )
+    ),
     *("motor", "motor.swing", "motor.swing.valve"),
 }
 

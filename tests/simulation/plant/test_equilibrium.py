@@ -19,10 +19,10 @@ from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.simulate import simulate
 from armdesign.simulation.validation import validate
-from armdesign.units import bar
+from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation.plant.valve_machines import LIGHT, holding, started, valves
-from tests.simulation.valves import WORST
+from tests.simulation.valves import WORST, with_leakage
 
 # -------------------------------------------------------------------------- tight valves, preloads
 
@@ -232,3 +232,23 @@ def test_a_setting_that_the_load_opens_is_told(excavator: Machine) -> None:
     run = simulate(machine, WORST, {}, duration=1.0)
     assert run.events == ()
     assert np.ptp(run.extensions, axis=0).max() < 1e-9
+
+
+def test_tight_seals_rest_as_if_shut_and_creep() -> None:
+    """The load creeps from the pressures of a shut valve at ṡ = −C Δp (A1/V1 + A2/V2) /
+    (A1²/V1 + A2²/V2): leakage alone changes both pressures so that A1 p1 − A2 p2 stays.
+    """
+    leak = 5e-6 * l_per_min / bar
+    machine, shut = with_leakage(ad.load("paper_1dof"), leak), ad.load("paper_1dof")
+    run, still = (simulate(one, [0.1], {}, duration=4.0, rate=10) for one in (machine, shut))
+    assert run.events == ()
+    np.testing.assert_array_equal(run.pressures[0], still.pressures[0])
+    cylinder = machine.cylinders[0]
+    areas = np.array([cylinder.bore_area, cylinder.annulus_area])
+    volumes = np.ravel(cylinder.volumes(run.extensions[0, 0]))
+    lost = -leak * (run.pressures[0, 0, 0] - run.pressures[0, 0, 1])
+    speed = lost * (areas / volumes).sum() / (areas**2 / volumes).sum()
+    crept = (run.extensions[-1, 0] - run.extensions[0, 0]) / run.time[-1]
+    # the load rings a little from its start; the pressures change by 1 %
+    assert crept == pytest.approx(speed, rel=0.02)
+    assert 0 < abs(crept) < 1e-3 / 60  # [m/s]: below 1 mm per minute
