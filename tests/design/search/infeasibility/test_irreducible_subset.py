@@ -331,7 +331,7 @@ def test_no_holding_share_above_one_is_asked_for() -> None:
 
     Equal shares would be √(0.8/(0.6 · 0.87)) = 1.24 of both limits, that is 1.08 of holding; a
     file may state 1 at most, so the thrust gives the rest: 0.8, not 0.6 · 1.24 = 0.74. A step of
-    0.1 mm of the bore is 0.2 % of the area, and amounts are tried in steps of up to 1 % of a limit.
+    0.1 mm of the bore is 0.2 % of the area, and amounts are tried in steps of 1 % of a limit.
     """
     light, workspace = MACHINES["single"](), workspace_of("single")
     path = f"payload.{light.payload.name}.mass_kg"
