@@ -14,7 +14,6 @@ from armdesign.simulation.identification.ringdown import identify_ringdown
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.simulate import simulate
 from armdesign.simulation.validation import validate
-from tests import machines
 from tests.sprung import rocking, two_masses
 
 STILL = {"duration": 1.0, "command": {"boom": lambda t: 0.0}}
@@ -115,7 +114,7 @@ def test_sweeps_find_the_modes_of_a_machine_on_springs(machine: ad.Machine) -> N
 
 
 def test_a_stiff_spring_moves_like_none() -> None:
-    rigid = quiet(machines.rigid("excavator_20t"))
+    rigid = quiet(ad.load("excavator_20t"))
     step = {"boom": ad.Step(size=0.3, begin=0.05, end=0.3)}
     q = middle(rigid)
     first, second = (
