@@ -267,7 +267,7 @@ def identify(
     if modes < 1:
         raise SimulationError(whole.source, f"{modes} modes", "ask for 1 or more modes")
     if not given:
-        values = whole.signal(name)
+        values = whole.sampled(name)
         given = [(whole.time[0], whole.time[-1])] if excitation else []
         given = given or found_windows(whole.source, whole.time, values)
     found, refused = list[IdentifiedWindow](), list[ArmDesignError]()
