@@ -70,6 +70,15 @@ def test_found_windows_and_swings() -> None:
     assert len(found.plot().axes) == 3
 
 
+def test_a_coarse_sensor_is_not_clipped() -> None:
+    """Steps of 0.1 bar make flat peaks in closed form; they are no limit of the sensor."""
+    time, pressure = ring()
+    coarse = np.round(pressure / 0.1) * 0.1
+    found = ad.identify({"time_s": time, "boom_cap_bar": coarse}, [(0, 4)])
+    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.02], rel=0.05)
+
+
 def test_faults_of_recordings(tmp_path: Path) -> None:
     time, pressure = ring()
     columns = {"time_s": time, "boom_cap_bar": pressure}
