@@ -108,7 +108,7 @@ class Predictor:
 def _geometry(machine: Machine) -> tuple[object, ...]:
     """What poses follow from beside the measurements."""
     ends = tuple((one.closed_length, one.stroke) for one in machine.cylinders)
-    return machine.linkages, ends
+    return machine.linkages, ends, [spring.at for spring in machine.springs]
 
 
 def measured_loads(machine: Machine, measured: Measured) -> Array:
