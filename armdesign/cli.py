@@ -14,21 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armdesign import output
+from armdesign.cli_measured import calibrate, identify
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     AgainstOption,
     CatalogueOption,
-    FitOption,
     FrequencyOption,
     Habit,
     LeastOption,
     MachineArgument,
-    MeasuredArgument,
     NominalOption,
     OutOption,
     OutsideOption,
     PointsOption,
-    PriorOption,
     UnitsOption,
     ValuesOption,
     VaryOption,
@@ -37,7 +35,6 @@ from armdesign.options import (
     listed,
     offered_sizes,
     open_workspace,
-    stated_priors,
 )
 from armdesign.output import outputs, show, tell, write_csv
 from armdesign.progress import progress
@@ -334,35 +331,8 @@ def new(
     tell(f"next: armdesign map {folder / f'{name}.toml'}")
 
 
-@app.command()
-def calibrate(
-    machine: MachineArgument,
-    measured: MeasuredArgument,
-    fit: FitOption = "",
-    prior: PriorOption = "",
-    out: OutOption = Path("out"),
-    allow_outside: OutsideOption = False,
-) -> None:
-    """Fit numbers of a machine file to measured frequencies.
-
-    Prints values with deviations, the error at every pose when it is left out, and what the
-    measurements cannot tell apart. Writes <name>_calibrated.toml with its URDF, calibration.csv,
-    calibration_values.csv and calibration.png.
-    """
-    from armdesign.calibration.calibrate import calibrate as found_from
-    from armdesign.machine.loading import load
-    from armdesign.report.calibrations import calibration_sheets
-
-    paths, priors = listed(fit), stated_priors(prior)
-    if not paths:
-        raise ArmDesignError("--fit", "names nothing", "give key paths, separated by commas")
-    with progress("fitting"):
-        output.check_out(out)
-        model = load(machine, allow_outside=allow_outside)
-        answer = found_from(model, measured, paths, priors)
-    with outputs(out) as folder:
-        output.write_calibration(answer, folder)
-    show(calibration_sheets(answer))
+app.command()(identify)
+app.command()(calibrate)
 
 
 @app.command()

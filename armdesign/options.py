@@ -100,6 +100,28 @@ PriorOption = Annotated[
         help="What is known of them: PATH=VALUE:DEVIATION in the file's unit, by commas.",
     ),
 ]
+RecordingArgument = Annotated[
+    str, typer.Argument(help="CSV file: time_s and a column for each signal, as boom_cap_bar.")
+]
+WindowsOption = Annotated[
+    str, typer.Option("--windows", help="Windows in s, as 1.9:4.5,4:7; default: found.")
+]
+SignalOption = Annotated[
+    str, typer.Option("--signal", help="Column to fit; default: the pressure that rings most.")
+]
+ModesOption = Annotated[int, typer.Option("--modes", help="Number of modes in each window.")]
+ExcitationOption = Annotated[
+    str,
+    typer.Option(
+        "--excitation", help="Column of a recorded input; default: windows hold free decays."
+    ),
+]
+BandOption = Annotated[
+    str, typer.Option("--band", help="Lowest and highest frequency of a response, as 0.5:4.")
+]
+MachineOption = Annotated[
+    str, typer.Option("--machine", help="A machine, whose cylinders and joints the columns name.")
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]
@@ -130,6 +152,18 @@ def grid_points(points: str) -> int | list[int] | None:
             "--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61"
         ) from None
     return counts[0] if counts and len(counts) == 1 else counts
+
+
+def spans(text: str, option: str) -> list[tuple[float, float]]:
+    """Pairs of numbers as ``1.9:4.5,4:7``."""
+    found = []
+    for word in listed(text):
+        try:
+            low, high = map(float, word.split(":"))
+        except ValueError:
+            raise ArmDesignError(option, f'"{word}" is no span', "give it as 1.9:4.5") from None
+        found.append((low, high))
+    return found
 
 
 def listed(text: str) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.machine import Machine
     from armdesign.report.sheet import Sheet
+    from armdesign.simulation.identify import Identified
     from armdesign.simulation.validation import Validation
 
 changed: list[Path] = []  # folders that this process has written into
@@ -74,6 +75,15 @@ def write_calibration(calibration: Calibration, folder: Path) -> None:
     write_csv(calibration.values.reset_index(), folder / "calibration_values.csv")
     write_csv(calibration.frame, folder / "calibration.csv")
     plots.save(plots.calibration_figure(calibration), folder / "calibration.png")
+
+
+def write_identified(identified: Identified, folder: Path) -> None:
+    """Write windows, swings and their picture."""
+    from armdesign import plots
+
+    write_csv(identified.frame, folder / "identified.csv")
+    write_csv(identified.swings, folder / "swings.csv")
+    plots.save(identified.plot(), folder / "identified.png")
 
 
 def write_report(

@@ -311,6 +311,10 @@ def named(name: str) -> Machine:
         return heavy_bars()
     if name == "slewing":
         return slewing()
+    if name == "rocking":
+        from tests import sprung
+
+        return sprung.rocking()
     return ODD[name]() if name in ODD else load(name)
 
 

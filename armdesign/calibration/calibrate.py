@@ -38,6 +38,7 @@ class Calibration:
         unknowns: what was to be found, in the order asked for.
         of_all: the fit of all unknowns, from which follows what cannot be told apart.
         fit: that of the unknowns which are determined; None if none is.
+        loose: relative standard deviations of the unknowns that are not, by key path.
         before: answers of today's machine at the measurements.
         after: of the calibrated one.
         left_out: relative errors of the frequencies (n,), each predicted without its measurement.
@@ -49,6 +50,7 @@ class Calibration:
     unknowns: tuple[Unknown, ...]
     of_all: Fit
     fit: Fit | None
+    loose: Mapping[str, float]
     before: Prediction
     after: Prediction
     left_out: Array
@@ -124,7 +126,8 @@ class Calibration:
     @cached_property
     def findings(self) -> tuple[str, ...]:
         """In words: how well it fits, what is not determined, what cannot be told apart."""
-        return words.findings(self.of_all, self.fit, self.frame, self.measured.warnings)
+        warnings = self.measured.warnings
+        return words.findings(self.of_all, self.fit, self.loose, self.frame, warnings)
 
     def written_by(self, command: str) -> Machine:
         """The calibrated machine, with a file that tells where its values are from.
@@ -203,7 +206,7 @@ def calibrate(
     problem = Problem(machine, predictor, unknowns)
     refuse_too_few(problem, fit)
     before = predictor(machine)
-    of_all, kept = determined(problem)
+    of_all, kept, loose = determined(problem)
     calibrated = machine if kept is None else machine.replace(_rounded(kept))
     after = predictor(calibrated)
     errors = after.frequencies / measured.frequencies - 1 if kept is None else left_out(kept)
@@ -214,6 +217,7 @@ def calibrate(
         unknowns=unknowns,
         of_all=of_all,
         fit=kept,
+        loose=loose,
         before=before,
         after=after,
         left_out=errors,

@@ -185,20 +185,23 @@ def fitted(problem: Problem, start: Array | None = None) -> Fit:
     return Fit(problem, found.x, found.fun, problem.jacobian(found.x))
 
 
-def determined(problem: Problem) -> tuple[Fit, Fit | None]:
+def determined(problem: Problem) -> tuple[Fit, Fit | None, dict[str, float]]:
     """The fit of all unknowns, and that of those which the measurements determine.
 
-    The second is None if they determine none.
+    The second is None if they determine none. Beside them the relative deviation of every unknown
+    that is not determined, by key path, when it was the least certain one.
     """
     of_all = now = fitted(problem)
+    loose: dict[str, float] = {}
     while True:
         loosest = int(np.argmax(now.deviations))
         if now.deviations[loosest] <= LOOSE:
-            return of_all, now
+            return of_all, now, loose
+        loose[now.problem.unknowns[loosest].path] = float(now.deviations[loosest])
         rest = np.arange(len(now.u)) != loosest
         left = tuple(one for one, kept in zip(now.problem.unknowns, rest, strict=True) if kept)
         if not left:
-            return of_all, None
+            return of_all, None, loose
         smaller = Problem(problem.machine, problem.predictor, left)
         now = fitted(smaller, now.u[rest])
 

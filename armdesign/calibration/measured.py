@@ -213,7 +213,7 @@ class _Table:
         return number
 
     def _modes(self) -> Array:
-        modes, most = self._numbers("mode"), len(self.machine.joints)
+        modes, most = self._numbers("mode"), len(self.machine.arm.coordinates)
         modes = np.where(np.isnan(modes), 1.0, modes)
         for n, mode in enumerate(modes, 1):
             if mode not in range(1, most + 1):

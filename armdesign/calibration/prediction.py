@@ -1,6 +1,5 @@
 """What a machine says to measurements: its frequencies and static pressures at the same poses.
 
-Poses follow from pin-to-pin lengths by Newton's method on ℓ(q), whose slope is the moment arm.
 Oil with air has β(p) at the measured pressures where there are some. An open chamber has infinite
 capacity, and a stuck piston leaves 1/c of what lies in series with it.
 """
@@ -20,14 +19,11 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.oil_spring import oil_stiffness
 from armdesign.machine.machine import Machine
+from armdesign.machine.measured_lengths import at_lengths
 from armdesign.machine.poses import Poses
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.joint_ranges import over, sweep
 
-SAMPLES = 64  # of a joint's range, from which Newton's method starts
-STEPS = 4  # of Newton's method: from 1/63 of a range to rounding
 RIGID = 1e-12  # [m/N] least compliance of what holds a stuck piston
-READ_OUT = 0.5e-3  # [m] of a measured length beyond the stroke that counts as on its end
 
 
 def positions(machine: Machine, measured: Measured) -> Array:
@@ -37,28 +33,11 @@ def positions(machine: Machine, measured: Measured) -> Array:
         ArmDesignError: a length outside the stroke, or a joint outside its range.
     """
     q = measured.joints.copy()
-    for i, (cylinder, linkage) in enumerate(zip(machine.cylinders, machine.linkages, strict=True)):
+    for i, linkage in enumerate(machine.linkages):
         lengths, known = measured.lengths[:, i], np.isfinite(measured.lengths[:, i])
-        if not known.any():
-            continue
-        least, most = cylinder.closed_length - READ_OUT, cylinder.open_length + READ_OUT
-        for n in np.flatnonzero(known & ~((lengths >= least) & (lengths <= most))):
-            raise ArmDesignError(
-                f"{measured.source}: row {n + 1}, {cylinder.name}_length_mm",
-                f"{1e3 * lengths[n]:g} mm is outside the stroke"
-                f" [{1e3 * cylinder.closed_length:g}, {1e3 * cylinder.open_length:g}] mm",
-                "give the pin-to-pin length, or correct closed length and stroke",
-            )
-        joint = linkage.joints[0]
-        values = over(machine.ranges[joint], SAMPLES)
-        table = linkage.length(sweep(machine.arm, joint, values))
-        order = np.argsort(table)
-        found = np.interp(lengths[known], table[order], values[order])
-        for _ in range(STEPS):
-            there = linkage.actuation(sweep(machine.arm, joint, found))
-            found = found + (lengths[known] - there.length) / there.moment_arm[:, joint]
-            found = np.clip(found, *machine.ranges[joint])
-        q[known, joint] = found
+        if known.any():
+            parts = [f"{measured.source}: row {n + 1}" for n in np.flatnonzero(known)]
+            q[known, linkage.joints[0]] = at_lengths(machine, i, lengths[known], parts)
     _refuse_outside(machine, measured, q)
     return q
 
@@ -129,7 +108,7 @@ class Predictor:
 def _geometry(machine: Machine) -> tuple[object, ...]:
     """What poses follow from beside the measurements."""
     ends = tuple((one.closed_length, one.stroke) for one in machine.cylinders)
-    return machine.linkages, ends
+    return machine.linkages, ends, [spring.at for spring in machine.springs]
 
 
 def measured_loads(machine: Machine, measured: Measured) -> Array:

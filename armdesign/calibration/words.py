@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,13 +22,18 @@ POOR = 3.0  # times the measurements' deviations by which a machine may miss
 
 
 def findings(
-    of_all: Fit, fit: Fit | None, frame: pd.DataFrame, warnings: tuple[str, ...]
+    of_all: Fit,
+    fit: Fit | None,
+    loose: Mapping[str, float],
+    frame: pd.DataFrame,
+    warnings: tuple[str, ...],
 ) -> tuple[str, ...]:
     """Sentences without their full stops.
 
     Args:
         of_all: the fit of all unknowns.
         fit: that of those which are determined; None if none is.
+        loose: relative deviations of the others by key path.
         frame: measurements and answers, see ``Calibration``.
         warnings: of the measurements.
     """
@@ -37,13 +43,11 @@ def findings(
             f"the fitted values do not explain the measurements: these are missed by"
             f" {fit.scale:.1f} times their deviations"
         )
-    kept = () if fit is None else fit.problem.unknowns
-    for k, one in enumerate(of_all.problem.unknowns):
-        if one not in kept:
-            sigma = of_all.deviations[k]
+    for one in of_all.problem.unknowns:
+        if one.path in loose:
             how = "no measurement depends on it where it fits best"
-            if math.isfinite(sigma):
-                how = f"known to a factor of {math.exp(min(sigma, 9.0)):.2g} at best"
+            if math.isfinite(loose[one.path]):
+                how = f"known to a factor of {math.exp(min(loose[one.path], 9.0)):.2g} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
             found.append(f"{one.path} is not determined by these measurements ({how}): {held}")
     return (*found, *_apart(of_all), *warnings)

@@ -18,13 +18,17 @@ from armdesign.arrays import Array
 from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.catalogue.sizes import sizes_of
+from armdesign.design.catalogue.sizes import Sizes, sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.refusal import not_written, require_feasible
+from armdesign.design.search.infeasibility.refusal import (
+    design_or_proof,
+    not_written,
+    require_feasible,
+)
 from armdesign.design.search.multistart import Starts, formulate, multistart
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import rounded_machine
@@ -304,7 +308,8 @@ def optimize(
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from
             another machine; no catalogue, or one of no use.
-        InfeasibleError: no design meets the requirements.
+        InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
+            gives one: that was tried.
     """
     problem = formulate(machine, workspace, requirements, vary, bands=bands, objective=objective)
     if start is not None and _names(start.today) != _names(machine):
@@ -316,14 +321,18 @@ def optimize(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
         objective=None if objective == "gain" else objective, catalogue=catalogue,
     )  # fmt: skip
-    if catalogue is not None and problem.vector.moving:
-        outcome = sizes_and_pins(problem, sizes_of(catalogue), starts, seed, workers, given)
+    sizes = None if catalogue is None else sizes_of(catalogue)
+
+    def under(problem: Problem) -> Design:
+        if sizes is None:
+            outcome = multistart(problem, starts, seed, workers, given and given[0])
+        elif problem.vector.moving:
+            outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+        else:
+            return _of_catalogue(problem, sizes, command)
         return Design.of(*outcome, command=command)
-    if catalogue is not None:
-        return _of_catalogue(problem, catalogue, command)
-    return Design.of(
-        *multistart(problem, starts, seed, workers, given and given[0]), command=command
-    )
+
+    return design_or_proof(problem, under, catalogue is not None)
 
 
 def size_cylinders(
@@ -365,10 +374,15 @@ def size_cylinders(
         "size_cylinders", dead_volume=dead_volume, bands=bands,
         objective=None if objective == "gain" else objective, catalogue=catalogue,
     )  # fmt: skip
-    if catalogue is not None:
-        return _of_catalogue(problem, catalogue, command)
-    search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
-    return Design.of(search, Starts((hertz(search.squared),)), command=command)
+    sizes = None if catalogue is None else sizes_of(catalogue)
+
+    def under(problem: Problem) -> Design:
+        if sizes is not None:
+            return _of_catalogue(problem, sizes, command)
+        search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
+        return Design.of(search, Starts((hertz(search.squared),)), command=command)
+
+    return design_or_proof(problem, under, catalogue is not None)
 
 
 def _names(machine: Machine) -> tuple[str, ...]:
@@ -376,8 +390,6 @@ def _names(machine: Machine) -> tuple[str, ...]:
     return (*machine.joints, *(actuator.name for actuator in machine.actuators))
 
 
-def _of_catalogue(
-    problem: Problem, catalogue: str | Iterable[Sequence[float]], command: str
-) -> Design:
-    search, selection = sizes_for_pins(problem, sizes_of(catalogue))
+def _of_catalogue(problem: Problem, sizes: Sizes, command: str) -> Design:
+    search, selection = sizes_for_pins(problem, sizes)
     return Design.of(search, Starts((selection.frequency,)), selection, command=command)

@@ -145,13 +145,13 @@ class Actuator(ABC):
         )
 
     def oil_compliance(self, fluid: Fluid, supply: Supply) -> float:
-        """Compliance [m/N] of its oil alone at mid stroke without a load.
+        """Compliance [m/N] of its oil alone at mid stroke, without air and load.
 
         What structure in series yields is measured by it.
         """
         middle = self.stroke / 2 if math.isfinite(self.stroke) else 0.0  # a motor has no stroke
         rigid = dataclasses.replace(self, compliance=0.0)
-        return float(1 / rigid.stiffness(middle, 0.0, fluid, supply))
+        return float(1 / rigid.stiffness(middle, 0.0, dataclasses.replace(fluid, air=0.0), supply))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ those of a rigid machine. Static condensation would be wrong where what yields h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class Spring:
     stiffness: float  # κ [N m/rad, N/m]
     damping_ratio: float = 0.0  # of the joint alone, all others locked
     at: float = 0.0  # where it stands at rest, z₀ [rad, m]
+    preload: float | None = None  # τ₀ at a run's pose and load [N m, N], see ``settled``
+    damping: float = 0.0  # d there [N m s/rad, N s/m]
 
     kind = "spring"
 
@@ -43,14 +45,16 @@ class Spring:
         """Unit of the stiffness."""
         return "N m/rad" if self.revolute else "N/m"
 
-    def damping(self, mass: float, stiffness: float) -> float:
-        """Damping d = 2 ζ √(K M) [N m s/rad, N s/m] of the joint alone.
+    def settled(self, gravity: float, mass: float, stiffness: float) -> Spring:
+        """The spring at rest at one pose under one load: with preload, and d = 2 ζ √(K M).
 
         Args:
-            mass: its diagonal term of M [kg m², kg].
-            stiffness: its diagonal term of K, gravity's part included [N m/rad, N/m].
+            gravity: what its joint carries there [N m, N].
+            mass: diagonal term of M [kg m², kg].
+            stiffness: diagonal term of K, gravity's part included [N m/rad, N/m].
         """
-        return 2 * self.damping_ratio * math.sqrt(max(stiffness, 0.0) * mass)
+        damping = 2 * self.damping_ratio * math.sqrt(max(stiffness, 0.0) * mass)
+        return replace(self, preload=gravity, damping=damping)
 
 
 def least_stiffness_factors(stiffness_matrix: Array, springs: Array) -> Array:

@@ -10,6 +10,7 @@ from armdesign.plots.maps import (
     joint_plane,
     side_by_side,
 )
+from armdesign.plots.recordings import identified_figure
 from armdesign.plots.responses import frequency_responses
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "frequency_map",
     "frequency_responses",
     "holding_pressure",
+    "identified_figure",
     "joint_plane",
     "moment_arm_curves",
     "moment_arms",

@@ -106,6 +106,11 @@ class ControlledPlant:
         _correct(demand, state, self.gains, self.plant.parameters.actuators, corrected)
         return corrected
 
+    def commands_at(self, time: Array, states: Array) -> Array:
+        """Spool commands (m, nc) of one case at its instants (m,) [s] and states there."""
+        demand = [self.demands[0](t) for t in time.tolist()]
+        return self.commands(np.array(demand, dtype=float), states)
+
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
         demands = [demand(t) for demand, t in zip(self.demands, time.tolist(), strict=True)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
 from armdesign.units import bar, l_per_min
 
@@ -83,11 +84,13 @@ def pump_events(
     yield from _event(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
 
 
-def payload_events(machine: Machine, time: Array, q: Array) -> Iterator[tuple[float, str]]:
-    """First time [s] and words of the load that would fall out, at joint positions (n, nq)."""
+def payload_events(
+    machine: Machine, time: Array, poses: RigidPoses
+) -> Iterator[tuple[float, str]]:
+    """First time [s] and words of the load that would fall out, at n poses."""
     case = machine.payload
     words = f"the {case.link} was tipped beyond the pitch at which it holds payload {case.name}"
-    yield from _event(time, ~machine.holds(q), words)
+    yield from _event(time, ~machine.holds(poses), words)
 
 
 def _event(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:

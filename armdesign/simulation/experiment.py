@@ -32,6 +32,7 @@ from armdesign.simulation.identification.modal_fit import (
 from armdesign.simulation.linearization import LinearModel, linearize
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import Case
 from armdesign.units import bar, mm
@@ -63,9 +64,9 @@ class Experiment:
         index: of the cylinder that sweeps.
         mode: that it sweeps over, 0 is the lowest.
         linear: the plant linearised at its equilibrium.
-        frequencies: its natural frequencies (nq,) [Hz]; if damping leaves fewer pairs than joints,
-            the modes' on trapped oil. The two differ where oil with air rests under other
-            pressures than the load alone makes.
+        frequencies: its natural frequencies (k,) [Hz]; if damping leaves fewer pairs than joints
+            and springs, the modes' on trapped oil. The two differ where oil with air rests under
+            other pressures than the load alone makes.
         band: of the sweep [Hz].
         duration: of the sweep [s].
         plant: the nonlinear model.
@@ -96,6 +97,7 @@ class Experiment:
             SimulationError: a valve is missing, the mode is unstable, a load cannot be held or a
                 piston is at its end.
         """
+        machine = settled(machine, pose)
         plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
         equilibrium = find_equilibrium(plant, pose, preloaded).state
         trapped = natural_modes(machine.at(pose)).frequencies[0]
@@ -286,14 +288,14 @@ class Experiment:
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:
-        """Share of a joint swing (nq,) that hardly changes the linear frequency of the mode.
+        """Share of a swing (k,) that hardly changes the linear frequency of the mode.
 
-        By no more than ``DETUNING``. The joints swing as in the mode, so both ends of the swing
-        lie along its shape.
+        By no more than ``DETUNING``. Joints and springs swing as in the mode, so both ends of the
+        swing lie along its shape.
         """
         here = natural_modes(self.machine.at(self.pose))
         shape, frequency = here.shapes[0, :, self.mode], here.frequencies[0, self.mode]
-        way = shape * np.max(np.abs(swing) / np.abs(shape).max())
+        way = shape[: len(self.pose)] * np.max(np.abs(swing) / np.abs(shape).max())
         share = 1.0
         for _ in range(20):
             ends = self.machine.rigid_poses(self.pose + share * np.array([way, -way]))

@@ -25,6 +25,7 @@ from armdesign.hydraulics.friction import Friction
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.equilibrium import find_equilibrium, refuse_overcome
 from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.springs import settled
 from armdesign.units import bar
 
 # Central difference of order 8: factors of f(x + k h) − f(x − k h), k = 1…4 (Fornberg 1988).
@@ -69,8 +70,8 @@ class LinearModel(ReadOnly):
         """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first.
 
         The spools' own are left out: spools drive the other states and feel nothing of them, so
-        the poles are the eigenvalues of these states' block of A. At most one pair per joint:
-        slower pairs are creep under leakage.
+        the poles are the eigenvalues of these states' block of A. At most one pair per joint
+        and spring: slower pairs are creep under leakage.
         """
         size = len(self.A) - 2 * len(self.inputs)
         joints = (size - 2 * len(self.inputs)) // 2
@@ -130,7 +131,7 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
         SimulationError: a cylinder has no valve, or a relief cannot hold its load: there is no
             equilibrium.
     """
-    plant = Plant(without_dry_friction(machine))
+    plant = Plant(without_dry_friction(settled(machine, q)))
     refuse_overcome(plant, q)
     equilibrium = find_equilibrium(plant, q, preloaded).state
     spool, steps = plant.split(equilibrium)[4], plant.spread(STEPS)

@@ -57,12 +57,14 @@ class Ring(ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class Simulation(ReadOnly):
-    """A run at n instants, over nq joints and nc cylinders; arrays are read-only.
+    """A run at n instants, over nq joints, ns springs and nc cylinders; arrays are read-only.
 
     Attributes:
         time: (n,) [s].
         q: joint positions (n, nq) [rad, m].
         velocity: joint speeds (n, nq) [rad/s, m/s].
+        springs: positions of the springs' joints (n, ns) [rad, m].
+        spring_speeds: their speeds (n, ns) [rad/s, m/s].
         pressures: of cap and annulus (n, nc, 2) [Pa].
         spool: positions (n, nc), −1…1.
         command: of the spools, the slow loop included (n, nc).
@@ -77,11 +79,11 @@ class Simulation(ReadOnly):
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank
             (n,) [J].
-        stored: growth of kinetic and potential energy and of that in compliances and stops, and
-            the work that has compressed oil and hoses (n,) [J]. That oil enters or leaves a
-            chamber compressed, with about p²/2β in each m³ (1 % of its work p Q at 300 bar), is
-            left out here and in ``supplied``: see ``plant``.
-        dissipated: by valves, reliefs, leakage, friction and stops (n,) [J].
+        stored: growth of kinetic and potential energy and of that in springs, compliances and
+            stops, and the work that has compressed oil and hoses (n,) [J]. That oil enters or
+            leaves a chamber compressed, with about p²/2β in each m³ (1 % of its work p Q at 300
+            bar), is left out here and in ``supplied``: see ``plant``.
+        dissipated: by valves, reliefs, leakage, friction, stops and springs (n,) [J].
         supply: pressure of the pump (n,) [Pa].
         events: what limited the motion, in words and in order: loads that cannot be held or fall
             out, stops, cavitation, reliefs, the pump.
@@ -90,6 +92,8 @@ class Simulation(ReadOnly):
     time: Array
     q: Array
     velocity: Array
+    springs: Array
+    spring_speeds: Array
     pressures: Array
     spool: Array
     command: Array

@@ -21,6 +21,7 @@ from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import Equilibrium, StaticHold, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
+from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.run import Simulation
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
@@ -65,9 +66,9 @@ def simulate(
     It starts from equilibrium: the loaded chamber carries the load, the other is at return
     pressure or at the preload that the machine file asks for. Without leakage a machine with
     closed valves stays there. Valves start closed, or, with leakage, as far open as makes up for
-    it. What cannot be held is said in ``events``. With ``velocity`` it starts as if struck: at the
-    same pose and pressures, but moving. With all valves closed it then rings freely, for
-    ``identify_ringdown``.
+    it. Springs stand where the file has them. What cannot be held is said in ``events``. With
+    ``velocity`` it starts as if struck: at the same pose and pressures, but moving. With all
+    valves closed it then rings freely, for ``identify_ringdown``.
 
     Args:
         machine: the machine; every cylinder needs a valve.
@@ -141,7 +142,7 @@ def attempt_all(
     if not 0 < tolerance < 1:
         raise SimulationError("tolerance", f"{tolerance:g} is not in (0, 1)", "give one like 1e-6")
     stacks: dict[Hashable, list[int]] = {}
-    cases = [_supplied(_loaded(case)) for case in cases]
+    cases = [_settled(_supplied(_loaded(case))) for case in cases]
     for index, case in enumerate(cases):
         _refuse(case)
         stacks.setdefault(stack_shape(case.machine), []).append(index)
@@ -158,6 +159,11 @@ def _loaded(case: Case) -> Case:
     machine = case.machine.with_payload(case.payload)
     refuse_unheld(machine, case.q)
     return replace(case, machine=machine)
+
+
+def _settled(case: Case) -> Case:
+    """The case with its machine's springs at rest at its pose."""
+    return replace(case, machine=settled(case.machine, case.q)) if case.machine.springs else case
 
 
 def _supplied(case: Case) -> Case:
@@ -228,7 +234,7 @@ def _start(plant: Plant, case: Case) -> Equilibrium:
     """Equilibrium at t = 0, but for the velocity."""
     start = find_equilibrium(plant, case.q, case.preloaded)
     if case.velocity is not None:
-        plant.split(start.state)[1][:] = case.velocity
+        plant.split(start.state)[1][: len(case.machine.joints)] = case.velocity
     return start
 
 
@@ -263,7 +269,7 @@ def _states(
 
 def _failure(system: ControlledPlant, stop: GaveUpError, tolerance: float) -> SimulationError:
     plant, machine = system.plant, system.plant.machine
-    q, velocity, *_ = plant.split(stop.state[: plant.size])
+    q, velocity = (x[: len(machine.joints)] for x in plant.split(stop.state[: plant.size])[:2])
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     command = system.demands[0](stop.time + INSTANT)
     return SimulationError(
@@ -310,17 +316,18 @@ def _recorded(
     """The run, with what its equilibrium does not hold among its events."""
     plant, machine = system.plant, system.plant.machine
     time, body = np.linspace(0.0, duration, len(states)), states[:, : plant.size]
-    demand = np.array([system.demands[0](t) for t in time.tolist()], dtype=float)
-    commands = system.commands(demand, states)
+    commands = system.commands_at(time, states)
     evaluation = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
     energy = plant.forward_dynamics.energy(q, velocity)
     supplied, oil, dissipated = system.energies(states)
-    springs, frames = evaluation.springs, machine.arm.kinematics(q)
+    elastic, frames, nq = evaluation.springs, machine.arm.kinematics(q), len(machine.joints)
     run = Simulation(
         time=time,
-        q=q.copy(),
-        velocity=velocity.copy(),
+        q=q[:, :nq].copy(),
+        velocity=velocity[:, :nq].copy(),
+        springs=q[:, nq:].copy(),
+        spring_speeds=velocity[:, nq:].copy(),
         pressures=np.swapaxes(plant.pressures(body), 1, 2).copy(),
         spool=spool.copy(),
         command=commands,
@@ -330,7 +337,7 @@ def _recorded(
         tool=np.array(machine.arm.point(frames, machine.tool.link, np.array(machine.tool.at))),
         energy=energy,
         supplied=supplied,
-        stored=energy - energy[0] + springs - springs[0] + oil,
+        stored=energy - energy[0] + elastic - elastic[0] + oil,
         dissipated=dissipated,
         supply=plant.supply_pressure(body),
         events=(),
@@ -343,7 +350,7 @@ def _recorded(
     timed = [
         *events(machine, relief, time, run.extensions, plant.pressures(body), spool, taken),
         *pump_events(machine, time, run.supply, taken),
-        *payload_events(machine, time, q),
+        *payload_events(machine, time, frames),
         *unheld,
     ]
     return replace(run, events=tuple(words for _, words in sorted(timed)))

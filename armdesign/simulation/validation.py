@@ -241,8 +241,8 @@ def _cylinders_and_modes(
     machine: Machine, poses: Poses, cylinders: Sequence[str] | None
 ) -> list[tuple[int, int]]:
     """Cylinder and mode (from 0) of each sweep."""
-    shares = energy_shares(poses, natural_modes(poses))[0]
     names = [actuator.name for actuator in machine.actuators]
+    shares = energy_shares(poses, natural_modes(poses))[0, :, : len(names)]
     modes = np.argmax(shares, axis=0)
     if cylinders is None:
         first = int(np.argmax(shares[0]))

@@ -171,11 +171,12 @@ def test_two_unknowns_and_ten_poses_take_less_than_ten_seconds() -> None:
 def test_the_command_writes_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    crane().save(tmp_path / "loader_crane.toml")
     table = measurements(crane().replace(TRUTH), poses(4), noise=0.01)
     table.to_csv(tmp_path / "measured.csv", index=False)
     monkeypatch.chdir(tmp_path)
     words = ["--fit", f"{BETA}, {LIFT}", "--prior", f"{BETA}=1200:200"]
-    assert main(["calibrate", "loader_crane", "measured.csv", *words], monkeypatch) == 0
+    assert main(["calibrate", "loader_crane.toml", "measured.csv", *words], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "calibration.csv",
         "calibration_values.csv",

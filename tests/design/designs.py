@@ -16,6 +16,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build
+from tests.sprung import spring
 
 
 @cache
@@ -58,10 +59,21 @@ def odd() -> Machine:
     return build([BOOM, STICK, BUCKET], [replace(LIFT, extra=SOFT), FOLD, tilt], air_percent=0.5)
 
 
+@cache
+def sprung(extra: str = "") -> Machine:
+    """Two joints, a cylinder each with more keys, on a carriage that rocks."""
+    carriage = Joint("rock", "root", mass=800, com=(0, 0, 0.3))
+    joints = [carriage, replace(BOOM, parent="rock"), STICK]
+    lift = replace(LIFT, base=("rock", LIFT.base[1]), extra=extra)
+    table = spring("carriage", "rock", 1.5e6)
+    return build(joints, [lift, replace(FOLD, extra=extra)], order=["boom", "stick"], more=table)
+
+
 MACHINES = {
     "single": single,
     "double": double,
     "twins": twins,
+    "sprung": sprung,
     "odd": odd,
     "excavator": lambda: load("excavator_20t"),
 }
@@ -69,6 +81,7 @@ POINTS = {
     "single": (9,),
     "double": (5, 5),
     "twins": (5, 5),
+    "sprung": (5, 5),
     "odd": (4, 4, 4),
     "excavator": (5, 5, 9),
 }

@@ -35,7 +35,7 @@ def table(name: str, heading: str) -> list[list[str]]:
 
 
 def numbers(text: str) -> list[float]:
-    return [float(word) for word in re.findall(r"-?\d+(?:\.\d+)?", text)]
+    return [float(word) for word in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", text)]
 
 
 def leaves(tree: object, path: str = "") -> list[tuple[str, list[float]]]:

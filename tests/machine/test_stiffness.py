@@ -25,7 +25,13 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
     start = machine.at(q0)
     force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
     area = np.array([(c.bore_area, c.annulus_area) for c in machine.actuators]).T[:, None]
-    pressure = np.array(static_pressures(force, area[0], area[1], machine.supply.return_pressure))
+    empty = np.array(  # pressure of the chamber without load
+        [
+            max(machine.supply.return_pressure, (c.valve and c.valve.preload) or 0.0)
+            for c in machine.actuators
+        ]
+    )
+    pressure = np.array(static_pressures(force, area[0], area[1], empty))
     piston = [
         start.lengths[:, i] - c.closed_length + c.compliance * force[:, i]
         for i, c in enumerate(machine.actuators)

@@ -5,9 +5,9 @@ rows (poses and load cases) is at most, for every design x that the requirements
 
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
 
-Where a joint has a cylinder of its own, K_j is gravity's part, which no design changes, plus a
-diagonal whose entry there, k r² − g H/r, depends on that cylinder alone. So the maximum over x
-falls apart.
+Where a joint has a cylinder of its own, K_j is the part of gravity and springs, which no design
+changes, plus a diagonal whose entry there, k r² − g H/r, depends on that cylinder alone and is
+zero for springs. So the maximum over x falls apart.
 
 The budget is what ``requirements/oil.py`` allows of all cylinders;
 ``test_no_random_design_exceeds_the_bound`` ties the two.
@@ -67,7 +67,7 @@ class Multipliers:
     """Multipliers of one programme, ω² in units of the reference."""
 
     rows: Array  # the rows that it had (n,)
-    weight: Array  # L⁻ᵀ Z L⁻¹ (n, nd, nd) over the drives' joints and the reference
+    weight: Array  # L⁻ᵀ Z L⁻¹ (n, k, k) over drives' joints, springs and the reference
     trace: Array  # of each Z (n,)
     oil: Array  # μ of both sides (2,) [1/m³]
     constant: float  # the part of the upper bound that no design changes
@@ -187,18 +187,24 @@ class LagrangianDual:
         oil[:, :count] = -(self.columns.volume / today).T
         value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
         high = (np.arange(COLUMNS) < count).astype(float)
-        one = programme(len(self.rows), nd, len(value), COLUMNS)
+        one = programme(len(self.rows), base.shape[1], len(value), COLUMNS)
         return one.solve(
             base, slopes, value, np.concatenate([oil, -whole, whole]), np.zeros(COLUMNS), high
         )
 
     def _pick(self, rows: Array) -> tuple[Array, ...]:
-        """Index of rows over the drives' joints, the other joints held."""
-        joints = np.array([d.joint for d in self.drives])
-        return np.ix_(rows, joints, joints)
+        """Index of rows over the drives' joints and the springs, the other joints held."""
+        return np.ix_(rows, np.array(self._free), np.array(self._free))
+
+    @cached_property
+    def _free(self) -> list[int]:
+        """Coordinates that are not held: the drives' joints, then the springs."""
+        arm = self.problem.machine.arm
+        springs = range(len(arm.joints), len(arm.coordinates))
+        return [*(d.joint for d in self.drives), *springs]
 
     def scaled_bases(self, rows: Array) -> tuple[Array, Array]:
-        """L⁻¹ over the drives' joints (n, nd, nd) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
+        """L⁻¹ over drives' joints and springs (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
         inverse = inverse_cholesky(self.loads.mass[pick])
         return (
@@ -207,7 +213,7 @@ class LagrangianDual:
         )
 
     def _matrices(self, inverse: Array, rows: Array) -> Array:
-        """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, nd, nd)."""
+        """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, k, k)."""
         across = inverse[:, :, self.columns.drive]
         return np.einsum("cn,nic,njc->cnij", self._diagonals(self.columns, rows), across, across)
 
@@ -332,7 +338,7 @@ class LagrangianDual:
         return terms
 
     def _gravity(self, rows: Array) -> Interval:
-        """Gravity torques (n, nq) at rows, whatever the design [N m]."""
+        """Gravity torques (n, k) at rows, whatever the design [N m]."""
         total = interval(self.problem.dynamics.rows.gravity[rows])
         for bar in self.bars:
             total = total + bar.gravity(
@@ -342,9 +348,9 @@ class LagrangianDual:
 
     def _mass_terms(self, multipliers: Multipliers) -> list[tuple[int, tuple[float, ...]]]:
         """Most that own masses add to the upper bound [1/m²]."""
-        nq, joints = len(self.problem.machine.joints), np.array([d.joint for d in self.drives])
-        weights = np.zeros((len(multipliers.rows), nq, nq))
-        weights[:, joints[:, None], joints] = multipliers.weight
+        size = len(self.problem.machine.arm.coordinates)
+        weights = np.zeros((len(multipliers.rows), size, size))
+        weights[:, np.array(self._free)[:, None], self._free] = multipliers.weight
         used = np.flatnonzero(multipliers.trace > 0)
         rigid = self.problem.workspace.rigid[
             self.problem.dynamics.rows.pose[multipliers.rows[used]]

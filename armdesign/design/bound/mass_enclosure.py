@@ -169,7 +169,7 @@ class BarEnclosure:
         return (Interval(low[0], high[0]), rod, *(interval(1.0) for _ in self.per_area[2:]))
 
     def gravity(self, rigid: RigidPoses) -> Interval:
-        """Gravity torques (n, nq) [N m] of all bars; unknown on a moving linkage's joint."""
+        """Gravity torques (n, k) [N m] of all bars; unknown on a moving linkage's joint."""
         motions, totals = _pin_motions(self.problem, self.cylinder, rigid), []
         for cell in self.cells:
             total = interval(0.0)
@@ -184,7 +184,7 @@ class BarEnclosure:
         )
 
     def most_added(self, rigid: RigidPoses, weights: Array, squared: float) -> tuple[float, ...]:
-        """The most that Σ ⟨weights (n, nq, nq), ∂g/∂q − ω² M⟩ can be.
+        """The most that Σ ⟨weights (n, k, k), ∂g/∂q − ω² M⟩ can be.
 
         Of barrel and rod per area, of others in all.
 
@@ -317,7 +317,10 @@ def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:
 
 
 def _pin_motions(problem: Problem, i: int, rigid: RigidPoses) -> PinMotions:
-    linkage, joints = problem.machine.linkages[i], tuple(range(len(problem.machine.joints)))
+    linkage, joints = (
+        problem.machine.linkages[i],
+        tuple(range(len(problem.machine.arm.coordinates))),
+    )
     ends = linkage.bars(rigid, 1.0)
     pins = {"base": ends["barrel"][0], "rod_end": ends["rod"][1]}
     held = {place: linkage.pin(place) for place, _ in problem.vector.moves(i).values()}

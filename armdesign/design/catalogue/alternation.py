@@ -13,6 +13,8 @@ from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
 from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered
 from armdesign.design.program.problem import Problem
+from armdesign.design.search.infeasibility.elastic_programme import ROUGH
+from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.sequential_sdp import MISSED, Search
@@ -60,7 +62,15 @@ def sizes_and_pins(
     """
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
-    return with_sizes(restore_feasibility(best), sizes, start), outcomes
+    best = restore_feasibility(best)
+    if best.violation <= MISSED:
+        found = with_sizes(best, sizes, start)
+        if found.violation <= MISSED:
+            return found, outcomes
+    nearest = _missing_least(best, sizes)
+    if nearest.violation <= MISSED:
+        nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
+    return nearest, outcomes
 
 
 def with_sizes(
@@ -84,6 +94,22 @@ def with_sizes(
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
     return improve_in_turn(max(searches, key=_rank), sizes)
+
+
+def _missing_least(search: Search, sizes: Sizes) -> Search:
+    """Sizes near those of a search, the largest cylinder first, that miss requirements least.
+
+    Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
+    """
+    for i in _largest_first(search):
+        tried: list[tuple[float, Search]] = []
+        for size in _near_sizes(search, i, sizes):
+            other = _with_size(search, i, size)
+            elastic = ConflictSearch(other.problem, other.x, search.holding)
+            solution = elastic.solve(elastic.roles([elastic.names]), ROUGH, starts=1)
+            tried.append((solution.cost, other.at(solution.x)))
+        search = min(tried, key=lambda pair: pair[0])[1]
+    return search
 
 
 def improve_in_turn(search: Search, sizes: Sizes) -> Search:

@@ -26,8 +26,14 @@ STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have mo
 DRAWN = (
     0.7  # share of the pin box in which starts are drawn; a start is shrunk by it until it closes
 )
+ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
+TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 GAINED = 1e-5  # of today's lowest ω², by the last of them
+# pins from the best are drawn in such a share of their box, so many designs at a time, until so
+# often in a row none is better
+HOP, HOPS, PATIENCE = 0.5, 4, 6
+BETTER = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
@@ -102,15 +108,15 @@ def multistart(
     that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
-    searches = _follow_all(searches, workers, trust=0.2, tolerance=2e-3, looks=3)
+    searches = _follow_all(searches, workers, **ROUGHLY)
     least = max(s.merit for s in searches) - NEAR
     near = [k for k, search in enumerate(searches) if search.merit >= least]
-    followed = _follow_all(
-        [searches[k] for k in near], workers, curved=True, trust=0.05, tolerance=1e-5
-    )
+    followed = _follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
         searches[k] = search
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
+    if problem.vector.moves_within:
+        best = _hop(with_least_moved_pins(best), seed, workers)
     return with_least_moved_pins(best), Starts.of(searches)
 
 
@@ -126,11 +132,36 @@ def _start_designs(
     for k in range((max(starts, 1) if problem.vector.moving else 1) - len(designs)):
         x = problem.vector.start.copy()
         x[moving] = random.uniform(-DRAWN, DRAWN, moving.sum()) if k > 0 else 0.0
-        x = np.clip(x, *problem.bounds)
-        while not problem.vector.closes(x):
-            x[moving] *= DRAWN
-        designs.append(x)
+        designs.append(_closing(problem, x, problem.vector.start))
     return designs
+
+
+def _closing(problem: Problem, x: Array, near: Array) -> Array:
+    """The design x within bounds, so far towards a ``near`` one that its four-bars close."""
+    x = np.clip(x, *problem.bounds)
+    while not problem.vector.closes(x):
+        x = near + DRAWN * (x - near)
+    return x
+
+
+def _hop(best: Search, seed: int, workers: int) -> Search:
+    """The best design found from some with other pins about the best, as long as there are better.
+
+    Four-bars have several optima, of which a start rarely finds the highest; from a good one it is
+    nearer.
+    """
+    problem, random, failures = best.problem, np.random.default_rng((seed, HOPS)), 0
+    moving = np.array([v.pin is not None for v in problem.vector.variables])
+    while failures < PATIENCE:
+        moves = moving * random.uniform(-HOP, HOP, (HOPS, len(moving)))
+        drawn = [_closing(problem, best.x + move, best.x) for move in moves]
+        rough = [Search(problem=problem, x=x) for x in drawn]
+        found = max(_follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
+        if found.merit > best.merit + BETTER:
+            found = follow(found, curved=True, **TO_THE_END)
+        failures = 0 if found.merit > best.merit + BETTER else failures + 1
+        best = max(best, found, key=lambda s: (s.violation < NEARLY, s.merit))
+    return best
 
 
 def run_to_end(search: Search, trust: float) -> Search:

@@ -12,6 +12,10 @@ search starts. ``residual_terms`` then fits the modes in the band as such, with 
 residual terms for the modes outside, and states how far the modes may be off: by noise, by what
 the residual terms leave open, and by how far likely choices of them differ. The measured
 response, free of that smear, is (Y − E/A)/U.
+
+Noise of the input reaches the output through the response H: the lines then scatter by σ² + |H|²
+times the input's own variance, which is largest at resonance, where few lines tell. What the input
+holds above the band measures that variance; fits with and without it are averaged.
 """
 
 from __future__ import annotations
@@ -25,7 +29,14 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.simulation.identification.records import signals_of
-from armdesign.simulation.identification.residual_terms import Answer, Lines, answers, real
+from armdesign.simulation.identification.residual_terms import (
+    Answer,
+    Lines,
+    answers,
+    evidence,
+    real,
+    weights_of,
+)
 
 # degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
 SPARE = 3
@@ -33,6 +44,8 @@ ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1
 LEAST_EQUATIONS = 2  # per unknown
 STARTS = (0.03, 0.2)  # damping ratios from which the search starts as well
 OVERDAMPED = 1.0
+ABOVE = 1.5  # of the band's upper end: where an input holds noise alone
+NOISE_ROUNDS, NEGLIGIBLE_NOISE = 2, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +129,7 @@ def identify_forced_response(
     step, (u, y) = signals_of(part, time, excitation, response)
     all_lines = np.fft.rfftfreq(len(y), step)
     inside = (all_lines >= band[0]) & (all_lines <= band[1])
+    noise = _variance_above(u, all_lines > ABOVE * band[1])
     u, y = (np.fft.rfft(signal)[inside] / len(y) for signal in (u, y))
     frequency = all_lines[inside]
     if len(frequency) < LEAST_EQUATIONS * _unknowns(modes) / 2:
@@ -125,7 +139,7 @@ def identify_forced_response(
         raise SimulationError(
             part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode"
         )
-    return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part)
+    return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
 
 
 def identify_frequency_response(
@@ -213,7 +227,13 @@ def _degrees(modes: int) -> tuple[int, int, int]:
 
 
 def _fit(
-    frequency: Array, u: Array, y: Array, weight: Array, degrees: tuple[int, int, int], part: str
+    frequency: Array,
+    u: Array,
+    y: Array,
+    weight: Array,
+    degrees: tuple[int, int, int],
+    part: str,
+    input_noise: float = 0.0,
 ) -> ModalFit:
     """The fit of output to input spectra at lines [Hz] of some weight.
 
@@ -224,12 +244,16 @@ def _fit(
         weight: of every line (k,).
         degrees: of A, B and E; 0 of E where the spectra hold no ends of a record.
         part: name of the response for messages.
+        input_noise: variance of the input's lines by noise.
     """
     middle, modes = math.sqrt(frequency[0] * frequency[-1]), degrees[0] // 2
     inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
     s = 1j * frequency / middle
     lines = Lines(s, u / inputs, weight * y / outputs, weight, ends=degrees[2] > 0)
-    found, weights = answers(lines, _starts(lines, degrees))
+    found = answers(lines, _starts(lines, degrees))
+    if input_noise > 0:
+        found += _with_input_noise(lines, found, input_noise / inputs**2)
+    weights = weights_of(found)
     poles = np.array([one.poles[:modes] for one in found])
     mean = np.einsum("i,ijk->jk", weights, poles)
     if np.any(mean[:, 1] >= OVERDAMPED):
@@ -271,6 +295,37 @@ def _deviations(found: list[Answer], weights: Array, apart: Array) -> tuple[Arra
         np.einsum("i,ijk->jk", weights, each) for each in (within + apart**2, noise)
     )
     return np.sqrt(variance), np.sqrt(np.maximum(variance - of_noise, 0))
+
+
+def _variance_above(signal: Array, above: Array) -> float:
+    """Variance of a signal's spectral lines, by the median of those ``above`` what it excites.
+
+    Hann's window keeps out what leaks there from the excitation.
+    """
+    window = np.hanning(len(signal))
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * window)[above]) ** 2
+    if len(power) == 0:
+        return 0.0
+    # the median of a line's power is ln 2 of its mean, the exponential law
+    return float(np.median(power) / math.log(2) / np.sum(window**2) / len(signal))
+
+
+def _with_input_noise(lines: Lines, found: list[Answer], variance: float) -> list[Answer]:
+    """Answers with lines weighted by σ² + |H|² times the input's variance, unless it is small."""
+    more, starts = list[Answer](), np.array([max(found, key=evidence).poles[: found[0].modes]])
+    for _ in range(NOISE_ROUNDS):
+        response, ends = max(more or found, key=evidence).spectra(lines, lines.s)
+        left = np.abs(lines.y / lines.weight - response * lines.u - ends) ** 2
+        by_input = variance * np.abs(response) ** 2
+        if np.max(by_input) < NEGLIGIBLE_NOISE * np.mean(left):
+            return []
+        sizes = np.mean(left) * np.logspace(-4, 1, 21)  # of σ²
+        scatter = by_input + sizes[:, None]
+        best = scatter[np.argmin(np.sum(np.log(scatter) + left / scatter, axis=1))]
+        weight = np.sqrt(np.median(best) / best)
+        weighted = Lines(lines.s, lines.u, weight * lines.y / lines.weight, weight, lines.ends)
+        more = answers(weighted, starts)
+    return more
 
 
 def _unknowns(modes: int) -> int:

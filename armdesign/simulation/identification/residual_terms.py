@@ -167,8 +167,8 @@ class Answer:
         return response, ends
 
 
-def answers(lines: Lines, starts: Array) -> tuple[list[Answer], Array]:
-    """All likely answers, and the weight of each (·,), in sum one.
+def answers(lines: Lines, starts: Array) -> list[Answer]:
+    """All likely answers.
 
     Neighbours are tried where there are lines enough.
 
@@ -183,18 +183,24 @@ def answers(lines: Lines, starts: Array) -> tuple[list[Answer], Array]:
         unknowns = (modes + len(neighbours)) * (2 + lines.inputs.shape[1])
         if neighbours and len(lines.observed) < EQUATIONS * unknowns:
             continue
-        if len(neighbours) == 2 and len(max(likely, key=_evidence).poles) == modes:
+        if len(neighbours) == 2 and len(max(likely, key=evidence).poles) == modes:
             continue  # where one neighbour does not help, two do not either
-        best = max(map(_evidence, likely), default=-math.inf)
-        first = max(_coarse(lines, starts, neighbours, likely), key=_evidence)
+        best = max(map(evidence, likely), default=-math.inf)
+        first = max(_coarse(lines, starts, neighbours, likely), key=evidence)
         if first.evidence > best - 2 * NEGLIGIBLE / TEMPER:
             likely += _over_ratios(lines, first, best)
-    evidence = TEMPER * np.array([one.evidence for one in likely])
-    weights = np.exp(evidence - evidence.max())
-    return likely, weights / weights.sum()
+    return likely
 
 
-def _evidence(answer: Answer) -> float:
+def weights_of(found: list[Answer]) -> Array:
+    """The weight of each answer (·,), in sum one."""
+    logarithms = TEMPER * np.array([one.evidence for one in found])
+    weights = np.exp(logarithms - logarithms.max())
+    return np.asarray(weights / weights.sum())
+
+
+def evidence(answer: Answer) -> float:
+    """Its logarithm."""
     return answer.evidence
 
 
@@ -204,7 +210,7 @@ def _coarse(
     """Answers after a few rounds, at some λ."""
     modes, ratios = starts.shape[1], list(COARSE)
     if neighbours:
-        best = max(found, key=_evidence)
+        best = max(found, key=evidence)
         extras = [np.array([[omega, zeta] for omega in neighbours]) for zeta in (0.02, 0.2)]
         starts = np.array([np.vstack([best.poles[:modes], extra]) for extra in extras])
         ratios = [best.ratio, best.ratio / 100]
@@ -225,7 +231,7 @@ def _over_ratios(lines: Lines, first: Answer, best: float) -> list[Answer]:
         for k in way:
             last = _Regression(lines, 10.0**k, first.modes).answer(last.poles)
             fitted.append(last)
-            if last.evidence < max(best, *map(_evidence, fitted)) - NEGLIGIBLE / TEMPER:
+            if last.evidence < max(best, *map(evidence, fitted)) - NEGLIGIBLE / TEMPER:
                 break
     return fitted
 
@@ -368,6 +374,7 @@ class _Regression:
         determinants = self.inflation + np.log1p(linear).sum() + np.log1p(other).sum()
         size = math.sqrt(variance * self.ratio) / self.lines.typical
         likelihood = -0.5 * (len(self.y) * math.log(variance) + spare + determinants)
+        likelihood += 2 * np.log(self.lines.weight).sum()  # of the output itself, not weighted
         return float(likelihood - 0.5 * (math.log(size / USUAL) / SPREAD) ** 2)
 
 

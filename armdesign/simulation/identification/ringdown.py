@@ -12,34 +12,45 @@ autoregressive, that is
 
 and both sides of the fit are filtered so. Each order p gives an answer. How likely the record is
 under it (Schwarz 1978) weighs it, and the deviation holds how far likely answers differ. So are
-further modes tried beside those asked for, as long as they make the record likelier; the strongest
-are the answer.
+further modes tried beside those asked for, as long as they make the record likelier; the
+strongest are the answer. A mode nearby may be too weak or too damped to show and still pull at the
+answer, so it is given room at 1.3 times the frequency, above and below. A record in which the
+modes asked for do not stand out of the noise is refused.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
+from armdesign.simulation.identification.decaying_modes import (
+    NO_TREND,
+    Noise,
+    Refined,
+    autoregression,
+    detrended,
+    eliminated,
+    refined,
+)
 from armdesign.simulation.identification.records import signals_of
 
 MOST_ROWS = 400  # of the Hankel matrix
 BEGINNINGS = (1, 2, 4, 8)  # shares of the record from which the search starts: all, half, …
 ORDERS = (1, 2, 4)  # p, besides 0
 FURTHER = 2  # modes beside those asked for
-WHITE = np.zeros(0)  # no filter
 NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 TEMPER = 0.5  # power of the likelihood that weighs
 EXACT = 1e-9  # what is left of a record without noise, relative: no colour can be told
-ROUNDS, TRIALS, FILTERS = 30, 8, 2
-CONVERGED = 1e-10  # relative change of what is left
-LARGEST_STEP = 0.2  # of λ in a round, relative
+FILTERS = 2
+HIDDEN = (1 / 1.3, 1.3)  # frequencies of modes that may be hidden, relative
+HIDDEN_SHARE = 0.5  # usual amplitude of theirs, relative
+APART = 0.15  # a hidden mode from those found, relative
+STANDS_OUT = 3.0  # by how much a mode must raise the logarithm of the likelihood
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +61,15 @@ class Ringdown:
         natural_frequencies: (m,) ascending [Hz].
         damping_ratios: (m,).
         frequency_deviations: standard deviations of the frequencies (m,) [Hz], by noise, white or
-            coloured, and by further modes. Errors by nonlinearity are not in them.
+            coloured, by further modes, and by one nearby that the noise may hide. Errors by
+            nonlinearity are not in them.
         damping_deviations: standard deviations of the damping ratios (m,).
         frequency_remainders: part of the frequencies' deviations by which likely answers differ,
             with other noise or more modes (m,) [Hz]; its square adds to the variance by noise.
         damping_remainders: the same part of the damping ratios' deviations (m,).
         amplitudes: of every mode in every output at the record's start (m, outputs).
         singular_values: of the Hankel matrix, largest first: a gap shows how many modes it holds.
+        fitted: modes and trend (n, outputs).
         residual: root mean square of what the modes leave of the outputs, relative.
     """
 
@@ -68,6 +81,7 @@ class Ringdown:
     damping_remainders: Array
     amplitudes: Array
     singular_values: Array
+    fitted: Array
     residual: float
 
     def __post_init__(self) -> None:
@@ -77,7 +91,11 @@ class Ringdown:
 
 
 def identify_ringdown(
-    time: ArrayLike, response: ArrayLike, modes: int = 1, part: str = "ring-down"
+    time: ArrayLike,
+    response: ArrayLike,
+    modes: int = 1,
+    part: str = "ring-down",
+    trend: int = NO_TREND,
 ) -> Ringdown:
     """Natural frequencies and damping ratios of the modes that a free decay holds.
 
@@ -86,14 +104,14 @@ def identify_ringdown(
 
     Args:
         time: evenly spaced instants (n,) [s], after the excitation has ended.
-        response: what rings about zero, as speeds: (n,) or (n, outputs). A constant is no mode and
-            has to be taken off before.
+        response: what rings about zero, as speeds, or about a trend: (n,) or (n, outputs).
         modes: how many modes are asked for, the strongest.
         part: name of the record for messages.
+        trend: degree of the polynomial of time about which it rings, 0 for a constant; -1: zero.
 
     Raises:
-        SimulationError: the record is too short or has no even instants, nothing moves, or fewer
-            modes oscillate.
+        SimulationError: the record is too short or has no even instants, nothing moves, fewer
+            modes oscillate, or noise hides one of them.
 
     Example:
         >>> import numpy as np, armdesign as ad
@@ -104,7 +122,8 @@ def identify_ringdown(
         [1.001] [0.05]
     """
     step, (signals,) = signals_of(part, time, response)
-    signals = signals.reshape(len(signals), -1)
+    whole = signals.reshape(len(signals), -1)
+    signals = detrended(whole, trend)
     scale = np.abs(signals).max(axis=0)
     if not scale.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
@@ -112,7 +131,7 @@ def identify_ringdown(
     if len(signals) < 8 * modes:
         problem = f"{len(signals)} records are too few"
         raise SimulationError(part, problem, f"record {8 * modes} or more")
-    found, singular = _answers(signals, modes, part)
+    found, singular = _answers(signals, modes, part, trend)
     weights = np.exp(
         TEMPER * (np.array(list(map(_likelihood, found))) - max(map(_likelihood, found)))
     )
@@ -132,43 +151,94 @@ def identify_ringdown(
         damping_remainders=remainders[1].copy(),
         amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
         singular_values=singular,
+        fitted=whole - likeliest.left * scale,
         residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(signals)),
     )
 
 
-def _answers(signals: Array, modes: int, part: str) -> tuple[list[_Refined], Array]:
+def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Refined], Array]:
     """Fits of the modes under noise of all orders, and of further modes while these are likely.
 
     Colour can pass for a mode and a mode for colour: counts are compared under the same noise,
     then at their best. The second is the singular values of the Hankel matrix.
     """
-    found, of_all, least, margin = list[_Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
+    found, of_all, least, margin = list[Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
     for count in range(modes, modes + FURTHER + 1):
         starts, singular, most = _starts(signals, count)
         if count == modes:
             of_all = singular
-        if not starts:
+        group = _group(signals, starts, trend)
+        if not group or group[0].likelihood < least:
             break
-        plain = _refined(
-            signals, min(starts, key=lambda start: _eliminated(signals, start, WHITE).cost), WHITE
-        )
-        if plain.likelihood < least:
-            break
-        least = plain.likelihood - margin
-        group = [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
+        least = group[0].likelihood - margin
         if found and max(map(_likelihood, group)) < max(map(_likelihood, found)) - margin:
             break
         found += group
-        if np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals):
+        if _exact(signals, group[0]):
             break
+    found = [one for one in found if one.rings.sum() >= modes]
     if not found:
-        raise SimulationError(
-            part, f"holds {most} modes, not {modes}", "ask for fewer, or record longer"
-        )
+        problem = f"holds {most} modes, not {modes}"
+        if most >= modes:
+            problem = f"holds fewer than {modes} that ring for two periods or more"
+        raise SimulationError(part, problem, "ask for fewer, or record longer")
+    if not _exact(signals, found[0]):
+        likeliest = max(found, key=_likelihood)
+        if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
+            problem = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
+            raise SimulationError(part, problem, "ask for fewer, or record longer or louder")
+        found += _with_hidden(signals, likeliest, modes)
     return found, of_all
 
 
-def _likelihood(answer: _Refined) -> float:
+def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
+    """Fits from the best start under white noise, then under noise of all orders."""
+    if not starts:
+        return []
+    white = Noise(len(signals), np.zeros(0), trend=trend)
+    costs = [eliminated(signals, start, white).cost for start in starts]
+    plain = refined(signals, starts[int(np.argmin(costs))], white)
+    return [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
+
+
+def _without(signals: Array, modes: int, trend: int) -> float:
+    """Likelihood of the record with one mode less than asked for."""
+    if modes > 1:
+        return max(
+            map(_likelihood, _group(signals, _starts(signals, modes - 1)[0], trend)),
+            default=-math.inf,
+        )
+    found = []
+    for order in (0, 1):
+        noise = Noise(
+            len(signals), autoregression(signals, order) if order else np.zeros(0), trend=trend
+        )
+        left = noise.whitened(signals)
+        logarithms = np.log(np.mean(left**2, axis=0)).sum()
+        found.append(-0.5 * len(signals) * logarithms - 0.5 * order * math.log(len(signals)))
+    return float(max(found))
+
+
+def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined]:
+    """Fits with a mode hidden beside one of the answer, as damped, where the fit has none."""
+    found, sizes = list[Refined](), np.abs(likeliest.roots)
+    white = math.sqrt(likeliest.variance.sum())
+    for k in likeliest.strongest(modes):
+        usual = HIDDEN_SHARE * float(np.linalg.norm(likeliest.shapes[k])) / white
+        for root in likeliest.roots[k] * np.array(HIDDEN):
+            if root.imag < math.pi and np.all(np.abs(sizes / abs(root) - 1) > APART):
+                noise = Noise(
+                    len(signals),
+                    likeliest.noise.colour,
+                    np.array([root]),
+                    usual,
+                    likeliest.noise.trend,
+                )
+                found.append(refined(signals, likeliest.roots, noise))
+    return found
+
+
+def _likelihood(answer: Refined) -> float:
     return answer.likelihood
 
 
@@ -206,175 +276,24 @@ def _realised(signals: Array, order: int, rows: int) -> tuple[Array, Array]:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Refined:
-    """Modes by least squares under one colour of what they leave.
-
-    Attributes:
-        roots: λ Δt (m,), ascending by size.
-        shapes: c of every mode in every output (m, outputs), complex.
-        left: what the modes leave of the outputs (n, outputs).
-        covariance: of the real, then the imaginary parts of the roots (2m, 2m).
-        likelihood: its logarithm, less Schwarz's penalty.
-    """
-
-    roots: Array
-    shapes: Array
-    left: Array
-    covariance: Array
-    likelihood: float
-
-    @cached_property
-    def shares(self) -> Array:
-        """Sum of squares that each mode adds beyond what the others could make up for (m,)."""
-        powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
-        columns = np.stack([powers.real, powers.imag], axis=2)
-        found = []
-        for k, shape in enumerate(self.shapes):
-            own = (powers[:, k : k + 1] * shape).real
-            others = np.linalg.qr(np.delete(columns, k, axis=1).reshape(len(powers), -1))[0]
-            found.append(np.sum((own - others @ (others.T @ own)) ** 2))
-        return np.array(found)
-
-    def strongest(self, modes: int) -> Array:
-        """Which have the largest shares, ascending."""
-        return np.sort(np.argsort(-self.shares)[:modes])
-
-    def modes(self, modes: int) -> Array:
-        """|λ Δt| and ζ of the strongest (2, modes)."""
-        roots = self.roots[self.strongest(modes)]
-        return np.array([np.abs(roots), -roots.real / np.abs(roots)])
-
-    def variances(self, modes: int) -> Array:
-        """Variances of both (2, modes)."""
-        size, zeta = np.abs(self.roots), -self.roots.real / np.abs(self.roots)
-        d_size = np.hstack([np.diag(self.roots.real / size), np.diag(self.roots.imag / size)])
-        d_zeta = -(np.eye(len(size), 2 * len(size)) + zeta[:, None] * d_size) / size[:, None]
-        both = np.einsum("imk,kl,iml->im", [d_size, d_zeta], self.covariance, [d_size, d_zeta])
-        return np.asarray(both[:, self.strongest(modes)])
-
-
-def _orders(signals: Array, plain: _Refined) -> list[int]:
+def _orders(signals: Array, plain: Refined) -> list[int]:
     """Orders p that the record supports; none if nothing is left."""
-    exact = np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals)
-    return [] if exact else [order for order in ORDERS if 20 * order <= len(signals)]
+    return (
+        [] if _exact(signals, plain) else [order for order in ORDERS if 20 * order <= len(signals)]
+    )
 
 
-def _coloured(signals: Array, plain: _Refined, order: int) -> _Refined:
+def _exact(signals: Array, plain: Refined) -> bool:
+    return bool(np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals))
+
+
+def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
     """The fit under noise of an order, its filter found from what the fit before leaves."""
     found = plain
     for _ in range(FILTERS):
-        found = _refined(signals, found.roots, _filter(found.left, order))
+        found = refined(
+            signals,
+            found.roots,
+            Noise(len(signals), autoregression(found.left, order), trend=plain.noise.trend),
+        )
     return found
-
-
-def _filter(left: Array, order: int) -> Array:
-    """a_1 … a_p (p,) by least squares, for all outputs together, each of its own size."""
-    each = left / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
-    past = np.concatenate(
-        [
-            np.stack([one[order - k : len(one) - k] for k in range(1, order + 1)], 1)
-            for one in each.T
-        ]
-    )
-    return np.asarray(-np.linalg.lstsq(past, each[order:].T.ravel(), rcond=None)[0])
-
-
-def _filtered(values: Array, colour: Array) -> Array:
-    """1 + a_1 q + … applied along axis 0; the first p samples stay as they are."""
-    found = values.copy()
-    for k, a in enumerate(colour, 1):
-        found[len(colour) :] += a * values[len(colour) - k : len(values) - k]
-    return found
-
-
-def _refined(signals: Array, roots: Array, colour: Array) -> _Refined:
-    """Levenberg's and Marquardt's method on λ, the shapes eliminated (Golub & Pereyra 1973)."""
-    count, damping = len(roots), 1e-3
-    target = _filtered(signals, colour)
-    now = _eliminated(target, roots, colour)
-    for _ in range(ROUNDS):
-        slopes, before = _slopes(roots, now, colour), now.cost
-        normal, gradient = slopes.T @ slopes, slopes.T @ now.left.T.ravel()
-        for _ in range(TRIALS):
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-300), gradient)
-            if gradient @ step <= CONVERGED * before:
-                return _with_covariance(signals, roots, colour, now, slopes)
-            change = step[:count] + 1j * step[count:]
-            change *= min(1.0, LARGEST_STEP / float(np.max(np.abs(change) / np.abs(roots))))
-            new = _eliminated(target, roots + change, colour)
-            if np.all((roots + change).imag > 0) and new.cost < before:
-                roots, now, damping = roots + change, new, damping / 10
-                break
-            damping *= 5
-        else:
-            break
-    return _with_covariance(signals, roots, colour, now, _slopes(roots, now, colour))
-
-
-@dataclass(frozen=True, eq=False)
-class _Eliminated:
-    """Shapes by least squares for given roots.
-
-    Attributes:
-        basis: filtered powers, orthonormal (n, 2m).
-        shapes: c (m, outputs), complex.
-        left: what they leave of the filtered outputs (n, outputs).
-        cost: its sum of squares.
-    """
-
-    basis: Array
-    shapes: Array
-    left: Array
-    cost: float
-
-
-def _basis(roots: Array, length: int, colour: Array) -> Array:
-    """Filtered real and imaginary parts of exp(λt) (n, 2m)."""
-    powers = np.exp(roots * np.arange(length)[:, None])
-    return _filtered(np.hstack([powers.real, -powers.imag]), colour)
-
-
-def _eliminated(target: Array, roots: Array, colour: Array) -> _Eliminated:
-    """Shapes by least squares of the filtered outputs (n, outputs)."""
-    basis, triangle = np.linalg.qr(_basis(roots, len(target), colour))
-    share = basis.T @ target
-    found, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
-    return _Eliminated(
-        basis, found[: len(roots)] + 1j * found[len(roots) :], left, float(np.sum(left**2))
-    )
-
-
-def _slopes(roots: Array, now: _Eliminated, colour: Array) -> Array:
-    """Change of all filtered outputs (outputs n, 2m) by Re λ and Im λ, shapes eliminated."""
-    instants = np.arange(len(now.left))[:, None]
-    powers, found = instants * np.exp(roots * instants), []
-    for shape in now.shapes.T:
-        change = powers * shape
-        each = _filtered(np.hstack([change.real, -change.imag]), colour)
-        found.append(each - now.basis @ (now.basis.T @ each))
-    return np.concatenate(found)
-
-
-def _with_covariance(
-    signals: Array, roots: Array, colour: Array, now: _Eliminated, slopes: Array
-) -> _Refined:
-    """How certain the roots are: noise of the size that is left of each output."""
-    length, order = len(signals), np.argsort(np.abs(roots))
-    variance = np.sum(now.left**2, axis=0) / max(length - 2 * len(roots) - len(colour), 1)
-    sizes = np.repeat(np.sqrt(variance), length)
-    gain = (
-        np.linalg.pinv(slopes.T @ slopes, rcond=1e-15, hermitian=True)
-        @ (slopes * sizes[:, None]).T
-    )
-    both = np.concatenate([order, len(roots) + order])
-    powers = np.exp(roots * np.arange(length)[:, None])
-    logarithms = np.log(np.maximum(variance, 1e-300)).sum()
-    unknowns = len(colour) + len(roots) * (2 + 2 * signals.shape[1])
-    return _Refined(
-        roots=roots[order],
-        shapes=now.shapes[order],
-        left=signals - (powers @ now.shapes).real,
-        covariance=(gain @ gain.T)[np.ix_(both, both)],
-        likelihood=float(-0.5 * length * logarithms - 0.5 * unknowns * math.log(length)),
-    )

@@ -60,12 +60,30 @@ def resolved(function: F, *arguments: object) -> F:
     """The compiled function for arguments of just these types, dimensions and layouts.
 
     It no longer checks them. numba checks every argument of every call, which for arrays of
-    records takes longer than the computation itself.
+    records takes longer than the computation itself; even once for every plant it takes 10 ms, so
+    what was compiled for arguments of a kind is remembered.
     """
     dispatcher, typeof = cast(Any, function), cast(Any, numba.typeof)
     if not hasattr(dispatcher, "compile"):  # numba is switched off
         return function
-    return cast(F, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+    kind = dispatcher, _kind(arguments)
+    if kind not in _resolved:
+        _resolved[kind] = dispatcher.compile(tuple(typeof(argument) for argument in arguments))
+    return cast(F, _resolved[kind])
+
+
+_resolved: dict[object, Any] = {}
+
+
+def _kind(argument: object) -> object:
+    """Everything of an argument that numba's type of it depends on."""
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    if isinstance(argument, np.ndarray):
+        f = argument.flags
+        layout = f.c_contiguous, f.f_contiguous, f.aligned, f.writeable
+        return argument.dtype, argument.ndim, layout
+    return type(argument)
 
 
 def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Records:

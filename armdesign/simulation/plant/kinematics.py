@@ -100,9 +100,9 @@ def new_pin_motion(nq: int) -> PinMotion:
 
 
 def joints_of(arm: Arm) -> Records:
-    """Joints (nq,) as records ``JOINT``."""
-    records = new_records(len(arm.joints), JOINT)
-    for row, joint, following in zip(records, arm.joints, arm.outwards, strict=True):
+    """Joints, those of springs last, as records ``JOINT``."""
+    records = new_records(len(arm.coordinates), JOINT)
+    for row, joint, following in zip(records, arm.coordinates, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute
         row["translation"], row["axis"] = joint.translation, joint.axis
         row["constant"], row["sine"], row["cosine"] = _turn(joint)

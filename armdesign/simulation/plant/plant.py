@@ -1,16 +1,18 @@
 """The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases at once.
 
     M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)      joints: ``forward_dynamics``
+                         + τ₀ − κ (z − z₀) − d ż                 springs: ``springs``
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ                      chambers: ``hydraulics``
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                              spool x, its command u in [−1, 1]
     C_s ṗ_s = Q_pump(p_s) − Σ Q                                 line of a flow-limited pump
 
-with s = ℓ − ℓ_closed + c (A1 p1 − A2 p2 − k δ): the pins' compliance c in series lets the piston
-run ahead of the pins, under what oil and the spring k of an end stop, pressed in by δ(s), put on
-it. A damping force, of friction or of a stop, acts at the rate of the pins ℓ̇, beside c: through c
-it would need a mass of the piston, or make energy, as it would then move with another speed than
-the one it depends on. An ideal pump holds its pressure. Masses of barrels, rods, rockers and
-couplers are in M and h. Powers are booked beside it: ``energy_book``.
+where q are the joints of poses and then those of springs, z; with s = ℓ − ℓ_closed + c (A1 p1 − A2
+p2 − k δ): the pins' compliance c in series lets the piston run ahead of the pins, under what oil
+and the spring k of an end stop, pressed in by δ(s), put on it. A damping force, of friction or of
+a stop, acts at the rate of the pins ℓ̇, beside c: through c it would need a mass of the piston, or
+make energy, as it would then move with another speed than the one it depends on. An ideal pump
+holds its pressure. Masses of barrels, rods, rockers and couplers are in M and h. Powers are booked
+beside it: ``energy_book``.
 
 Units inside the state: pressures in bar, everything else SI, so that all numbers are of one order.
 """
@@ -24,7 +26,6 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
@@ -50,6 +51,7 @@ from armdesign.simulation.plant.kinematics import (
     place_drive,
     place_joints,
 )
+from armdesign.simulation.plant.springs import add_springs, springs_of
 from armdesign.units import bar
 
 
@@ -59,7 +61,7 @@ class PlantInstant(NamedTuple):
     rates: Array  # ẏ (n, size)
     outputs: Records  # of every actuator (n, nc), records ``OUTPUT``
     powers: Array  # supplied, into oil compression, dissipated (n, 3) [W]
-    springs: Array  # energy in end stops and series compliances (n,) [J]
+    springs: Array  # energy in springs, end stops and series compliances (n,) [J]
 
     @property
     def extensions(self) -> Array:
@@ -77,8 +79,9 @@ class Parameters(NamedTuple):
 
     actuators: Records  # ``ACTUATOR`` (n, nc)
     systems: Records  # ``SYSTEM`` (n,)
-    joints: Records  # ``JOINT`` (n, nq)
+    joints: Records  # ``JOINT`` (n, nq), springs' last
     drives: Records  # ``DRIVE`` (n, nc)
+    springs: Records  # ``SPRING`` (n, ns)
 
 
 class Layout(NamedTuple):
@@ -96,10 +99,10 @@ class Plant:
     Axis 0 of every array is the case.
 
     State y: q, q̇, p1, p2 [bar], supply pressure [bar] of a flow-limited pump, spool, spool speed;
-    joints in the order of q, the rest in the order of ``Machine.actuators``.
+    joints in the order of q, springs after them, the rest in the order of ``Machine.actuators``.
 
     Args:
-        machines: one per case; one alone serves any number of cases.
+        machines: one per case; one alone serves any number of cases. Their springs are settled.
 
     Raises:
         SimulationError: a cylinder or motor has no valve.
@@ -107,16 +110,15 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
-        if self.machine.springs:
-            raise SimulationError(f"{self.machine.name}: spring", "springs are not simulated yet")
         self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
             np.stack([system_of(machine) for machine in machines]),
             np.stack([joints_of(machine.arm) for machine in machines]),
             np.stack([drives_of(machine) for machine in machines]),
+            np.stack([springs_of(machine) for machine in machines]),
         )
-        self.nq, self.nc = nq, nc = len(self.machine.joints), len(self.machine.actuators)
+        self.nq, self.nc = nq, nc = len(self.machine.arm.coordinates), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
         self._kernel: Callable[..., None] | None = None
@@ -130,7 +132,8 @@ class Plant:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the numbers of the state."""
-        joints, cylinders = self.machine.joints, [f.name for f in self.machine.actuators]
+        joints = [joint.name for joint in self.machine.arm.coordinates]
+        cylinders = [f.name for f in self.machine.actuators]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
         kinds += [
             ("annulus pressure", cylinders),
@@ -174,13 +177,14 @@ class Plant:
         """State (size,) without motion.
 
         Args:
-            q: joint positions (nq,).
+            q: joint positions (nq,); springs stand where they rest.
             pressures: of caps and annuli (2, nc) [Pa].
             line: supply pressure [Pa], for a flow-limited pump.
             spool: positions (nc,).
         """
         state = np.zeros(self.size)
-        state[self._parts[0]], state[self._chambers] = q, pressures.ravel() / bar
+        state[self._parts[0]] = self.machine.arm.with_springs(q[None])[0]
+        state[self._chambers] = pressures.ravel() / bar
         state[self._parts[4]], state[self._parts[5]] = line / bar, spool
         return state
 
@@ -217,7 +221,8 @@ class Plant:
 def stack_shape(machine: Machine) -> Hashable:
     """Properties that machines must share to be cases of one plant."""
     order = tuple(machine.arm.model_order.tolist())
-    return order, len(machine.actuators), machine.has_bars, machine.supply.flow_limited
+    counts = len(machine.actuators), len(machine.springs)
+    return order, counts, machine.has_bars, machine.supply.flow_limited
 
 
 @compiled
@@ -267,9 +272,9 @@ def _evaluate(
             rates[layout.line] = (pump - taken) / system.line_capacity / bar
         actuators, outputs = parameters.actuators[m], evaluation.outputs[case]
         flows = supply, pump, taken
-        evaluation.springs[case] = book_powers(
-            actuators, system, pressures, outputs, flows, evaluation.powers[case]
-        )
+        power, springs = evaluation.powers[case], parameters.springs[m]
+        stored = book_powers(actuators, system, pressures, outputs, flows, power)
+        evaluation.springs[case] = stored + add_springs(springs, y, torque[case], power)
 
 
 @compiled

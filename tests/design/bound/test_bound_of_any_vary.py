@@ -224,7 +224,7 @@ def test_a_design_states_no_bound_below_itself(
 ) -> None:
     """Whatever the proof says: neither as a number nor in print; and why not is said."""
     monkeypatch.setattr(
-        optimum, "upper_bound", lambda *_: Bound(frequency=wrong, held=(), assumptions=())
+        optimum, "bound_of", lambda *_: Bound(frequency=wrong, held=(), assumptions=())
     )
     design = ad.optimize(machine, coarse("paper_1dof"), starts=1)
     assert design.unrounded > 5

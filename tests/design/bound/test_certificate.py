@@ -174,11 +174,12 @@ def test_one_cylinder_against_brute_force() -> None:
 
 
 @pytest.mark.slow
-def test_no_random_design_exceeds_the_bound() -> None:
+@pytest.mark.parametrize("name", ["double", "sprung"])
+def test_no_random_design_exceeds_the_bound(name: str) -> None:
     """Two joints that share oil: allowed designs drawn in the boxes, by the package's front
     door.
     """
-    search = finished("double")
+    search = finished(name)
     bound, problem = bound_of(search), search.problem
     reached = [
         hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 60)
@@ -189,12 +190,14 @@ def test_no_random_design_exceeds_the_bound() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_any_prices_give_a_bound(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "seed"), [*(("double", seed) for seed in range(4)), ("sprung", 0), ("sprung", 1)]
+)
+def test_any_prices_give_a_bound(name: str, seed: int) -> None:
     """Random prices in place of the solver's: less tight, but nothing that is allowed exceeds
     them.
     """
-    search = finished("double")
+    search = finished(name)
     problem, random = search.problem, np.random.default_rng(seed)
     dual = LagrangianDual.start(problem, sole_drives(problem), search.x, search.rows)
     inverse, base = dual.scaled_bases(dual.rows)

@@ -18,7 +18,8 @@ from tests.machines import named
 
 
 @pytest.mark.parametrize(
-    ("name", "pins"), [("double", "pins"), ("heavy_bars", "pins"), ("heavy_bars", "linkages")]
+    ("name", "pins"),
+    [("double", "pins"), ("sprung", "pins"), ("heavy_bars", "pins"), ("heavy_bars", "linkages")],
 )
 def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     """Gravity, and Σ ⟨W, ∂g/∂q − ω² M⟩ for random weights, of random designs, by ``loads`` with
@@ -26,7 +27,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
 
     Nothing is said of the joint of a four-bar that moves: a bound holds it.
     """
-    machine = bars("double") if name == "double" else named(name)
+    machine = named(name) if name == "heavy_bars" else bars(name)
     problem = posed(machine, ("areas", pins))
     enclosed, random = bar_enclosures(problem), np.random.default_rng(7)
     assert enclosed is not None
@@ -35,8 +36,9 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
     rigid = problem.workspace.rigid[problem.dynamics.rows.pose[rows]]
     held = [machine.linkages[bar.cylinder].joints[0] for bar in enclosed if len(bar.per_area) > 2]
     assert bool(held) == (pins == "linkages")
-    free = np.setdiff1d(np.arange(len(machine.joints)), held)
-    root = random.normal(size=(len(rows), len(machine.joints), len(machine.joints)))
+    size = len(machine.arm.coordinates)
+    free = np.setdiff1d(np.arange(size), held)
+    root = random.normal(size=(len(rows), size, size))
     root[:, held] = 0.0
     weights, squared = root @ np.swapaxes(root, 1, 2), 400.0
     gravity = [bar.gravity(rigid) for bar in enclosed]
@@ -70,7 +72,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "gap"), [("single", 0.05), ("double", 0.12)])
+@pytest.mark.parametrize(("name", "gap"), [("single", 0.05), ("double", 0.12), ("sprung", 0.12)])
 def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     """Allowed designs drawn in the boxes; ``gap``: measured and rounded up, bars here are half of
     all inertia.

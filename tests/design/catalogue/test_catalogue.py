@@ -29,8 +29,8 @@ from tests.design.requirements.shared import EVERYTHING
 from tests.machines import named
 
 SMALL = {
-    "single": (7,), "double": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4, "random_2": 4,
-    "random_7": 3,
+    "single": (7,), "double": (5, 5), "sprung": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4,
+    "random_2": 4, "random_7": 3,
     "crossing": 4, "four_bar_right": 4, "branched": 3, "rotator": 3, "slewing": (2, 2, 2, 3),
     "mini_excavator_2t": 3, "loader_crane": 2, "patu_boom": 7,
 }  # fmt: skip

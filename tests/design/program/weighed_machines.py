@@ -7,6 +7,7 @@ from functools import cache
 
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design.program.problem import Problem
+from tests.design.designs import sprung
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, build
 
 
@@ -19,6 +20,8 @@ def bars(name: str, share: float = 1.0) -> Machine:
         return build([BOOM], [lift])
     if name == "double":
         return build([BOOM, STICK], [lift, fold])
+    if name == "sprung":
+        return sprung(heavy)
     tilt = CylinderSpec(
         "tilt", ("stick", (0.2, 0, 0.5)), pivot=("stick", (1.3, 0, -0.1)),
         lug=("bucket", (0.1, 0.02, -0.2)), knee="right", extra=f"count = 2\n{heavy}",

@@ -151,8 +151,27 @@ def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) ->
 
 
 @pytest.mark.slow
-def test_seeds_agree_where_four_bars_move() -> None:
-    """20 t machine on a coarse grid: whatever is drawn, to 0.05 %."""
-    problem = coarse("excavator_20t", ("cylinder.bucket",))
+@pytest.mark.parametrize(
+    ("name", "vary", "points"),
+    [
+        ("excavator_20t", ("cylinder.bucket",), (3, 3, 5)),
+        ("mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
+    ],
+)
+def test_seeds_agree_where_four_bars_move(
+    name: str, vary: tuple[str, ...], points: tuple[int, ...]
+) -> None:
+    """Whatever is drawn, to 0.05 %.
+
+    The mini excavator has an optimum at 5.474 Hz, which one of 17 random starts reached, and one
+    at 5.433 Hz, where nearly all others ended; from seed 1 it still does.
+    """
+    machine = named(name)
+    problem = Problem.of(
+        machine=machine,
+        workspace=Workspace.grid(machine, points),
+        requirements=Requirements.of(machine),
+        vary=vary,
+    )
     found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 5)]
-    assert found[1] == pytest.approx(found[0], rel=5e-4)
+    assert found == pytest.approx([max(found)] * 2, rel=5e-4)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from armdesign.design.requirements.record import Concession, Requirement
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import InfeasibleError
+from armdesign.machine.file.key_paths import bounds
 from armdesign.units import WORKSHOP, outward
 
 DIGITS = 6  # of a setting that gives
+WITHIN = 0.999  # of what a file allows it to give
 HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
 
 
@@ -32,7 +35,7 @@ def concessions(
     values: dict[str, float] = {}
     for name, amount in amounts.items():
         c = of[name]
-        if c.setting and amount > 0 and c.limit:
+        if c.setting and 0 < amount <= largest_share(requirements, c) * abs(c.limit):
             value = _granting(requirements, c, amount)
             values[c.setting] = (min if _falls(c) else max)(values.get(c.setting, value), value)
     return tuple(
@@ -48,6 +51,25 @@ def concessions(
     )
 
 
+def largest_share(requirements: Requirements, c: Requirement) -> float:
+    """Share of its limit by which a requirement can be relaxed, until no file allows its setting.
+
+    Infinite where a file allows any number, zero where no number states the limit.
+    """
+    stated = _stated(requirements, c) if c.setting else 0.0
+    if stated <= 0 or c.limit == 0:
+        return 0.0
+    if c.inverse or c.setting.startswith("outline."):  # names of links may have dots
+        return math.inf
+    low, high = bounds(("requirements", *c.setting.split(".")))
+    return WITHIN * (1 - low / stated if c.at_least else high / stated - 1)
+
+
+def _stated(requirements: Requirements, c: Requirement) -> float:
+    """The number that states its limit, in the key's unit."""
+    return requirements.setting(c.setting) if c.stated is None else c.stated
+
+
 def _falls(c: Requirement) -> bool:
     """Whether its setting falls when it is relaxed: a lower limit, or a factor."""
     return c.at_least or c.inverse
@@ -55,7 +77,7 @@ def _falls(c: Requirement) -> bool:
 
 def _granting(requirements: Requirements, c: Requirement, amount: float) -> float:
     """The setting that grants an amount, rounded to the granting side."""
-    stated = requirements.setting(c.setting) if c.stated is None else c.stated
+    stated = _stated(requirements, c)
     ratio = 1 + (-1 if c.at_least else 1) * amount / c.limit
     value = stated * (1 / ratio if c.inverse else max(ratio, 0.0))
     return outward(value, DIGITS, not _falls(c))

@@ -7,8 +7,8 @@ drawing one after the other, while the rest follows.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeAlias
 
@@ -42,10 +42,17 @@ Bounds: TypeAlias = tuple[Array, Array]  # of x
 
 @dataclass(frozen=True, eq=False)
 class Roles:
-    """Requirements that may give, in groups of one largest share, and those that must hold."""
+    """Requirements that may give, in groups of one largest share, and those that must hold.
+
+    Attributes:
+        soft: names of those that may, group by group.
+        hard: names of those that must.
+        most: share of its limit that one of the former may give, if not any.
+    """
 
     soft: Groups
     hard: Collection[str]
+    most: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def names(self) -> set[str]:
@@ -247,6 +254,11 @@ class ElasticProgramme:
         names = [
             c.name for c, part in zip(kept, shares, strict=True) for _ in range(part.shape[1])
         ]
+        if roles is not None:  # beyond what it may give it must hold
+            for c, share in zip(kept, shares, strict=True):
+                if c.name in roles.most and c.name not in roles.hard:
+                    room = np.concatenate([room, share + roles.most[c.name]], axis=1)
+                    names += [f"{c.name} at most"] * share.shape[1]
         costs = _costs(room[0].real, names, roles or Roles((), ()))
         return _Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
 

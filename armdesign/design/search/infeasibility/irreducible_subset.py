@@ -8,11 +8,13 @@ on the grid. All of it is local, from several starts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.record import Evaluation
+from armdesign.design.search.infeasibility.concessions import largest_share
 from armdesign.design.search.infeasibility.elastic_programme import (
     MET,
     STARTS,
@@ -94,6 +96,15 @@ class ConflictSearch(ElasticProgramme):
                 kept = others
         return tuple(kept)
 
+    def roles(self, groups: Sequence[Sequence[str]]) -> Roles:
+        """Roles in which groups of requirements give what a file may state; all else must hold."""
+        requirements, amounts = self.problem.requirements, self.amounts(self.x)
+        most = {name: largest_share(requirements, c) for name, (c, _) in amounts.items()}
+        soft = [tuple(name for name in group if most[name] > 0) for group in groups]
+        hard = [name for name in amounts if not any(name in group for group in soft)]
+        limited = {name: share for name, share in most.items() if 0 < share < math.inf}
+        return Roles(soft, hard, limited)
+
     def least_relaxation(
         self, subsets: Sequence[Sequence[str]], near: Array | None = None
     ) -> Relaxation | None:
@@ -103,9 +114,7 @@ class ConflictSearch(ElasticProgramme):
         is sought from several starts, fewer if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
-        soft = [tuple(name for name in part if conditions[name].setting) for part in subsets]
-        hard = [name for name in conditions if not any(name in part for part in soft)]
-        roles = Roles(soft, hard)
+        roles = self.roles(subsets)
         self.x = self.x if near is None else near
         solution = self.solve(roles, starts=2 if near is not None else STARTS)
         if solution.missed > MET and near is not None:
@@ -115,7 +124,7 @@ class ConflictSearch(ElasticProgramme):
         rounded = self.on_grid(solution, roles)
         best: ElasticSolution = rounded if rounded.missed <= MET else solution
         amounts = self.amounts(best.x)
-        gives = {name: amounts[name][1] for part in soft for name in part}
+        gives = {name: amounts[name][1] for part in roles.soft for name in part}
         if any(_gives_all(conditions[name], amount) for name, amount in gives.items()):
             return None
         return Relaxation(conditions, gives, best.x)

@@ -7,16 +7,21 @@ relaxed a little more.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.program.problem import Problem
+from armdesign.design.requirements.check import check
 from armdesign.design.requirements.record import Concession, Evaluation, Requirement
+from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
     concessions,
     conflict_error,
+    largest_share,
     nearest_error,
 )
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch, Relaxation
@@ -31,7 +36,73 @@ from armdesign.errors import InfeasibleError
 # shares by which limits are drawn in, until there is a conflict
 DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
+GRANTS = 5  # refusals in a row that are granted, all that they ask for
 GRID = "on the 0.1 mm grid"
+WITH_SIZES = "with the sizes of the catalogue that were tried, "
+OTHER_SIZES = " or offer other sizes"
+
+T = TypeVar("T")
+
+
+def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue: bool) -> T:
+    """The design of a problem, or a refusal whose amounts were granted, all of them, and gave one.
+
+    What is refused again under what a refusal grants joins it, until there is a design.
+
+    Raises:
+        InfeasibleError: of ``design``, with amounts that are enough in the same setting.
+    """
+    requirements, settled = problem.requirements, False
+    refusals: list[InfeasibleError] = []
+    while len(refusals) < GRANTS:
+        try:
+            found = design(problem.under(requirements))
+        except InfeasibleError as refusal:
+            refusals.append(refusal)
+            granted = requirements.granting(refusal.conflict)
+            if granted == requirements:  # nothing that a file could state helps
+                break
+            requirements = granted
+        else:
+            if not refusals:
+                return found
+            settled = True
+            break
+    if len(refusals) == 1:
+        raise refusals[0]
+    conflict = _all_together(problem, refusals, requirements)
+    words = (f"{WITH_SIZES}no design meets", OTHER_SIZES) if catalogue else ("no design meets", "")
+    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1])
+
+
+def _all_together(
+    problem: Problem, refusals: Sequence[InfeasibleError], granted: Requirements
+) -> tuple[Concession, ...]:
+    """What several refusals ask for, each under what the ones before it grant."""
+    machine = problem.machine
+    before, after = (
+        {c.name: c for c in check(machine, machine, problem.workspace, requirements)}
+        for requirements in (problem.requirements, granted)
+    )
+    found: dict[str, Concession] = {}
+    for refusal in refusals:
+        parts = len({c.part for c in found.values()})
+        for c in refusal.conflict:
+            known, old = found.get(c.name), before[c.name]
+            value = c.value
+            if value is not None and c.inverse:  # factors
+                value *= known.value if known and known.value else 1.0
+            elif value is not None:
+                value = granted.setting(c.setting)
+            changed = abs(after[c.name].limit - old.limit)
+            found[c.name] = Concession(
+                **old.identity,
+                together=old.limit * (1 / value - 1) if c.inverse and value else changed,
+                alone=None,
+                part=known.part if known else parts + c.part,
+                value=value,
+            )
+    return tuple(found.values())
 
 
 def require_feasible(search: Search) -> Search:
@@ -109,12 +180,11 @@ class _Conflict:
             given = concessions(search.problem.requirements, [tuple(lacks)], of, lacks, {})
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
-            alone = self._alone(of, together, x)
+            alone = {} if search.problem.sizes else self._alone(of, together, x)
             given = _enough(search, self.subsets, of, together, alone, x)
         otherwise = ""
         if search.problem.sizes:
-            none_meets = f"with the sizes of the catalogue that were tried, {none_meets}"
-            otherwise = " or offer other sizes"
+            none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
         return conflict_error(
             search.problem.machine.name, given, none_meets, self.relaxation is not None, otherwise
         )
@@ -157,11 +227,12 @@ def _enough(
     """
     problem = search.problem
     for more in MORE:
-        larger = {
-            name: amount + more * abs(of[name].limit)
-            for name, amount in amounts.items()
-            if amount > 0
-        }
+        larger = {}
+        for name, amount in amounts.items():
+            if amount > 0:
+                limit = abs(of[name].limit)
+                most = largest_share(problem.requirements, of[name]) * limit
+                larger[name] = max(amount, min(amount + more * limit, most))
         given = concessions(problem.requirements, subsets, of, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
         if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:

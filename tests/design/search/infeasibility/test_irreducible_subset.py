@@ -22,6 +22,7 @@ from armdesign.design.search.infeasibility.concessions import conflict_error, co
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.multistart import formulate
 from armdesign.errors import InfeasibleError
+from armdesign.machine.file.key_paths import bounds
 from armdesign.units import outward
 from tests.design.designs import MACHINES, problem_of, workspace_of
 from tests.machines import four_bar
@@ -298,6 +299,60 @@ def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
     granted = requirements.granting(error.value.conflict)
     design = ad.optimize(machine, workspace, granted, starts=1, catalogue="iso")
     assert min(c.slack for c in design.checks) >= -1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("catalogue", [None, "iso"])
+def test_granting_what_the_20_t_machine_asks_for_gives_a_design_of_it(
+    catalogue: str | None,
+) -> None:
+    """With a catalogue and 70 % of the oil, what was stated first was refused once more."""
+    machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
+    requirements = replace(Requirements.of(machine), oil_total_share=0.7)
+    with pytest.raises(InfeasibleError) as error:
+        ad.optimize(machine, workspace, requirements, starts=1, catalogue=catalogue)
+    conflict = error.value.conflict
+    refuse_beyond_the_schema(conflict)
+    granted = requirements.granting(conflict)
+    design = ad.optimize(machine, workspace, granted, starts=1, catalogue=catalogue)
+    assert min(c.slack for c in design.checks) >= -1e-9
+
+
+def refuse_beyond_the_schema(conflict: tuple[Concession, ...]) -> None:
+    """Every setting that is said is a number that a machine file may state."""
+    for c in conflict:
+        if c.value is not None and not c.inverse:
+            low, high = bounds(("requirements", *c.setting.split(".")))
+            assert low <= c.value <= high, c
+
+
+def test_no_holding_share_above_one_is_asked_for() -> None:
+    """By hand: a load of 0.8 of what the cylinder holds, and a thrust of 0.6 of today's.
+
+    Equal shares would be √(0.8/(0.6 · 0.87)) = 1.24 of both limits, that is 1.08 of holding; a
+    file may state 1 at most, so the thrust gives the rest: 0.8, not 0.6 · 1.24 = 0.74. A step of
+    0.1 mm of the bore is 0.2 % of the area, and amounts are tried in steps of 1 % of a limit.
+    """
+    light, workspace = MACHINES["single"](), workspace_of("single")
+    path = f"payload.{light.payload.name}.mass_kg"
+
+    def held(machine: Machine) -> float:
+        checks = check(machine, machine, workspace, Requirements.of(machine))
+        return next(c.value for c in checks if c.name == "holding.lift")
+
+    heavy = light.replace({path: light.payload.mass + 1000.0})
+    per_kg = (held(heavy) - held(light)) / 1000.0
+    mass = light.payload.mass + (0.8 - held(light)) / per_kg
+    machine = light.replace({path: mass})
+    requirements = replace(Requirements.of(machine), thrust_share=0.6)
+    with pytest.raises(InfeasibleError) as error:
+        ad.optimize(machine, workspace, requirements, ("areas",), starts=1)
+    refuse_beyond_the_schema(error.value.conflict)
+    values = {c.setting: c.value for c in error.value.conflict}
+    assert values["holding_share"] == pytest.approx(1, rel=4e-3)
+    assert 0.8 <= values["thrust_share"] <= 0.8 + 0.012 * 0.8
+    granted = requirements.granting(error.value.conflict)
+    ad.optimize(machine, workspace, granted, ("areas",), starts=1)
 
 
 def test_where_pins_close_no_linkage_nothing_is_met() -> None:

@@ -1,0 +1,99 @@
+"""Commands of measurements: ``armdesign identify`` and ``armdesign calibrate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armdesign import output
+from armdesign.errors import ArmDesignError
+from armdesign.options import (
+    BandOption,
+    ExcitationOption,
+    FitOption,
+    MachineArgument,
+    MachineOption,
+    MeasuredArgument,
+    ModesOption,
+    OutOption,
+    OutsideOption,
+    PriorOption,
+    RecordingArgument,
+    SignalOption,
+    WindowsOption,
+    listed,
+    spans,
+    stated_priors,
+)
+from armdesign.output import outputs, show
+from armdesign.progress import progress
+
+
+def identify(
+    recording: RecordingArgument,
+    windows: WindowsOption = "",
+    signal: SignalOption = "",
+    modes: ModesOption = 1,
+    excitation: ExcitationOption = "",
+    band: BandOption = "",
+    machine: MachineOption = "",
+    out: OutOption = Path("out"),
+    allow_outside: OutsideOption = False,
+) -> None:
+    """Find frequency and damping in a recording.
+
+    Prints both with deviations for every window, how they depend on the swing, and whether the
+    chambers swing as trapped oil must. Writes identified.csv (which calibrate reads), swings.csv
+    and identified.png.
+    """
+    from armdesign.machine.loading import load
+    from armdesign.report.recordings import identified_sheets
+    from armdesign.simulation.identify import identify as found_in
+
+    given, bands = spans(windows, "--windows"), spans(band, "--band")
+    if len(bands) > 1:
+        raise ArmDesignError("--band", f'"{band}" is more than one band', "give one, as 0.5:4")
+    with progress("fitting"):
+        output.check_out(out)
+        model = load(machine, allow_outside=allow_outside) if machine else None
+        answer = found_in(
+            recording,
+            given,
+            signal=signal,
+            modes=modes,
+            excitation=excitation,
+            band=bands[0] if bands else None,
+            machine=model,
+        )
+    with outputs(out) as folder:
+        output.write_identified(answer, folder)
+    show(identified_sheets(answer))
+
+
+def calibrate(
+    machine: MachineArgument,
+    measured: MeasuredArgument,
+    fit: FitOption = "",
+    prior: PriorOption = "",
+    out: OutOption = Path("out"),
+    allow_outside: OutsideOption = False,
+) -> None:
+    """Fit numbers of a machine file to measured frequencies.
+
+    Prints values with deviations, the error at every pose when it is left out, and what the
+    measurements cannot tell apart. Writes <name>_calibrated.toml with its URDF, calibration.csv,
+    calibration_values.csv and calibration.png.
+    """
+    from armdesign.calibration.calibrate import calibrate as found_from
+    from armdesign.machine.loading import load
+    from armdesign.report.calibrations import calibration_sheets
+
+    paths, priors = listed(fit), stated_priors(prior)
+    if not paths:
+        raise ArmDesignError("--fit", "names nothing", "give key paths, separated by commas")
+    with progress("fitting"):
+        output.check_out(out)
+        model = load(machine, allow_outside=allow_outside)
+        answer = found_from(model, measured, paths, priors)
+    with outputs(out) as folder:
+        output.write_calibration(answer, folder)
+    show(calibration_sheets(answer))

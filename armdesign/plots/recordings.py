@@ -1,0 +1,80 @@
+"""Recorded signals with what was fitted to them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+
+if TYPE_CHECKING:
+    from armdesign.simulation.identification.modal_fit import ModalFit
+    from armdesign.simulation.identify import Identified, IdentifiedWindow
+
+
+@literal
+def identified_figure(identified: Identified) -> Any:
+    """Figure of signal, fit and residual over time, and of frequency against amplitude.
+
+    Of forced responses: the response of every window.
+    """
+    decays = [window for window in identified.windows if window.fitted is not None]
+    if not decays:
+        return _responses(identified)
+    fig, _ = figure(1, 9.0, 9.0)
+    fig.clf()
+    grid = fig.add_gridspec(3, 1, height_ratios=(3, 1.3, 2))
+    top = fig.add_subplot(grid[0])
+    below, last = fig.add_subplot(grid[1], sharex=top), fig.add_subplot(grid[2])
+    whole = identified.recording
+    top.plot(whole.time, whole.column(identified.signal), color=INK, lw=0.7, label="recorded")
+    for k, window in enumerate(decays):
+        colour = (MARK, COMPUTED)[k % 2]
+        label = "fit: damped oscillation and trend" if k == 0 else None
+        top.plot(window.time, window.fitted, color=colour, lw=1.3, label=label)
+        below.plot(window.time, window.signal - window.fitted, color=colour, lw=0.7)
+    _swings(last, decays)
+    top.set(ylabel=identified.signal, title=whole.source)
+    below.set(xlabel="time [s]", ylabel="residual")
+    last.set(xlabel=f"swing of {identified.signal}, half of peak to peak", ylabel="frequency [Hz]")
+    for ax in (top, below, last):
+        ax.grid(alpha=0.3)
+    top.legend(frameon=False)
+    return fig
+
+
+def _swings(ax: Any, decays: list[IdentifiedWindow]) -> None:
+    """Frequencies of pieces and of whole windows against the amplitude."""
+    style = {"fmt": ".", "color": INK, "alpha": 0.5, "lw": 0.8}
+    for window in decays:
+        pieces = window.swings
+        if pieces is not None and len(pieces.time):
+            ax.errorbar(
+                pieces.amplitudes, pieces.frequencies, pieces.frequency_deviations, **style
+            )
+            middle = float(np.median(pieces.amplitudes))
+            frequency, deviation = (
+                window.fit.natural_frequencies[0],
+                window.fit.frequency_deviations[0],
+            )
+            ax.errorbar([middle], [frequency], [deviation], fmt="o", color=MARK, capsize=3)
+    ax.plot([], [], ".", color=INK, alpha=0.5, label="three periods")
+    ax.plot([], [], "o", color=MARK, label="whole window, ± 1 deviation")
+    ax.legend(frameon=False)
+
+
+def _responses(identified: Identified) -> Any:
+    """Figure of measured and fitted responses, one pair of axes for each window."""
+    fig, axes = figure(len(identified.windows), 5.4, 3.8)
+    for ax, window in zip(axes, identified.windows, strict=True):
+        fit = cast("ModalFit", window.fit)
+        ax.semilogy(fit.frequency, np.abs(fit.response), ".", color=INK, label="recorded")
+        ax.semilogy(*fit.curve, "-", color=MARK, lw=1.5, label="fit")
+        left = np.abs(fit.response - fit.fitted)
+        ax.semilogy(fit.frequency, left, "x", color=COMPUTED, ms=4, label="residual")
+        title = f"{window.begin:g}–{window.end:g} s: {fit.natural_frequencies[0]:.3f} Hz"
+        ax.set(xlabel="frequency [Hz]", ylabel=identified.signal, title=title)
+        ax.grid(alpha=0.3)
+    axes[0].legend(frameon=False)
+    return fig

@@ -1,0 +1,39 @@
+"""Sheets of an identified recording: frequency and damping of every window."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armdesign.report.sheet import Sheet
+
+if TYPE_CHECKING:
+    from armdesign.simulation.identify import Identified
+
+POSES = ("_length_mm", "_deg")
+
+
+def identified_sheets(identified: Identified) -> list[Sheet | str]:
+    """Windows with frequency, damping and pose, and what a reader should know of them."""
+    frame = identified.frame
+    poses = [name for name in frame.columns if name.endswith(POSES)]
+    rows = []
+    for _, row in frame.iterrows():
+        rows.append(
+            (
+                f"{row['begin_s']:g}–{row['end_s']:g}",
+                f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}",
+                f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}",
+                f"{row['amplitude']:.3g}",
+                *(f"{row[name]:.1f}" for name in poses),
+            )
+        )
+    heads = ("window [s]", "frequency [Hz]", "damping ratio", "amplitude")
+    sheet = Sheet(
+        title=f"{identified.recording.source}: {identified.signal}",
+        columns=(*heads, *poses),
+        rows=tuple(rows),
+        note="± one standard deviation, by noise and by what it may hide",
+    )
+    words = [word for window in identified.windows for word in window.words]
+    refused = [f"not fitted: {line}" for line in identified.refused]
+    return [sheet, *words, *refused, *identified.warnings]

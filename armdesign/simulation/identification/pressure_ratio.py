@@ -1,0 +1,109 @@
+"""Ratio of the pressure swings in the two chambers of a cylinder: a check of any recording.
+
+Oil that is trapped on both sides of a piston answers its motion δs with δp1 = −A1 δs/C1 and
+δp2 = +A2 δs/C2, C = V/β the capacity of each chamber. So the pressures swing against each other,
+and |δp1/δp2| = (A1/C1)/(A2/C2): a check that needs no mass. A chamber that is open to the tank, or
+runs empty, does not swing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.simulation.identification.decaying_modes import (
+    Noise,
+    autoregression,
+    detrended,
+    eliminated,
+)
+
+SURE = 3.0  # deviations by which a swing stands out
+TREND = 2
+OPPOSITE = 30.0  # [°] from 180, within which pressures swing against each other
+ALIKE = 0.25  # relative difference from the expected ratio that measured volumes and β may explain
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressureRatio:
+    """Pressure swings of one cylinder in one window.
+
+    Attributes:
+        cylinder: name.
+        cap: swing of the cap pressure at the window's begin, in the recording's unit.
+        annulus: swing of the annulus pressure.
+        deviation: standard deviation of the ratio cap/annulus.
+        phase: of cap against annulus [°], 0…360.
+        annulus_swings: whether the annulus pressure swings more than its noise.
+        expected: ratio of trapped oil by a machine's areas and volumes; None without a machine.
+    """
+
+    cylinder: str
+    cap: float
+    annulus: float
+    deviation: float
+    phase: float
+    annulus_swings: bool
+    expected: float | None = None
+
+    @property
+    def ratio(self) -> float:
+        """Swing of the cap pressure over that of the annulus pressure."""
+        return self.cap / self.annulus if self.annulus > 0 else math.inf
+
+    @property
+    def verdict(self) -> str:
+        """What the ratio says, in words."""
+        if not self.annulus_swings:
+            return (
+                f"{self.cylinder}: the annulus pressure does not swing with the cap pressure"
+                f" (ratio {self.ratio:.3g} or more): that chamber is open or empty, no spring"
+            )
+        text = f"{self.cylinder}: cap and annulus swing {self.ratio:.3g} ± {self.deviation:.2g}"
+        text += f" to 1, {self.phase:.0f}° apart"
+        if abs(self.phase - 180) > OPPOSITE:
+            return f"{text}: not against each other, as trapped oil must"
+        if self.expected is None:
+            return f"{text}, against each other as trapped oil must"
+        near = max(SURE * self.deviation, ALIKE * self.expected)
+        fits = "as" if abs(self.ratio - self.expected) <= near else "not as"
+        return f"{text}, {fits} trapped oil must ({self.expected:.3g})"
+
+
+def pressure_ratio(
+    cylinder: str, step: float, pressures: Array, frequency: float, damping: float
+) -> PressureRatio:
+    """Swings of both chambers at a frequency and damping found.
+
+    Args:
+        cylinder: its name.
+        step: between samples [s].
+        pressures: of cap and annulus (n, 2), in one unit.
+        frequency: natural frequency [Hz].
+        damping: damping ratio, below 1.
+    """
+    omega, length = 2 * math.pi * frequency * step, len(pressures)
+    roots = np.array([omega * (-damping + 1j * math.sqrt(1 - damping**2))])
+    sizes, deviations = [], []
+    for one in pressures.T:
+        values = detrended(one[:, None], TREND)
+        plain = Noise(length, np.zeros(0), trend=TREND)
+        left = eliminated(plain.whitened(values), roots, plain).left
+        noise = Noise(length, autoregression(left, 2), trend=TREND) if np.ptp(left) > 0 else plain
+        found = eliminated(noise.whitened(values), roots, noise)
+        sizes.append(found.shapes[0, 0])
+        spare = max(length - 2 - TREND, 1)
+        deviations.append(math.sqrt(found.cost / spare / 2 * np.trace(found.inverse)))
+    cap, annulus = np.abs(sizes)
+    share = math.hypot(deviations[0] / max(cap, 1e-300), deviations[1] / max(annulus, 1e-300))
+    return PressureRatio(
+        cylinder=cylinder,
+        cap=float(cap),
+        annulus=float(annulus),
+        deviation=float(cap / max(annulus, 1e-300) * share),
+        phase=math.degrees(float(np.angle(sizes[0] / sizes[1]))) % 360 if annulus > 0 else 0.0,
+        annulus_swings=bool(annulus > SURE * deviations[1]),
+    )

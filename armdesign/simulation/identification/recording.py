@@ -1,0 +1,200 @@
+"""Recordings: signals of a machine over time, read from a CSV file, and what spoils them.
+
+One column for each signal, named with its unit at the end: ``lift_cap_bar``,
+``boom_gyro_deg_per_s``. Time is ``time_s`` (or ``time_ms``, ``t``, ``time``). Lines that begin
+with ``#`` are comments; semicolons with decimal commas are understood. A field may be blank.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError, choose
+
+TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_ms": 1e-3}
+GAP = 1.5  # intervals without a sample
+STUCK = 0.5  # share of a window in which a signal does not move at all
+LIMITED = 3  # equal samples at a signal's own limit
+QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was cut there
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Signals over time; arrays are read-only.
+
+    Attributes:
+        source: file or other origin, for messages.
+        time: instants (n,) [s].
+        columns: signals (n,) by name, NaN where a field is blank.
+    """
+
+    source: str
+    time: Array
+    columns: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        for value in (self.time, *self.columns.values()):
+            value.setflags(write=False)
+
+    def column(self, name: str) -> Array:
+        """A signal (n,).
+
+        Raises:
+            SimulationError: there is none of that name.
+        """
+        if name not in self.columns:
+            problem = f'has no column "{name}"'
+            raise SimulationError(self.source, problem, choose(name, list(self.columns)))
+        return self.columns[name]
+
+    def between(self, begin: float, end: float) -> Recording:
+        """The part from one instant to another [s], both included."""
+        inside = (self.time >= begin - 1e-9) & (self.time <= end + 1e-9)
+        some = {name: values[inside] for name, values in self.columns.items()}
+        return Recording(f"{self.source}: {begin:g}–{end:g} s", self.time[inside], some)
+
+    def signal(self, name: str) -> Array:
+        """A signal that can be fitted (n,).
+
+        Raises:
+            SimulationError: it is blank somewhere, constant, stuck or clipped, or time has gaps,
+                double stamps or steps back.
+        """
+        values, time = self.column(name), self.time
+        if len(time) < 2:
+            raise SimulationError(self.source, "holds no samples", "choose another window")
+        self._check_time()
+        if not np.all(np.isfinite(values)):
+            at = float(time[~np.isfinite(values)][0])
+            remedy = "choose a window without it, or fill it in"
+            raise SimulationError(self.source, f"{name} is blank at {at:g} s", remedy)
+        if np.ptp(values) == 0:
+            remedy = "choose another column or window"
+            raise SimulationError(self.source, f"{name} is constant ({values[0]:g})", remedy)
+        begin, count = _longest_run(values)
+        if count > STUCK * len(values):
+            problem = f"{name} is stuck at {values[begin]:g} from {time[begin]:g} s"
+            raise SimulationError(self.source, problem, "choose another column or window")
+        for limit in (float(values.max()), float(values.min())):
+            if _clipped(values, limit):
+                problem = f"{name} is clipped at {limit:g}"
+                remedy = "choose a window of smaller swings, or a sensor of more range"
+                raise SimulationError(self.source, problem, remedy)
+        return values
+
+    def _check_time(self) -> None:
+        steps = np.diff(self.time)
+        usual = float(np.median(steps))
+        for bad, what in (
+            (steps == 0, "the same time stamp twice, at {0:g} s"),
+            (steps < 0, "time steps back after {0:g} s"),
+            (steps > GAP * usual, "a gap of {1:g} s at {0:g} s"),
+        ):
+            if bad.any():
+                k = int(np.argmax(bad))
+                problem = what.format(self.time[k], steps[k])
+                remedy = "choose a window without it, or mend the recording"
+                raise SimulationError(self.source, problem, remedy)
+
+
+def _longest_run(values: Array) -> tuple[int, int]:
+    """Where the longest run of equal values begins, and how many they are."""
+    ends = np.flatnonzero(np.append(np.diff(values) != 0, True))
+    begins = np.append(0, ends[:-1] + 1)
+    longest = int(np.argmax(ends - begins))
+    return int(begins[longest]), int(ends[longest] - begins[longest] + 1)
+
+
+def _clipped(values: Array, limit: float) -> bool:
+    """Whether values stay at their limit and leave it at once, as no rounded peak does."""
+    quantum = float(np.diff(np.unique(values)).min())
+    there = np.append(np.append(False, values == limit), False)
+    turns = np.flatnonzero(np.diff(there.astype(int)))
+    for begin, end in zip(turns[::2], turns[1::2], strict=True):
+        if end - begin >= LIMITED and begin > 0 and end < len(values):
+            drops = np.abs(values[[begin - 1, end]] - limit)
+            if drops.min() > QUANTA * quantum:
+                return True
+    return False
+
+
+def recording_of(columns: Mapping[str, Array], source: str = "recording") -> Recording:
+    """A recording from columns, of which one is time.
+
+    Raises:
+        SimulationError: no column is time, or time is blank somewhere.
+    """
+    given = [name for name in TIMES if name in columns]
+    if not given:
+        remedy = f"name the column of time {' or '.join(TIMES)}"
+        raise SimulationError(source, f"has no time ({', '.join(columns)})", remedy)
+    time = np.array(columns[given[0]], dtype=float) * TIMES[given[0]]
+    if not np.all(np.isfinite(time)):
+        row = int(np.argmax(~np.isfinite(time))) + 1
+        raise SimulationError(source, f"{given[0]} is blank in row {row}", "give every instant")
+    others = {n: np.array(v, dtype=float) for n, v in columns.items() if n != given[0]}
+    if not others:
+        raise SimulationError(source, "has no signal beside time", "add columns")
+    return Recording(source, time, others)
+
+
+def read_recording(path: str | Path) -> Recording:
+    """The recording of a CSV file, see the module.
+
+    Raises:
+        SimulationError: a file that cannot be read, a field that is no number, or no time.
+    """
+    import csv
+
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        remedy = "give a CSV file with a line of column names"
+        raise SimulationError(str(path), f"cannot be read ({reason})", remedy) from None
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.startswith("#")
+    ]
+    if len(lines) < 2:
+        raise SimulationError(str(path), "holds no samples", "give names and a row per instant")
+    separator = ";" if lines[0][1].count(";") > lines[0][1].count(",") else ","
+    names = [n.strip() for n in next(csv.reader([lines[0][1]], delimiter=separator))]
+    for name in names:
+        if names.count(name) > 1:
+            raise SimulationError(str(path), f'column "{name}" is there twice', "leave one out")
+    rows = []
+    for number, fields in zip(
+        (number for number, _ in lines[1:]),
+        csv.reader([line for _, line in lines[1:]], delimiter=separator),
+        strict=True,
+    ):
+        if len(fields) != len(names):
+            problem = f"{len(fields)} fields in line {number}, {len(names)} names"
+            raise SimulationError(str(path), problem, "give one field per name")
+        rows.append(
+            [
+                _number(str(path), number, name, field, separator)
+                for name, field in zip(names, fields, strict=True)
+            ]
+        )
+    table = np.array(rows)
+    return recording_of(dict(zip(names, table.T, strict=True)), str(path))
+
+
+def _number(source: str, line: int, name: str, field: str, separator: str) -> float:
+    word = field.strip().replace(",", ".") if separator == ";" else field.strip()
+    if word == "" or word.lower() == "nan":
+        return math.nan
+    try:
+        return float(word)
+    except ValueError:
+        problem = f'"{field:.40}" in line {line} is no number ({name})'
+        raise SimulationError(source, problem, "give numbers, or leave the field blank") from None

@@ -1,0 +1,91 @@
+"""Windows of a recording in which it rings: where the envelope of a band decays.
+
+The signal is filtered to the neighbourhood of its strongest oscillation. Its envelope, the modulus
+of the analytic signal, rises where something excites and decays where the machine rings freely. A
+window begins half a period after a peak of the envelope and ends where the envelope has sunk into
+the noise or is excited again; long ones are divided, since a machine that moves changes its
+frequency.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import SimulationError
+
+LOWEST, HIGHEST = 0.3, 20.0  # [Hz] where booms oscillate, with a margin
+PER_PERIOD = 8  # fewest samples
+PERIODS = 7.0  # most in a window that is found
+LEAST = 3.0  # fewest in one
+RISE = 1.3  # of the envelope within a decay, which ends it
+QUIET = 4.0  # envelope above its lowest tenth where a window ends
+SUNK = 0.08  # of its peak, where it ends at the latest
+
+
+def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, float]]:
+    """Where a signal rings freely: begin and end [s] of every window.
+
+    Args:
+        part: name of the recording for messages.
+        time: evenly spaced instants (n,) [s].
+        signal: what rings about a trend (n,).
+
+    Raises:
+        SimulationError: it rings nowhere.
+    """
+    from scipy.signal import butter, hilbert, sosfiltfilt
+
+    step = float(np.median(np.diff(time)))
+    frequency, _ = strongest(step, signal)
+    if frequency * (time[-1] - time[0]) < 2 * LEAST:
+        raise SimulationError(part, "is too short to find windows in", "give windows")
+    edges = np.array([frequency / 1.6, min(1.6 * frequency, 0.45 / step)])
+    band = butter(2, edges, "bandpass", fs=1 / step, output="sos")
+    envelope = np.abs(hilbert(sosfiltfilt(band, signal - signal.mean())))
+    floor, period = float(np.quantile(envelope, 0.1)), 1 / frequency
+    found, begin = [], 0
+    for peak in _peaks(envelope, round(1.5 * period / step)):
+        if peak < begin:
+            continue
+        end = _end_of_decay(envelope[peak:], max(QUIET * floor, SUNK * envelope[peak])) + peak
+        first, last = time[peak] + period / 2, time[min(end, len(time) - 1)]
+        count = max(round((last - first) / (PERIODS * period)), 1)
+        if last - first >= LEAST * period:
+            marks = np.linspace(first, last, count + 1)
+            found += [(float(a), float(b)) for a, b in pairwise(marks)]
+        begin = end
+    if not found:
+        raise SimulationError(part, "rings nowhere for three periods", "give windows")
+    return found
+
+
+def strongest(step: float, signal: Array, lowest: float = LOWEST) -> tuple[float, float]:
+    """Frequency [Hz] and height of the highest line in the spectrum of a signal's slope over √f.
+
+    The slope leaves little of steps and trends; the root keeps it from favouring ripple.
+    """
+    slope = np.diff(signal) * np.hanning(len(signal) - 1)
+    count = 4 * len(slope)  # zeros beside it: lines closer to each other
+    lines = np.fft.rfftfreq(count, step)
+    inside = (lines >= lowest) & (lines <= min(HIGHEST, 1 / (PER_PERIOD * step)))
+    if not inside.any():
+        return lowest, 0.0
+    heights = np.abs(np.fft.rfft(slope, count)) * inside / np.sqrt(np.maximum(lines, lowest))
+    return float(lines[np.argmax(heights)]), float(heights.max())
+
+
+def _peaks(envelope: Array, apart: int) -> list[int]:
+    from scipy.signal import find_peaks
+
+    peaks = find_peaks(envelope, distance=max(apart, 1), height=0.05 * envelope.max())[0]
+    return [int(peak) for peak in peaks]
+
+
+def _end_of_decay(envelope: Array, quiet: float) -> int:
+    """Index at which an envelope that begins at its peak sinks below ``quiet`` or rises again."""
+    lowest = np.minimum.accumulate(envelope)
+    over = (envelope < quiet) | (envelope > RISE * lowest)
+    return int(np.argmax(over)) if over.any() else len(envelope)
