@@ -74,8 +74,7 @@ class Simulation(ReadOnly):
         tool: position of the tool in the root link (n, 3) [m].
         cylinders: names, in order.
         joints: names, in order.
-        payload: name of the load case.
-        machine: under that load case.
+        machine: under the load case at work.
         energy: kinetic and potential energy of links, bars and payload (n,) [J].
         supplied: energy since the start that the pump gave, less what oil took back to the tank
             (n,) [J].
@@ -108,9 +107,13 @@ class Simulation(ReadOnly):
     supply: Array
     joints: tuple[str, ...]
     cylinders: tuple[str, ...]
-    payload: str
     machine: Machine = field(repr=False)
     events: tuple[str, ...]
+
+    @property
+    def payload(self) -> str:
+        """Name of the load case."""
+        return self.machine.payload.name
 
     @property
     def energy_error(self) -> float:

@@ -343,7 +343,6 @@ def _recorded(
         events=(),
         joints=machine.joints,
         cylinders=tuple(actuator.name for actuator in machine.actuators),
-        payload=machine.payload.name,
         machine=machine,
     )
     taken, relief = evaluation.outputs["supplied"], plant.parameters.actuators["relief"][0]
