@@ -149,6 +149,25 @@ def test_nonlinear_proof_finds_its_headline() -> None:
     assert list(validations) == ["today, empty", "today, full", "new, empty", "new, full"]
 
 
+@pytest.mark.slow
+def test_large_swings_finds_its_headline() -> None:
+    """The fall lies within the measured one, while the boom's rod chamber is empty."""
+    module = study("09_large_swings")
+    words = module.__doc__ or ""
+    ends = [float(n) for n in re.findall(r"([\d.]+) Hz", words)]
+    ratio, *measured = (float(n) for n in re.findall(r"×(\d\.\d+)", words))
+    table = module.run()[0]
+    first, last = table["frequency_hz"].iloc[[0, -1]]
+    assert [first, last] == pytest.approx(ends, abs=0.01)  # the printed digits
+    assert first / last == pytest.approx(ratio, abs=0.01)
+    assert measured[0] < first / last < measured[1]
+    low, high = module.MEASURED_FIRST
+    decayed = module.MEASURED_LAST
+    assert measured == pytest.approx([low / decayed, high / decayed], abs=0.01)
+    assert table["swing_bar"].is_monotonic_decreasing
+    assert table["rod_bar"].max() < 3  # empty: as measured, at most 3 bar
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
