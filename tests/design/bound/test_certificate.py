@@ -81,8 +81,12 @@ GAPS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", GAPS)
 def test_bound_of_every_shipped_machine(name: str) -> None:
-    """Above the optimum on all its poses, and near it; no cylinder is left out."""
-    design = ad.optimize(named(f"rigid_{name}"), starts=1)
+    """Above the optimum on all its poses, and near it; no cylinder is left out.
+
+    With rigid structure and oil without air: of the calibrated crane's own it says little.
+    """
+    machine = named(f"rigid_{name}").replace({"fluid.entrained_air_percent": 0.0})
+    design = ad.optimize(machine, starts=1)
     assert design.bound is not None
     assert design.gap is not None
     assert design.certificate is not None
