@@ -42,8 +42,8 @@ def identify(
     """Find frequency and damping in a recording.
 
     Prints both with deviations for every window, how they depend on the swing, and whether the
-    chambers swing as trapped oil must. Writes identified.csv (which calibrate reads), swings.csv
-    and identified.png.
+    chambers swing as trapped oil must. Writes identified.csv (which calibrate reads), swings.csv,
+    pressures.csv and identified.png.
     """
     from armdesign.machine.loading import load
     from armdesign.report.recordings import identified_sheets

@@ -78,11 +78,13 @@ def write_calibration(calibration: Calibration, folder: Path) -> None:
 
 
 def write_identified(identified: Identified, folder: Path) -> None:
-    """Write windows, swings and their picture."""
+    """Write windows, swings, pressures and their picture."""
     from armdesign import plots
 
     write_csv(identified.frame, folder / "identified.csv")
     write_csv(identified.swings, folder / "swings.csv")
+    if len(identified.pressures):
+        write_csv(identified.pressures, folder / "pressures.csv")
     plots.save(identified.plot(), folder / "identified.png")
 
 

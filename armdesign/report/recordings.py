@@ -34,6 +34,4 @@ def identified_sheets(identified: Identified) -> list[Sheet | str]:
         rows=tuple(rows),
         note="± one standard deviation, by noise and by what it may hide",
     )
-    words = [word for window in identified.windows for word in window.words]
-    refused = [f"not fitted: {line}" for line in identified.refused]
-    return [sheet, *words, *refused, *identified.warnings]
+    return [sheet, *(f"{line}." for line in identified.findings)]

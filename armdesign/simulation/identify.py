@@ -20,6 +20,15 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, SimulationError, raise_together
 from armdesign.machine.machine import Machine
 from armdesign.machine.measured_lengths import at_lengths
+from armdesign.simulation.identification.column_names import (
+    KINDS,
+    PRESSURES,
+    inclined,
+    means_of,
+    sides_of,
+    strongest_column,
+    unit_of,
+)
 from armdesign.simulation.identification.decaying_modes import detrended
 from armdesign.simulation.identification.modal_fit import ModalFit, identify_forced_response
 from armdesign.simulation.identification.pressure_ratio import PressureRatio, pressure_ratio
@@ -34,18 +43,23 @@ if TYPE_CHECKING:
 
 SHORT, TRENDS = 4.0, (2, 4)  # periods below which a trend has the lower degree
 DOMINATES = 3.0  # ratio of spectral lines
+PRESSURE_COLUMNS = [
+    "begin_s",
+    "end_s",
+    "cylinder",
+    "cap_bar",
+    "annulus_bar",
+    "ratio",
+    "deviation",
+    "phase_deg",
+    "trapped_ratio",
+    "verdict",
+]
+
+NOTABLE = 0.2  # of the largest pressure swing
 PERIODS = 2.0  # fewest in a window
 PER_PERIOD = 40  # samples that are enough; more are averaged
 BAND = 1.6  # default ends of a band, relative to the strongest frequency
-PRESSURES = {"bar": bar, "MPa": 1e6, "kPa": 1e3, "Pa": 1.0, "psi": 6894.757}
-KINDS = (
-    tuple(PRESSURES),
-    ("deg_per_s", "rad_per_s", "mm_per_s", "m_per_s", "rpm"),
-    ("m_per_s2", "mm_per_s2", "g", "rad_per_s2", "deg_per_s2"),
-)
-SIDES = {"cap": "cap", "head": "cap", "rod": "annulus", "annulus": "annulus"}
-LENGTHS = ("_pin_to_pin_mm", "_length_mm")
-INCLINED = ("inclin", "tilt_sensor", "_imu_")
 INCLINOMETER = (
     "feels acceleration as if it were tilt, on a measured crane nine times the true swing: take"
     " frequencies from pressures or rates, poses from pin-to-pin lengths or encoders"
@@ -80,20 +94,6 @@ class IdentifiedWindow:
     ratios: tuple[PressureRatio, ...]
     means: Mapping[str, float]
     pose: Array | None = None
-
-    @property
-    def words(self) -> list[str]:
-        """What a reader should know of it."""
-        found = [ratio.verdict for ratio in self.ratios]
-        change = None if self.swings is None else self.swings.change
-        if change:
-            first, second, big, small = change
-            how = "lower" if first < second else "higher"
-            found.append(
-                f"large swings ring {how}: {first:.3f} Hz at ±{big:.3g}, {second:.3f} Hz at"
-                f" ±{small:.3g}"
-            )
-        return [f"{self.begin:g}–{self.end:g} s: {word}" for word in found]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -163,6 +163,53 @@ class Identified:
         names = ["begin_s", "end_s", *columns]
         return pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=names)
 
+    @cached_property
+    def pressures(self) -> pd.DataFrame:
+        """Pressure swings of each window and cylinder, beside what trapped oil would show."""
+        import pandas as pd
+
+        rows = [
+            {
+                "begin_s": window.begin,
+                "end_s": window.end,
+                "cylinder": one.cylinder,
+                "cap_bar": one.cap,
+                "annulus_bar": one.annulus,
+                "ratio": one.ratio,
+                "deviation": one.deviation,
+                "phase_deg": one.phase,
+                "trapped_ratio": math.nan if one.expected is None else one.expected,
+                "verdict": one.verdict,
+            }
+            for window in self.windows
+            for one in window.ratios
+        ]
+        return pd.DataFrame(rows, columns=PRESSURE_COLUMNS)
+
+    @property
+    def findings(self) -> list[str]:
+        """What a reader should know: effects of the swing, pressures, what was not fitted."""
+        found = []
+        for window in self.windows:
+            change = None if window.swings is None else window.swings.change
+            if change:
+                first, second, big, small = change
+                found.append(
+                    f"{window.begin:g}–{window.end:g} s: large swings ring"
+                    f" {'lower' if first < second else 'higher'}: {first:.3f} Hz at ±{big:.3g},"
+                    f" {second:.3f} Hz at ±{small:.3g}"
+                )
+        for (cylinder, verdict), rows in self.pressures.groupby(
+            ["cylinder", "verdict"], sort=False
+        ):
+            text = f"{cylinder}: {verdict} ({len(rows)} of {len(self.windows)} windows"
+            if "ratio" in str(verdict):
+                ratios, trapped = rows["ratio"], rows["trapped_ratio"]
+                text += f"; {ratios.min():.3g} to {ratios.max():.3g}, of trapped oil"
+                text += f" {trapped.min():.3g} to {trapped.max():.3g}"
+            found.append(f"{text})")
+        return [*found, *(f"not fitted: {line}" for line in self.refused), *self.warnings]
+
     def plot(self) -> Any:
         """Figure of signal, fit and residual, and of frequency against amplitude."""
         from armdesign.plots.recordings import identified_figure
@@ -210,15 +257,17 @@ def identify(
                   2.0           0.02
     """
     whole = _recording(recording)
-    name = signal or _strongest_column(whole)
+    name = signal or strongest_column(whole)
     values = whole.column(name)
     given = [(float(begin), float(end)) for begin, end in windows]
     for begin, end in given:
         if not (math.isfinite(begin) and begin < end):
             problem = f"{begin:g}:{end:g} is no window"
             raise SimulationError(whole.source, problem, "give begin < end [s]")
+    if modes < 1:
+        raise SimulationError(whole.source, f"{modes} modes", "ask for 1 or more modes")
     if not given:
-        values = whole.signal(name)
+        values = whole.sampled(name)
         given = [(whole.time[0], whole.time[-1])] if excitation else []
         given = given or found_windows(whole.source, whole.time, values)
     found, refused = list[IdentifiedWindow](), list[ArmDesignError]()
@@ -250,30 +299,6 @@ def _recording(given: str | Path | Recording | Mapping[str, Any]) -> Recording:
     return recording_of({name: np.asarray(values, float) for name, values in given.items()})
 
 
-def _strongest_column(recording: Recording) -> str:
-    """The pressure that rings most; if there is none, the speed, or the acceleration."""
-    step = float(np.median(np.diff(recording.time)))
-    for units in KINDS:
-        sizes = {
-            name: strongest(step, values[np.isfinite(values)])[1]
-            for name, values in recording.columns.items()
-            if _unit(name, units) and np.sum(np.isfinite(values)) > 1
-        }
-        if sizes:
-            return max(sizes, key=lambda name: sizes[name])
-    problem = f"no column is a pressure, speed or acceleration ({', '.join(recording.columns)})"
-    remedy = "name the column, or end the names in a unit as _bar, _deg_per_s, _m_per_s2"
-    raise SimulationError(recording.source, problem, remedy)
-
-
-def _unit(name: str, units: Sequence[str]) -> str:
-    """Which of the units a column's name ends in, the longest; empty if in none."""
-    fitting = [unit for unit in units if name.endswith(f"_{unit}")]
-    longer = [unit for kind in KINDS for unit in kind if name.endswith(f"_{unit}")]
-    best = max(longer, key=len, default="")
-    return best if best in fitting else ""
-
-
 def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     """A free decay about a trend."""
     values = part.signal(name)
@@ -302,7 +327,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         fitted=fitted,
         swings=swings(time, signal, signal - fitted, first, damping) if modes == 1 else None,
         ratios=tuple(_ratios(part, step, first, damping)),
-        means=_means(part),
+        means=means_of(part),
     )
 
 
@@ -326,7 +351,7 @@ def _forced(
         fitted=None,
         swings=None,
         ratios=(),
-        means=_means(part),
+        means=means_of(part),
     )
 
 
@@ -339,49 +364,19 @@ def _thinned(time: Array, values: Array, count: int) -> tuple[Array, Array]:
     return first, second
 
 
-def _sides(part: Recording) -> dict[tuple[str, str], str]:
-    """Columns of pressures by cylinder and side."""
-    found: dict[tuple[str, str], str] = {}
-    for name in part.columns:
-        unit = _unit(name, KINDS[0])
-        cylinder, _, side = name.removesuffix(f"_{unit}").rpartition("_")
-        if unit and cylinder and side in SIDES:
-            found.setdefault((cylinder, SIDES[side]), name)
-    return found
-
-
 def _ratios(part: Recording, step: float, frequency: float, damping: float) -> list[PressureRatio]:
-    """Ratios of pressure swings of all cylinders of which the cap pressure swings."""
-    sides, found = _sides(part), []
+    """Pressure swings of all cylinders that swing notably, of which both were recorded."""
+    sides, found = sides_of(part), []
     for cylinder, side in sides:
-        if side == "cap" and (cylinder, "annulus") in sides and 0 <= damping < 1:
+        if side == "cap" and (cylinder, "annulus") in sides and abs(damping) < 1:
             names = [sides[cylinder, each] for each in ("cap", "annulus")]
             both = np.stack([part.columns[name] for name in names], axis=1)
-            scale = np.array([PRESSURES[_unit(name, KINDS[0])] / bar for name in names])
+            scale = np.array([PRESSURES[unit_of(name, KINDS[0])] / bar for name in names])
             if np.all(np.isfinite(both)) and np.all(np.ptp(both, axis=0) > 0):
                 found.append(pressure_ratio(cylinder, step, both * scale, frequency, damping))
-    largest = max((ratio.cap for ratio in found), default=0.0)
-    return [ratio for ratio in found if ratio.cap > 0.1 * largest]
-
-
-def _means(part: Recording) -> dict[str, float]:
-    """Means of lengths, angles and pressures, named as in a file of measurements."""
-    names = {}
-    for name in part.columns:
-        length = next((end for end in LENGTHS if name.endswith(end)), "")
-        if length:
-            names[name] = f"{name.removesuffix(length)}_length_mm"
-        elif name.endswith("_deg") and not _inclined(name):
-            names[name] = name
-    found = {new: float(np.nanmean(part.columns[old])) for old, new in names.items()}
-    for (cylinder, side), name in _sides(part).items():
-        factor = PRESSURES[_unit(name, KINDS[0])] / bar
-        found[f"{cylinder}_{side}_bar"] = float(np.nanmean(part.columns[name])) * factor
-    return found
-
-
-def _inclined(name: str) -> bool:
-    return any(word in name.lower() for word in INCLINED)
+    found = [ratio for ratio in found if any(ratio.swings)]
+    largest = max((max(ratio.cap, ratio.annulus) for ratio in found), default=0.0)
+    return [one for one in found if max(one.cap, one.annulus) > NOTABLE * largest]
 
 
 def _with_pose(
@@ -436,5 +431,5 @@ def _warnings(recording: Recording) -> list[str]:
     return [
         f'column "{name}": an inclinometer on a moving machine {INCLINOMETER}'
         for name in recording.columns
-        if _inclined(name)
+        if inclined(name)
     ]

@@ -109,6 +109,7 @@ class Tree:
     def __init__(self, machine: Machine, q: Array) -> None:
         self.machine = machine
         self._q = dict(zip(machine.joints, q, strict=True))
+        self._q |= {spring.joint: spring.at for spring in machine.springs}
         self.bodies: list[Body] = []
         self.names: list[str] = []
         # URDF link → link of the tree and its place there
@@ -147,7 +148,7 @@ class Tree:
         """Where the child link of a joint finds itself."""
         origin, axis = place @ _origin(joint), _axis(joint)
         name, slides = joint.get("name"), joint.get("type") == "prismatic"
-        if name in self.machine.joints:
+        if name in self._q:
             return self._hang(name, "PrismaticZ" if slides else "RevoluteZ", carrier, origin, axis)
         value = 0.0 if joint.get("type") == "fixed" else self.machine.section.frozen.get(name, 0.0)
         return carrier, origin @ (

@@ -1,10 +1,10 @@
 """A machine built a second time, in Exudyn, from the same data: the plant of the independent
 check.
 
-The links become an ObjectKinematicTree in minimal coordinates, a cylinder a
-HydraulicActuatorSimple between two markers. Its equations (Exudyn's documentation of that item)
-are ours with constant β and without leakage, dry friction, stops, reliefs, vapour and the laminar
-range of the valve:
+The links become an ObjectKinematicTree in minimal coordinates, springs its joints' own
+controllers (of ours they get the preload), a cylinder a HydraulicActuatorSimple between two
+markers. Its equations (Exudyn's documentation of that item) are ours with constant β and without
+leakage, dry friction, stops, reliefs, vapour and the laminar range of the valve:
 
     ṗ0 = K/V0 (−A0 ṡ + a0 Qn √(ps − p0)),  V0 = Vh0 + A0 s,  force on the pins p0 A0 − p1 A1 − d ṡ
 
@@ -46,6 +46,7 @@ from tests.exudyn.exudyn_tree import GROUND, Array, Seat, Tree
 
 # [Pa] of the pressures in a state of first order, so that all its numbers are of one order
 UNIT = 1e7
+SPRING = ("at", "stiffness", "damping", "preload")
 Valves = Callable[[float, Array], Iterable[tuple[float, float]]]
 """Openings −1…1 of the ports (cap, annulus) of every cylinder at time [s] and pressures [Pa]."""
 
@@ -100,7 +101,10 @@ class Twin:
         tree = Tree(machine, q)
         self.machine, self._container = machine, exudyn.SystemContainer()
         self.system = self._container.AddSystem()
-        self._order = [tree.names.index(name) for name in machine.joints]
+        springs = machine.springs
+        names = [*machine.joints, *(spring.joint for spring in springs)]
+        self._order = [tree.names.index(name) for name in names]
+        q = np.concatenate([q, [spring.at for spring in springs]])
         self._add_tree(tree, q)
         self._add_cylinders(tree, pressures)
         outputs = exudyn.OutputVariableType
@@ -118,6 +122,7 @@ class Twin:
         start = np.zeros(len(tree.bodies))
         start[self._order] = q
         zero = np.zeros(len(start))
+        at, stiffness, damping, preload = (self._of_springs(tree, name) for name in SPRING)
         self._joints = self.system.AddNode(
             NodeGenericODE2(
                 numberOfODE2Coordinates=len(start),
@@ -140,8 +145,20 @@ class Twin:
                 linkInertiasCOM=exudyn.Matrix3DList([body.inertia for body in tree.bodies]),
                 linkCOMs=exudyn.Vector3DList([body.com for body in tree.bodies]),
                 linkMasses=[body.mass for body in tree.bodies],
+                jointPositionOffsetVector=at,
+                jointPControlVector=stiffness,
+                jointVelocityOffsetVector=zero,
+                jointDControlVector=damping,
+                jointForceVector=preload,
             )
         )
+
+    def _of_springs(self, tree: Tree, name: str) -> Array:
+        """A number of every settled spring at its link of the tree, zero at the others."""
+        values = np.zeros(len(tree.bodies))
+        for spring in self.machine.springs:
+            values[tree.names.index(spring.joint)] = getattr(spring, name)
+        return values
 
     def _add_cylinders(self, tree: Tree, pressures: Array) -> None:
         machine = self.machine

@@ -17,10 +17,13 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.hydraulics.friction import Friction
 from armdesign.simulation.linearization import linearize
+from armdesign.simulation.plant.springs import settled
 from tests import machines
 from tests.checks import difference
 from tests.exudyn.exudyn_machines import FOUR_BARS, named
-from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, holding_pressures
+from tests.exudyn.exudyn_twin import UNIT, Motion, Twin, common, holding_pressures
+from tests.simulation.valves import with_valves
+from tests.sprung import random_sprung
 
 ONE_JOINT = ("paper_1dof", "patu_boom")
 
@@ -36,9 +39,10 @@ def poles(machine: Machine, pose: np.ndarray) -> np.ndarray:
     """Eigenvalues [rad/s] above the real axis of Exudyn's first-order system (q, q̇, p1, p2) at
     rest, slow first.
     """
-    pressures, nq = holding_pressures(machine, pose), len(pose)
-    twin = Twin(machine, pose, pressures)
-    rest = np.concatenate([pose, np.zeros(nq), pressures.ravel() / UNIT])[None]
+    pressures, machine = holding_pressures(machine, pose), settled(machine, pose)
+    twin, whole = Twin(machine, pose, pressures), machine.arm.with_springs(pose[None])[0]
+    nq = len(whole)
+    rest = np.concatenate([whole, np.zeros(nq), pressures.ravel() / UNIT])[None]
     # [rad/s²]: it does hold the load
     np.testing.assert_allclose(twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10)
     found = np.linalg.eigvals(difference(twin.rates, rest)[0])
@@ -58,6 +62,31 @@ def test_poles_of_the_right_hand_side(name: str) -> None:
             found.imag / (2 * np.pi), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-9
         )
         np.testing.assert_allclose(found.real, 0, atol=1e-9 * np.abs(found).max())
+
+
+def on_springs(seed: int, damping_ratio: float) -> Machine:
+    """A random machine on springs whose bars do not weigh: they would close loops."""
+    machine = random_sprung(seed)
+    bars = [f"cylinder.{c.name}.{bar}_kg" for c in machine.cylinders for bar in ("barrel", "rod")]
+    light = machine.replace(dict.fromkeys(bars, 0.0))
+    damped = (replace(spring, damping_ratio=damping_ratio) for spring in light.springs)
+    return common(replace(light, springs=tuple(damped)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_poles_on_springs(seed: int) -> None:
+    """Modes of machines on springs, undamped and damped: Exudyn's tree, its joints' controllers as
+    springs, and pressures as states.
+    """
+    machine = on_springs(seed, 0.0)
+    pose = machines.inner_poses(machine, 1)[0]
+    found = poles(machine, pose)
+    frequencies = ad.natural_modes(machine.at(pose)).frequencies[0]
+    np.testing.assert_allclose(found.imag / (2 * np.pi), frequencies, rtol=1e-9)
+    damped = on_springs(seed, 0.05)
+    found = poles(damped, pose)
+    assert np.max(-found.real / np.abs(found)) > 0.005
+    np.testing.assert_allclose(found, linearize(with_valves(damped), pose).modes, rtol=1e-7)
 
 
 @pytest.mark.slow

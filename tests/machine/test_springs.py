@@ -15,8 +15,9 @@ from armdesign.frequency.modes import energy_shares
 from armdesign.inspection.file_faults import faults
 from armdesign.units import GRAVITY
 from tests.checks import assert_same, difference
+from tests.commands import Refused
 from tests.machines import CylinderSpec, Joint, build
-from tests.sprung import random_sprung, rocking, spring, two_masses
+from tests.sprung import random_sprung, rocking, spring, two_masses, written
 
 SEEDS = range(8)
 
@@ -233,6 +234,13 @@ def test_a_spring_too_soft_for_gravity_is_refused_with_what_it_needs() -> None:
     machine.replace({path: 1.0005 * least}).at(q)
     with pytest.raises(ad.ArmDesignError, match="upright"):
         machine.replace({path: 0.999 * least}).at(q)
+
+
+def test_a_command_says_it_in_one_line(
+    refused: Refused, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = written(rocking(stiffness=1e5), tmp_path_factory.mktemp("soft"))
+    refused(["map", str(path), "--points", "4"], "does not hold the machine upright")
 
 
 def test_several_springs_too_soft() -> None:

@@ -7,12 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
+from scipy.special import ellipk
 
 import armdesign as ad
 from armdesign.errors import SimulationError
+from armdesign.simulation.simulate import simulate
+from tests.commands import assert_one_line, main
+from tests.simulation.identification.test_coverage import swept
 
 STEP = 0.01
+CRANE = Path(__file__).parents[1] / "data" / "loader_crane_lift.csv"
 
 
 def ring(
@@ -64,6 +70,15 @@ def test_found_windows_and_swings() -> None:
     assert len(found.plot().axes) == 3
 
 
+def test_a_coarse_sensor_is_not_clipped() -> None:
+    """Steps of 0.1 bar make flat peaks in closed form; they are no limit of the sensor."""
+    time, pressure = ring()
+    coarse = np.round(pressure / 0.1) * 0.1
+    found = ad.identify({"time_s": time, "boom_cap_bar": coarse}, [(0, 4)])
+    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.02], rel=0.05)
+
+
 def test_faults_of_recordings(tmp_path: Path) -> None:
     time, pressure = ring()
     columns = {"time_s": time, "boom_cap_bar": pressure}
@@ -106,3 +121,110 @@ def test_faults_of_recordings(tmp_path: Path) -> None:
             ad.identify(file)
     with pytest.raises(SimulationError, match="cannot be read"):
         ad.identify(tmp_path / "none.csv")
+
+
+# ------------------------------------------------------------------------------------ of machines
+
+
+READ_OUT = {  # window [s]: frequency [Hz] by an independent fit, systematic error perhaps 0.5 %
+    (1.9, 4.5): 2.195,
+    (4, 7): 2.154,
+    (6, 9): 2.120,
+    (8, 11): 2.071,
+    (10, 13): 2.007,
+    (12, 15): 1.963,
+}
+
+
+def test_the_measured_crane() -> None:
+    """PATU 655, figures read from published curves; ζ was read out as 0.017 to 0.020."""
+    found = ad.identify(CRANE, list(READ_OUT))
+    frequencies = found.frame["frequency_hz"].to_numpy()
+    assert frequencies == pytest.approx(list(READ_OUT.values()), rel=0.005)
+    assert found.frame["damping_ratio"].between(0.015, 0.022).all()
+    assert found.frame["lift_length_mm"].iloc[0] == pytest.approx(958.5, abs=0.1)
+    assert found.warnings == (found.warnings[0],)
+    assert "lift_inclinometer_deg" in found.warnings[0]
+    # the rod side is open while the cylinder moves
+    assert set(found.pressures["verdict"].str[:40]) == {"the annulus pressure does not swing with"}
+
+
+def test_a_simulated_ring_has_the_linear_frequency_and_the_ratio_of_trapped_oil() -> None:
+    """Struck behind shut valves; the ratio in closed form, (A1/C1)/(A2/C2), within 1 %."""
+    machine = ad.load("excavator_20t").replace({"damped": False})
+    pose = np.array([0.3, -1.2, -0.5])
+    modes = ad.natural_modes(machine.at(pose[None]))
+    velocity = modes.shapes[0][:, 0] / np.abs(modes.shapes[0][:, 0]).max() * 1e-3
+    run = simulate(machine, pose, {}, velocity=velocity, duration=6.0, rate=100.0)
+    lengths = run.extensions + machine.closed_lengths
+    columns = {"time_s": run.time}
+    for i, name in enumerate(run.cylinders):
+        columns[f"{name}_length_mm"] = 1e3 * lengths[:, i]
+        columns[f"{name}_cap_bar"] = run.pressures[:, i, 0] / 1e5
+        columns[f"{name}_rod_bar"] = run.pressures[:, i, 1] / 1e5
+    found = ad.identify(columns, [(0, 6)], machine=machine)
+    assert found.frame["frequency_hz"][0] == pytest.approx(modes.frequencies[0, 0], rel=1e-3)
+    assert found.windows[0].pose == pytest.approx(pose, abs=1e-4)
+    assert len(found.pressures) >= 1
+    assert found.pressures["ratio"].to_numpy() == pytest.approx(
+        found.pressures["trapped_ratio"].to_numpy(), rel=0.01
+    )
+    assert found.pressures["phase_deg"].to_numpy() == pytest.approx(180, abs=1)
+    assert found.pressures["verdict"].str.endswith("in the ratio of trapped oil").all()
+
+
+def test_large_swings_of_a_pendulum_ring_lower() -> None:
+    """f(A) = f0 π/(2 K(sin A/2)), K the complete elliptic integral, for swings of 1.5 rad."""
+    time, zeta, omega = np.arange(0, 12, STEP), 0.02, 2 * math.pi
+
+    def rates(_t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -2 * zeta * omega * y[1] - omega**2 * math.sin(y[0])]
+
+    motion = solve_ivp(rates, (0, 12), [1.5, 0.0], t_eval=time, rtol=1e-9, atol=1e-9).y
+    noise = 1e-3 * np.random.default_rng(3).normal(size=len(time))
+    found = ad.identify({"time_s": time, "swing": motion[0] + noise}, [(0, 12)], signal="swing")
+    pieces = found.windows[0].swings
+    assert pieces is not None
+    exact = 1 / (2 / math.pi * ellipk(np.sin(pieces.amplitudes / 2) ** 2))
+    assert pieces.frequencies == pytest.approx(exact, rel=0.01)
+    assert pieces.frequencies[0] < 0.92 * pieces.frequencies[-1]
+    assert pieces.change is not None
+    assert "large swings ring lower" in found.findings[0]
+
+
+def test_the_answer_to_a_recorded_input() -> None:
+    """An oscillator of 2 Hz and ζ = 0.05 under a sweep, exact for a linear input."""
+    time, u, y = swept([(2.0, 0.05, 1.0)], band=(1.0, 3.0))
+    columns = {"time_s": time, "spool": u, "boom_mm_per_s": y}
+    found = ad.identify(columns, excitation="spool", band=(1.0, 3.0))
+    assert found.signal == "boom_mm_per_s"
+    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.05], rel=0.02)
+    assert len(found.plot().axes) == 1
+
+
+def test_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, words = tmp_path / "out", ["identify", str(CRANE), "--windows", "1.9:4.5,14.9:15"]
+    assert main([*words, "--out", str(out)], monkeypatch) == 0
+    shown = capsys.readouterr().out
+    assert "2.19" in shown
+    assert "not fitted" in shown
+    assert {path.name for path in out.iterdir()} == {
+        "identified.csv",
+        "swings.csv",
+        "pressures.csv",
+        "identified.png",
+    }
+    for wrong, message in (
+        (["--windows", "3"], '"3" is no span'),
+        (["--signal", "lift_cap"], 'did you mean "lift_cap_bar"?'),
+        (["--machine", "nothing"], "nothing"),
+        (["--windows", "100:101"], "holds no samples"),
+        (["--modes", "0"], "modes"),
+    ):
+        none = tmp_path / "none"
+        assert main(["identify", str(CRANE), *wrong, "--out", str(none)], monkeypatch) == 2
+        assert_one_line(capsys.readouterr().err, message)
+        assert not none.exists()

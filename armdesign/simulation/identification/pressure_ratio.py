@@ -22,7 +22,8 @@ from armdesign.simulation.identification.decaying_modes import (
 )
 
 SURE = 3.0  # deviations by which a swing stands out
-TREND = 2
+TREND = 2  # degree
+TINY = 1e-300
 OPPOSITE = 30.0  # [°] from 180, within which pressures swing against each other
 ALIKE = 0.25  # relative difference from the expected ratio that measured volumes and β may explain
 
@@ -35,18 +36,18 @@ class PressureRatio:
         cylinder: name.
         cap: swing of the cap pressure at the window's begin, in the recording's unit.
         annulus: swing of the annulus pressure.
+        swings: which of the two swing more than their noise.
         deviation: standard deviation of the ratio cap/annulus.
         phase: of cap against annulus [°], 0…360.
-        annulus_swings: whether the annulus pressure swings more than its noise.
         expected: ratio of trapped oil by a machine's areas and volumes; None without a machine.
     """
 
     cylinder: str
     cap: float
     annulus: float
+    swings: tuple[bool, bool]
     deviation: float
     phase: float
-    annulus_swings: bool
     expected: float | None = None
 
     @property
@@ -56,21 +57,22 @@ class PressureRatio:
 
     @property
     def verdict(self) -> str:
-        """What the ratio says, in words."""
-        if not self.annulus_swings:
+        """What the swings say of the oil, in words."""
+        if not all(self.swings):
+            still, other = ("annulus", "cap") if self.swings[0] else ("cap", "annulus")
             return (
-                f"{self.cylinder}: the annulus pressure does not swing with the cap pressure"
-                f" (ratio {self.ratio:.3g} or more): that chamber is open or empty, no spring"
+                f"the {still} pressure does not swing with the {other} pressure: that chamber is"
+                " open or runs empty, so its oil is no spring"
             )
-        text = f"{self.cylinder}: cap and annulus swing {self.ratio:.3g} ± {self.deviation:.2g}"
-        text += f" to 1, {self.phase:.0f}° apart"
         if abs(self.phase - 180) > OPPOSITE:
-            return f"{text}: not against each other, as trapped oil must"
+            return "cap and annulus pressure do not swing against each other, as trapped oil does"
+        against = "cap and annulus pressure swing against each other"
         if self.expected is None:
-            return f"{text}, against each other as trapped oil must"
+            return f"{against}, as trapped oil does"
         near = max(SURE * self.deviation, ALIKE * self.expected)
-        fits = "as" if abs(self.ratio - self.expected) <= near else "not as"
-        return f"{text}, {fits} trapped oil must ({self.expected:.3g})"
+        if abs(self.ratio - self.expected) <= near:
+            return f"{against} in the ratio of trapped oil"
+        return f"{against}, but not in the ratio of trapped oil"
 
 
 def pressure_ratio(
@@ -98,12 +100,12 @@ def pressure_ratio(
         spare = max(length - 2 - TREND, 1)
         deviations.append(math.sqrt(found.cost / spare / 2 * np.trace(found.inverse)))
     cap, annulus = np.abs(sizes)
-    share = math.hypot(deviations[0] / max(cap, 1e-300), deviations[1] / max(annulus, 1e-300))
+    share = math.hypot(deviations[0] / max(cap, TINY), deviations[1] / max(annulus, TINY))
     return PressureRatio(
         cylinder=cylinder,
         cap=float(cap),
         annulus=float(annulus),
-        deviation=float(cap / max(annulus, 1e-300) * share),
-        phase=math.degrees(float(np.angle(sizes[0] / sizes[1]))) % 360 if annulus > 0 else 0.0,
-        annulus_swings=bool(annulus > SURE * deviations[1]),
+        swings=(bool(cap > SURE * deviations[0]), bool(annulus > SURE * deviations[1])),
+        deviation=float(cap / max(annulus, TINY) * share),
+        phase=math.degrees(float(np.angle(sizes[0] * np.conj(sizes[1])))) % 360,
     )

@@ -59,12 +59,11 @@ class Recording:
         some = {name: values[inside] for name, values in self.columns.items()}
         return Recording(f"{self.source}: {begin:g}–{end:g} s", self.time[inside], some)
 
-    def signal(self, name: str) -> Array:
-        """A signal that can be fitted (n,).
+    def sampled(self, name: str) -> Array:
+        """A signal without blanks, at instants without gaps (n,).
 
         Raises:
-            SimulationError: it is blank somewhere, constant, stuck or clipped, or time has gaps,
-                double stamps or steps back.
+            SimulationError: it is blank somewhere, or time has gaps, double stamps or steps back.
         """
         values, time = self.column(name), self.time
         if len(time) < 2:
@@ -74,6 +73,15 @@ class Recording:
             at = float(time[~np.isfinite(values)][0])
             remedy = "choose a window without it, or fill it in"
             raise SimulationError(self.source, f"{name} is blank at {at:g} s", remedy)
+        return values
+
+    def signal(self, name: str) -> Array:
+        """A signal that can be fitted (n,).
+
+        Raises:
+            SimulationError: see ``sampled``; or it is constant, stuck or clipped.
+        """
+        values, time = self.sampled(name), self.time
         if np.ptp(values) == 0:
             remedy = "choose another column or window"
             raise SimulationError(self.source, f"{name} is constant ({values[0]:g})", remedy)

@@ -50,7 +50,7 @@ FILTERS = 2
 HIDDEN = (1 / 1.3, 1.3)  # frequencies of modes that may be hidden, relative
 HIDDEN_SHARE = 0.5  # usual amplitude of theirs, relative
 APART = 0.15  # a hidden mode from those found, relative
-STANDS_OUT = 3.0  # by how much a mode must raise the logarithm of the likelihood
+STANDS_OUT = 5.0  # by how much a mode must raise the logarithm of the likelihood
 
 
 @dataclass(frozen=True, eq=False)

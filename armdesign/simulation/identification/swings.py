@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.simulation.identification.decaying_modes import Noise, autoregression, refined
 
 PERIODS = 3.0  # of a piece
@@ -24,7 +24,7 @@ NOTABLE = 0.02  # relative difference of frequencies worth a word
 
 
 @dataclass(frozen=True, eq=False)
-class Swings:
+class Swings(ReadOnly):
     """Pieces of a decay, in the order of time; arrays are read-only.
 
     Attributes:
@@ -42,10 +42,6 @@ class Swings:
     frequency_deviations: Array
     damping_ratios: Array
     damping_deviations: Array
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            value.setflags(write=False)
 
     @property
     def change(self) -> tuple[float, float, float, float] | None:

@@ -251,6 +251,13 @@ RANDOM = [  # those of the first seeds that are in conflict
 ]
 
 
+OF_A_CATALOGUE = [  # those of the first seeds that are in conflict
+    *(("double", ("areas",), "iso", seed) for seed in (0, 1, 2, 3, 4)),
+    *(("double", ("areas", "pins"), "iso", seed) for seed in (1, 2, 4)),
+    *(("single", ("areas", "pins"), "5mm", seed) for seed in (0, 2)),
+]
+
+
 def asked_at_random(machine: Machine, seed: int) -> Requirements:
     """Two to five kinds of requirements, tightened at random."""
     random = np.random.default_rng(seed)
@@ -261,9 +268,12 @@ def asked_at_random(machine: Machine, seed: int) -> Requirements:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "vary", "seed"), RANDOM)
+@pytest.mark.parametrize(
+    ("name", "vary", "catalogue", "seed"),
+    [*((name, vary, None, seed) for name, vary, seed in RANDOM), *OF_A_CATALOGUE],
+)
 def test_granting_what_a_conflict_says_gives_a_design(
-    name: str, vary: tuple[str, ...], seed: int
+    name: str, vary: tuple[str, ...], catalogue: str | None, seed: int
 ) -> None:
     """Random conflicts: with all that is said to be given at once a design is found, and the check
     agrees.
@@ -271,11 +281,12 @@ def test_granting_what_a_conflict_says_gives_a_design(
     machine, workspace = MACHINES[name](), workspace_of(name)
     requirements = asked_at_random(machine, seed)
     with pytest.raises(InfeasibleError) as error:
-        ad.optimize(machine, workspace, requirements, vary=vary, starts=1)
+        ad.optimize(machine, workspace, requirements, vary=vary, starts=1, catalogue=catalogue)
     conflict = error.value.conflict
+    refuse_beyond_the_schema(conflict)
     assert any(c.together > 0 for c in conflict)
     granted = requirements.granting(conflict)
-    design = ad.optimize(machine, workspace, granted, vary=vary, starts=1)
+    design = ad.optimize(machine, workspace, granted, vary=vary, starts=1, catalogue=catalogue)
     box = granted.box(machine, workspace)
     assert (
         min(
