@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from armdesign.simulation.identify import identify as identify
     from armdesign.simulation.linearization import LinearModel as LinearModel
     from armdesign.simulation.linearization import linearize as linearize
-    from armdesign.simulation.simulate import Simulation as Simulation
+    from armdesign.simulation.run import Simulation as Simulation
     from armdesign.simulation.simulate import simulate as simulate
     from armdesign.simulation.validation import Validation as Validation
     from armdesign.simulation.validation import validate as validate
@@ -92,7 +92,7 @@ _HOME = {
     "least": "design.least",
     "Step": "simulation.excitation",
     "Table": "simulation.excitation",
-    "Simulation": "simulation.simulate",
+    "Simulation": "simulation.run",
     "simulate": "simulation.simulate",
     "Validation": "simulation.validation",
     "validate": "simulation.validation",

@@ -28,7 +28,8 @@ from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, Mechanism, 
 from armdesign.simulation.excitation import SweptSine
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification.modal_fit import spectral_peak
-from armdesign.simulation.simulate import Case, Simulation, simulate_all
+from armdesign.simulation.run import Simulation
+from armdesign.simulation.simulate import Case, simulate_all
 from armdesign.units import mm
 
 if TYPE_CHECKING:

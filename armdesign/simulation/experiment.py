@@ -33,7 +33,8 @@ from armdesign.simulation.linearization import LinearModel, linearize
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
-from armdesign.simulation.simulate import Case, Simulation
+from armdesign.simulation.run import Simulation
+from armdesign.simulation.simulate import Case
 from armdesign.units import bar, mm
 
 BAND = (0.5, 1.6)  # of the sweep, relative to the mode

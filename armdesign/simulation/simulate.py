@@ -10,93 +10,25 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import refuse_unheld
-from armdesign.simulation.controlled_plant import ENERGY, ByName, Command, ControlledPlant
+from armdesign.simulation.controlled_plant import ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import Equilibrium, StaticHold, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
 from armdesign.simulation.plant.springs import settled
+from armdesign.simulation.run import Simulation
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
 INSTANT = 1e-9  # [s] beyond a state, where the next one could not be reached
 FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
 F = TypeVar("F", Cylinder, Motor)
-
-
-@dataclass(frozen=True, eq=False)
-class Simulation(ReadOnly):
-    """A run at n instants, over nq joints, ns springs and nc cylinders; arrays are read-only.
-
-    Attributes:
-        time: (n,) [s].
-        q: joint positions (n, nq) [rad, m].
-        velocity: joint speeds (n, nq) [rad/s, m/s].
-        springs: positions of the springs' joints (n, ns) [rad, m].
-        spring_speeds: their speeds (n, ns) [rad/s, m/s].
-        pressures: of cap and annulus (n, nc, 2) [Pa].
-        spool: positions (n, nc), −1…1.
-        command: of the spools, the slow loop included (n, nc).
-        flows: into cap and annulus (n, nc, 2) [m³/s].
-        extensions: piston positions (n, nc) [m].
-        speeds: rates of the pin-to-pin lengths (n, nc) [m/s].
-        tool: position of the tool in the root link (n, 3) [m].
-        cylinders: names, in order.
-        joints: names, in order.
-        payload: name of the load case.
-        energy: kinetic and potential energy of links, bars and payload (n,) [J].
-        supplied: energy since the start that the pump gave, less what oil took back to the tank
-            (n,) [J].
-        stored: growth of kinetic and potential energy and of that in springs, compliances and
-            stops, and the work that has compressed oil and hoses (n,) [J]. That oil enters or
-            leaves a chamber compressed, with about p²/2β in each m³ (1 % of its work p Q at 300
-            bar), is left out here and in ``supplied``: see ``plant``.
-        dissipated: by valves, reliefs, leakage, friction, stops and springs (n,) [J].
-        supply: pressure of the pump (n,) [Pa].
-        events: what limited the motion, in words and in order: loads that cannot be held or fall
-            out, stops, cavitation, reliefs, the pump.
-    """
-
-    time: Array
-    q: Array
-    velocity: Array
-    springs: Array
-    spring_speeds: Array
-    pressures: Array
-    spool: Array
-    command: Array
-    flows: Array
-    extensions: Array
-    speeds: Array
-    tool: Array
-    energy: Array
-    supplied: Array
-    stored: Array
-    dissipated: Array
-    supply: Array
-    joints: tuple[str, ...]
-    cylinders: tuple[str, ...]
-    payload: str
-    events: tuple[str, ...]
-
-    @property
-    def energy_error(self) -> float:
-        """Largest gap of the balance supplied = stored + dissipated, over its largest term.
-
-        A closed machine without damping exchanges energy within itself: there the largest change
-        of its kinetic and potential energy counts.
-        """
-        gap = np.abs(self.supplied - self.stored - self.dissipated).max()
-        terms = [np.abs(term).max() for term in (self.supplied, self.stored, self.dissipated)]
-        # At rest nothing is exchanged but by rounding.
-        least = TOLERANCE * (ENERGY + np.abs(self.energy).max())
-        return float(gap / max(*terms, np.ptp(self.energy), least))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -411,7 +343,7 @@ def _recorded(
         events=(),
         joints=machine.joints,
         cylinders=tuple(actuator.name for actuator in machine.actuators),
-        payload=machine.payload.name,
+        machine=machine,
     )
     taken, relief = evaluation.outputs["supplied"], plant.parameters.actuators["relief"][0]
     timed = [

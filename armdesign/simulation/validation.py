@@ -40,7 +40,8 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import without_dry_friction
-from armdesign.simulation.simulate import Case, Simulation, attempt_all
+from armdesign.simulation.run import Simulation
+from armdesign.simulation.simulate import Case, attempt_all
 from armdesign.simulation.sweeps import Failure, Run, Sweep, with_remarks
 
 if TYPE_CHECKING:

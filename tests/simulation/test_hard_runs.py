@@ -26,7 +26,8 @@ from armdesign.simulation.integrator import (
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
-from armdesign.simulation.simulate import Simulation, simulate
+from armdesign.simulation.run import Simulation
+from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation.valves import WORST

@@ -60,7 +60,7 @@ def test_rest_pressures(excavator: Machine) -> None:
             np.testing.assert_allclose(run.pressures[0].min(axis=1), 5 * bar)
 
 
-def oil_energy(machine: Machine, run: motion.Simulation) -> np.ndarray:
+def oil_energy(machine: Machine, run: ad.Simulation) -> np.ndarray:
     """−∫p dV of every chamber with p = p0 − β ln(V/V0): −p0 (V − V0) + β (V ln(V/V0) − V + V0)."""
     beta, total = machine.fluid.bulk_modulus, np.zeros(len(run.time))
     for i, cylinder in enumerate(machine.cylinders):

@@ -12,7 +12,8 @@ from armdesign import identify_ringdown
 from armdesign.errors import SimulationError
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import linearize
-from armdesign.simulation.simulate import Simulation, simulate
+from armdesign.simulation.run import Simulation
+from armdesign.simulation.simulate import simulate
 from tests import machines
 
 WORST = (1.154, -1.199, -2.191)

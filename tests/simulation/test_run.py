@@ -1,0 +1,66 @@
+"""What a run rings with after its commands, and its columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.errors import SimulationError
+from armdesign.simulation.simulate import simulate
+from armdesign.units import bar
+
+SPREAD, HARD = (0.42, -1.79, -0.63), (0.3, -1.2, -1.0)
+
+
+def stopped(pose: tuple[float, float, float], size: float) -> ad.Simulation:
+    """The 20 t machine as shipped, empty, after a boom-up of a second and a stop."""
+    up = {"boom": ad.Step(size=size, begin=0.1, end=1.1)}
+    machine = ad.load("excavator_20t")
+    return simulate(machine, pose, up, payload="empty", duration=7.0, tolerance=1e-7)
+
+
+def test_a_stop_rings_at_the_linear_frequency_or_says_what_cavitated() -> None:
+    """Issue 13: within 1 % of the linear frequency of the pose, which is that of the arm where it
+    stands in the end; else the chambers are named that ran empty, by their pressures.
+    """
+    soft, hard = (stopped(*case).ring() for case in ((SPREAD, 0.02), (HARD, 0.3)))
+    assert soft.cavitated == ()
+    assert soft.fit.natural_frequencies[0] == pytest.approx(soft.linear_frequencies[0], rel=0.01)
+    assert hard.fit.natural_frequencies[0] < 0.9 * hard.linear_frequencies[0]
+    assert any(words.startswith("boom's annulus cavitated between") for words in hard.cavitated)
+    assert all(words in hard.words for words in hard.cavitated)
+
+
+def test_the_window_begins_when_the_spools_rest() -> None:
+    """The valve is shut at 1.1 s; its spool, 10 Hz with ζ 0.8, lags by some 0.1 s. The linear
+    answer is that of the mean pose in the window.
+    """
+    run = stopped(SPREAD, 0.02)
+    ring = run.ring()
+    assert 1.1 < ring.begin < 1.25
+    assert ring.end == run.time[-1] == 7.0
+    later = run.time >= ring.begin
+    poses = ad.load("excavator_20t").at(run.q[later].mean(axis=0))
+    np.testing.assert_allclose(
+        ring.linear_frequencies, ad.natural_modes(poses).frequencies[0], rtol=1e-12
+    )
+    given = run.ring(2.0, 6.0, modes=1)
+    assert (given.begin, given.end) == (2.0, 6.0)
+    frame = run.frame
+    assert list(frame.columns[:6]) == [
+        "time_s", "boom", "stick", "bucket", "boom_cap_bar", "boom_annulus_bar",
+    ]  # fmt: skip
+    np.testing.assert_array_equal(frame["boom_cap_bar"], run.pressures[:, 0, 0] / bar)
+    closed = run.machine.cylinders[0].closed_length
+    length = 1e-3 * frame["boom_pin_to_pin_mm"].to_numpy()
+    np.testing.assert_allclose(length - closed, run.extensions[:, 0], atol=1e-3)  # compliance
+
+
+def test_faults_of_rings() -> None:
+    machine = ad.load("paper_1dof")
+    run = simulate(machine, [0.0], {"lift": lambda _: 0.01}, duration=2e-3, rate=5000)
+    with pytest.raises(SimulationError, match="ring: a spool moves to the end; end its command"):
+        run.ring()
+    with pytest.raises(SimulationError, match=r"ring: 3…4 s holds no two .*; stay in 0…0\.002 s"):
+        run.ring(3.0, 4.0)
