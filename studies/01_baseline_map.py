@@ -1,7 +1,7 @@
 """Where in its workspace is each shipped machine's lowest frequency, and which cylinder limits?
 
-At 0.651 Hz the loader crane, boom upright, at 0.910 Hz the 20 t excavator, boom up; on every
-machine its lowest cylinder limits ≥ 86 %.
+At 0.651 Hz the loader crane, boom upright, at 0.767 Hz the 20 t excavator, boom up; on every
+machine its lowest cylinder limits ≥ 88 %.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Which simpler frequency formula is wrong, where in the workspace, and by how much?
 
 Rigid load: ×2.85 to ×4.0 in the median, at most ×32 (boom upright); one cylinder alone: +3 % in
-the median, at most +34 %.
+the median, at most +33 %.
 """
 
 from __future__ import annotations

@@ -48,7 +48,8 @@ def machine(request: pytest.FixtureRequest) -> ad.Machine:
 
 @pytest.fixture(scope="session")
 def excavator() -> ad.Machine:
-    return machines.named("excavator_20t").with_payload("full")
+    """The 20 t excavator under its load, with rigid structure."""
+    return machines.rigid("excavator_20t").with_payload("full")
 
 
 @pytest.fixture(scope="session")

@@ -304,9 +304,11 @@ ODD: dict[str, Callable[[], Machine]] = {
 
 @cache
 def named(name: str) -> Machine:
-    """A shipped machine, one of `ODD`, or `random_<seed>`; read once."""
+    """A shipped machine, also `rigid_<name>`, one of `ODD`, or `random_<seed>`; read once."""
     if name.startswith("random_"):
         return random_machine(int(name.removeprefix("random_")))
+    if name.startswith("rigid_"):
+        return rigid(name.removeprefix("rigid_"))
     if name == "heavy_bars":
         return heavy_bars()
     if name == "slewing":
@@ -338,25 +340,25 @@ def rigid(name: str) -> Machine:
 
 
 def heavy_bars() -> Machine:
-    """The 20 t machine with cylinders and four-bar that weigh: masses of that order, made up."""
+    """The rigid 20 t machine with cylinders and four-bar that weigh: masses of that order."""
     masses = {
         f"{name}.{part}_kg": mass
         for name in ("boom", "stick", "bucket")
         for part, mass in BAR_MASSES.items()
     }
     four_bar = {"bucket.four_bar.rocker_kg": 95, "bucket.four_bar.coupler_kg": 130}
-    return load("excavator_20t").replace(
+    return rigid("excavator_20t").replace(
         {f"cylinder.{key}": value for key, value in (masses | four_bar).items()}
     )
 
 
 def slewing() -> Machine:
-    """The 20 t machine free to slew on its motor, its load beside the arm's plane."""
+    """The rigid 20 t machine free to slew on its motor, its load beside the arm's plane."""
     aside = {
         "joints": ["swing", "boom", "stick", "bucket"],
         "payload.full.at_mm": [645.0, 700.0, 435.0],
     }
-    return load("excavator_20t").replace(aside)
+    return rigid("excavator_20t").replace(aside)
 
 
 def random_machine(seed: int) -> Machine:

@@ -16,6 +16,7 @@ COMPLEX_STEP = 1e-30
 # truncation and rounding are both about 1e-11.
 DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 DIFFERENCE_STEP = 4e-3  # [rad]
+NEWTON_STEPS = 6  # for the force on oil behind what yields: quadratic, few are enough
 PITCH_TOLERANCE = 1e-9  # [rad], so that a pose exactly on the limit of the pitch counts
 
 
@@ -193,12 +194,16 @@ class PlanarArm:
         transposed = np.swapaxes(self.moment_arms(q), 1, 2)
         return np.linalg.solve(transposed, self.gravity_torque(q, payload)[:, :, None])[:, :, 0]
 
-    def volumes(self, lengths):
-        """Chamber volumes (cap, annulus), (n, nc) [m³]."""
+    def volumes(self, lengths, force):
+        """Chamber volumes (cap, annulus), (n, nc) [m³].
+
+        What lies in series gives way under the force, so that the piston stands further out.
+        """
+        compliance = np.array([c.compliance for c in self.cylinders])
         closed, stroke, dead_cap, dead_annulus = np.array(
             [(c.closed, c.stroke, c.dead_cap, c.dead_annulus) for c in self.cylinders]
         ).T
-        extension = lengths - closed
+        extension = lengths - closed + compliance * force
         return (
             self.bore_areas * extension + dead_cap,
             self.annulus_areas * (stroke - extension) + dead_annulus,
@@ -208,20 +213,15 @@ class PlanarArm:
         """−∂/∂q of the net torque Rᵀ F − g with the oil trapped at q (n, nq, nq) [N m/rad].
 
         In a closed chamber dp = −β dV/V, hence p = p0 + β ln(V0/V), and F = F0 + β (A1 ln(V10/V1)
-        − A2 ln(V20/V2)).
+        − A2 ln(V20/V2)), with volumes that depend on F where something yields in series.
         """
         q = poses(q)
         force = self.forces(q, payload)
-        cap, annulus = self.volumes(self.lengths(q))
+        trapped = self.volumes(self.lengths(q), force)
 
         def net_torque(moved):
-            cap_now, annulus_now = self.volumes(self.lengths(moved))
-            rise = self.bore_areas * np.log(cap / cap_now) - self.annulus_areas * np.log(
-                annulus / annulus_now
-            )
-            pushed = np.einsum(
-                "nij,ni->nj", self.moment_arms(moved), force + self.bulk_modulus * rise
-            )
+            now = self._force_on_trapped_oil(self.lengths(moved), force, trapped)
+            pushed = np.einsum("nij,ni->nj", self.moment_arms(moved), now)
             return pushed - self.gravity_torque(moved, payload)
 
         stiffness = np.zeros((len(q), len(self.joints), len(self.joints)))
@@ -234,6 +234,23 @@ class PlanarArm:
                 coefficient * (net_torque(q + step) - net_torque(q - step)) / DIFFERENCE_STEP
             )
         return stiffness
+
+    def _force_on_trapped_oil(self, lengths, before, trapped):
+        """Force (n, nc) [N] at other lengths, from that before and the volumes trapped then.
+
+        By Newton's rule, which ends after one step where nothing yields in series.
+        """
+        force, (cap, annulus) = before, trapped
+        for _ in range(NEWTON_STEPS):
+            cap_now, annulus_now = self.volumes(lengths, force)
+            rise = self.bore_areas * np.log(cap / cap_now) - self.annulus_areas * np.log(
+                annulus / annulus_now
+            )
+            oil = self.bore_areas**2 / cap_now + self.annulus_areas**2 / annulus_now
+            compliance = np.array([c.compliance for c in self.cylinders])
+            slope = 1 + self.bulk_modulus * oil * compliance
+            force = force - (force - before - self.bulk_modulus * rise) / slope
+        return force
 
     def frequencies(self, q, payload):
         """Coupled natural frequencies (n, nq) [Hz], ascending; 0 where the pose is not stable."""

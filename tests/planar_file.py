@@ -66,6 +66,7 @@ class Cylinder:
     closed: float
     dead_cap: float
     dead_annulus: float
+    compliance: float  # in series [m/N]
     base: Pin
     rod_end: Pin | None
     four_bar: FourBar | None
@@ -106,11 +107,7 @@ def read_payload(name, table):
 
 def read_cylinder(name, table):
     bar = table.get("four_bar")
-    odd = {
-        key: table.get(key)
-        for key in ("barrel_kg", "rod_kg", "compliance_m_per_N")
-        if table.get(key)
-    }
+    odd = {key: table.get(key) for key in ("barrel_kg", "rod_kg") if table.get(key)}
     odd |= {key: bar.get(key) for key in ("rocker_kg", "coupler_kg") if bar and bar.get(key)}
     if any(table.get("hose", {}).get(key) for key in ("cap_l", "annulus_l")):
         odd["hose"] = table["hose"]
@@ -126,6 +123,7 @@ def read_cylinder(name, table):
         closed=table["closed_length_mm"] / 1000,
         dead_cap=dead.get("cap", 0) / 1000,
         dead_annulus=dead.get("annulus", 0) / 1000,
+        compliance=table.get("compliance_m_per_N", 0.0),
         base=read_pin(table["base"]),
         rod_end=None if bar else read_pin(table["rod_end"]),
         four_bar=bar

@@ -152,7 +152,7 @@ def _widths(bands: Bands) -> str:
         "payload": bands.payload,
         "links": bands.link_mass,
     }
-    notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items()]
+    notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items() if low < high]
     if bands.spring_stiffness != EXACT:
         low, high = bands.spring_stiffness
         notes.insert(0, f"springs {low:g} to {high:g} × as stiff")

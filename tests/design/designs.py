@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from armdesign import Machine, Requirements, Workspace, load
+from armdesign import Machine, Requirements, Workspace
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build
+from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build, rigid
 from tests.sprung import spring
 
 
@@ -75,7 +75,7 @@ MACHINES = {
     "twins": twins,
     "sprung": sprung,
     "odd": odd,
-    "excavator": lambda: load("excavator_20t"),
+    "excavator": lambda: rigid("excavator_20t"),
 }
 POINTS = {
     "single": (9,),

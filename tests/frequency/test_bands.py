@@ -117,7 +117,7 @@ def test_structure_in_series_by_hand() -> None:
     """At an end of s a cylinder with A1 ≠ A2 has 1/k = 1/k_oil + s c, with c = V/(β A²) of both
     chambers at mid stroke from the file's own numbers; oil with its own bands leaves c alone.
     """
-    machine = machines.named("excavator_20t")
+    machine = machines.rigid("excavator_20t")
     bands = ad.Bands(structure=(0.3, 1.5), bulk_modulus=(0.8, 1.2))
     for softest, share, modulus in ((True, 1.5, 0.8), (False, 0.3, 1.2)):
         for cylinder in bands.at_end(machine, softest).cylinders:

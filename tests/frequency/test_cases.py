@@ -46,9 +46,9 @@ def test_the_loop_is_with_payload_and_holds(name: str, monkeypatch: pytest.Monke
     assert lowest_frequency(at_worst)[0] == pytest.approx(worst.frequency, rel=1e-12)
 
 
-def test_shares_scale_payloads_and_links(excavator: ad.Machine) -> None:
+def test_shares_scale_payloads_and_links(rigid_excavator: ad.Machine) -> None:
     """Twice all masses is the machine with half of ω² (STYLE, known answer 6), gravity with it."""
-    space = workspace("excavator_20t")
+    excavator, space = rigid_excavator, workspace("rigid_excavator_20t")
     heavy, nominal = (
         worst_frequency(excavator, space, *shares) for shares in ((2.0, 2.0), (1.0, 1.0))
     )

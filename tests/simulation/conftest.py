@@ -18,5 +18,5 @@ def machine(machine: ad.Machine) -> ad.Machine:
 @pytest.fixture(scope="session")
 def excavator() -> ad.Machine:
     """The 20 t machine with a full bucket, without losses, at a pump that holds its pressure."""
-    ideal = machines.named("excavator_20t").replace({"supply.pump": "ideal"})
+    ideal = machines.rigid("excavator_20t").replace({"supply.pump": "ideal"})
     return without_losses(ideal.with_payload("full"))

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.simulation import simulate as motion
@@ -152,7 +151,7 @@ def test_flow_limited_pump_sets_the_speed(excavator: Machine) -> None:
     falls.
     """
     slow = {"supply.flow_l_per_min": 150.0, "cylinder.boom.friction.viscous_N_s_per_m": 1e5}
-    machine = ad.load("excavator_20t").with_payload("full").replace(slow)
+    machine = machines.rigid("excavator_20t").with_payload("full").replace(slow)
     run = simulate(machine, LEVEL, {"boom": always(1.0)}, duration=2.0, tolerance=1e-7)
     late = run.time > 1.0
     speed = np.mean(run.speeds[late, 0])

@@ -72,7 +72,7 @@ def oil_energy(machine: Machine, run: ad.Simulation) -> np.ndarray:
     return total
 
 
-@pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars"])
+@pytest.mark.parametrize("name", ["rigid_excavator_20t", "heavy_bars"])
 def test_energy_is_conserved_once_the_valves_are_shut(name: str) -> None:
     """Kinetic + potential + oil energy of the ringing arm; a pulse has set it in motion, the spool
     has come to rest.

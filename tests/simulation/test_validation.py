@@ -43,7 +43,7 @@ COLUMNS = [
 
 @pytest.fixture(scope="module")
 def worst() -> Validation:
-    undamped = ad.load("excavator_20t").replace({"damped": False})
+    undamped = machines.rigid("excavator_20t").replace({"damped": False})
     return validate(undamped.with_payload("full"), WORST)
 
 
@@ -259,7 +259,7 @@ def test_machines_side_by_side_are_as_alone() -> None:
 
 def test_deviation_vanishes_with_amplitude() -> None:
     """From a sweep that swings the pressures hard to one a hundred times smaller."""
-    machine = ad.load("excavator_20t").replace({"damped": False}).with_payload("full")
+    machine = machines.rigid("excavator_20t").replace({"damped": False}).with_payload("full")
     runs = [
         run
         for size in (3e-3, 3e-5)

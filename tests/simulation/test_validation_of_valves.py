@@ -13,6 +13,7 @@ from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.sweeps import Failure, Run
 from armdesign.simulation.validation import validate
+from tests import machines
 from tests.simulation import valves as helpers
 from tests.simulation.valves import WORST
 
@@ -22,7 +23,9 @@ def test_air() -> None:
     enough for it.
     """
     machine = (
-        ad.load("excavator_20t").with_payload("full").replace({"fluid.entrained_air_percent": 1.0})
+        machines.rigid("excavator_20t")
+        .with_payload("full")
+        .replace({"fluid.entrained_air_percent": 1.0})
     )
     full, half = validate(machine, WORST, cylinders=["boom"]).runs
     assert full.linear_frequency < 0.7
@@ -38,7 +41,9 @@ def test_air_behind_valves_that_leak() -> None:
         changes |= {f"cylinder.{name}.valve.overlap_percent": -0.5}
         changes |= {f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 1e-3}
     validation = validate(
-        ad.load("excavator_20t").with_payload("full").replace(changes), WORST, cylinders=["boom"]
+        machines.rigid("excavator_20t").with_payload("full").replace(changes),
+        WORST,
+        cylinders=["boom"],
     )
     for run in validation.runs:
         assert run.remark == "leaks"
@@ -52,7 +57,7 @@ def test_wide_underlap() -> None:
     changes = {
         f"cylinder.{name}.valve.overlap_percent": -5.0 for name in ("boom", "stick", "bucket")
     }
-    machine = ad.load("excavator_20t").with_payload("full").replace(changes)
+    machine = machines.rigid("excavator_20t").with_payload("full").replace(changes)
     for run in validate(machine, WORST, cylinders=["boom"]).runs:
         assert run.remark == "leaks"
         assert run.linear_damping > 0.4
@@ -75,7 +80,7 @@ def test_creep() -> None:
         f"cylinder.{name}.valve.leakage_l_per_min_per_bar": 0.005
         for name in ("boom", "stick", "bucket")
     }
-    machine = ad.load("excavator_20t").with_payload("full").replace(across)
+    machine = machines.rigid("excavator_20t").with_payload("full").replace(across)
     assert not Experiment.of(machine, np.array(WORST), 0, 0).creeps
     held = {"side": "annulus", "setting_bar": 380.0, "pilot_ratio": 0.0}
     held |= {"rated_flow_l_per_min": 429, "rated_drop_bar": 14}
@@ -96,7 +101,7 @@ def test_tank_leakage_is_no_creep() -> None:
         f"cylinder.{name}.valve.tank_leakage_l_per_min_per_bar": 0.005
         for name in ("boom", "stick", "bucket")
     }
-    machine = ad.load("excavator_20t").with_payload("full").replace(changes)
+    machine = machines.rigid("excavator_20t").with_payload("full").replace(changes)
     assert not Experiment.of(machine, np.array(WORST), 0, 0).creeps
     assert {run.remark for run in validate(machine, WORST, cylinders=["stick"]).runs} == {"agrees"}
 

@@ -7,17 +7,18 @@ from functools import cache
 import numpy as np
 from hypothesis import strategies as st
 
-from armdesign import Requirements, Workspace, load
+from armdesign import Requirements, Workspace
 from armdesign.design.bound.cylinder_shape import Shape, shape_of
 from armdesign.design.program.problem import Problem
+from tests.machines import named
 
 ROUNDING = 1e-9  # what bound.py allows for
 shares = st.floats(0, 1)
 
 
 def shipped_problem(name: str) -> Problem:
-    """Areas and pins of a shipped machine, in oil without air."""
-    machine = load(name).replace({"fluid.entrained_air_percent": 0.0})
+    """Areas and pins of a machine, in oil without air."""
+    machine = named(name).replace({"fluid.entrained_air_percent": 0.0})
     workspace = Workspace.grid(machine, points=[3] * len(machine.joints))
     return Problem.of(
         machine=machine,
@@ -28,10 +29,10 @@ def shipped_problem(name: str) -> Problem:
 
 
 CYLINDERS = {
-    "boom": ("excavator_20t", 0),
-    "stick": ("excavator_20t", 1),
-    "bucket": ("excavator_20t", 2),  # four-bar: its base pin moves
-    "telescope": ("loader_crane", 2),  # along its slide
+    "boom": ("rigid_excavator_20t", 0),
+    "stick": ("rigid_excavator_20t", 1),
+    "bucket": ("rigid_excavator_20t", 2),  # four-bar: its base pin moves
+    "telescope": ("rigid_loader_crane", 2),  # along its slide
     "lift": ("patu_boom", 0),
 }
 

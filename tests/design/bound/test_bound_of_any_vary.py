@@ -126,7 +126,7 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
     """20 t machine: the search's own end and random allowed designs, as the problem itself judges
     them.
     """
-    holds(posed("excavator_20t", vary))
+    holds(posed("rigid_excavator_20t", vary))
 
 
 @pytest.mark.usefixtures("few_cells")
@@ -167,7 +167,7 @@ def test_a_bore_alone_leaves_an_annulus() -> None:
     """All that x may be, between its bounds, can be built: areas and rods are positive, and the
     rod is today's.
     """
-    problem = posed("excavator_20t", ("pins", "cylinder.boom.bore_mm"))
+    problem = posed("rigid_excavator_20t", ("pins", "cylinder.boom.bore_mm"))
     for x in problem.bounds:
         areas = problem.vector.areas(x)
         assert areas.min() > 0

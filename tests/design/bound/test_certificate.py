@@ -82,7 +82,7 @@ GAPS = {
 @pytest.mark.parametrize("name", GAPS)
 def test_bound_of_every_shipped_machine(name: str) -> None:
     """Above the optimum on all its poses, and near it; no cylinder is left out."""
-    design = ad.optimize(named(name), starts=1)
+    design = ad.optimize(named(f"rigid_{name}"), starts=1)
     assert design.bound is not None
     assert design.gap is not None
     assert design.certificate is not None

@@ -86,7 +86,7 @@ def test_pins_follow_the_chosen_sizes() -> None:
     """Better than the same catalogue with today's pins, no better than free sizes, and in the
     catalogue.
     """
-    machine = named("excavator_20t")
+    machine = named("rigid_excavator_20t")
     space = Workspace.grid(machine, points=(4, 4, 7))
     fixed = ad.size_cylinders(machine, space, catalogue="5mm")
     both = ad.optimize(machine, space, catalogue="5mm", starts=1)

@@ -14,5 +14,5 @@ POINTS = (9, 9, 15)
 
 @cache
 def excavator_design() -> Design:
-    machine = named("excavator_20t")
+    machine = named("rigid_excavator_20t")
     return ad.optimize(machine, Workspace.grid(machine, points=POINTS))

@@ -298,7 +298,7 @@ def test_size_cylinders(dead_volume: str) -> None:
     """+5 % by areas alone (DESIGN.md: "areas alone about +5 %"); rounding costs less than 0.5 %,
     the bound is close.
     """
-    machine = named("excavator_20t")
+    machine = named("rigid_excavator_20t")
     design = ad.size_cylinders(
         machine, Workspace.grid(machine, points=(7, 7, 11)), dead_volume=dead_volume
     )

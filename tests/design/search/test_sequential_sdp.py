@@ -164,7 +164,7 @@ def test_excavator_by_the_independent_reference(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_same_seed_same_machine() -> None:
-    machine = named("excavator_20t")
+    machine = named("rigid_excavator_20t")
     again = ad.optimize(machine, Workspace.grid(machine, points=POINTS))
     assert again.machine.text == excavator_design().machine.text
 
@@ -333,7 +333,7 @@ def test_the_most_loaded_pose_is_found_wherever_it_is() -> None:
     """3 t in the bucket: holding binds at a corner of the workspace, which a regular share of its
     poses skips.
     """
-    machine = named("excavator_20t").replace({"payload.full.mass_kg": 3000.0})
+    machine = named("rigid_excavator_20t").replace({"payload.full.mass_kg": 3000.0})
     design = ad.optimize(machine, Workspace.grid(machine, points=(10, 10, 15)), starts=1)
     assert design.slacks["holding.boom"] >= 0
     assert design.unrounded > 1.25 * design.before.frame["f1_hz"].min()
@@ -372,7 +372,7 @@ def test_odd_machines(name: str, vary: tuple[str, ...]) -> None:
 
 def test_without_payload_or_box() -> None:
     """A machine that carries nothing; pins that may not move."""
-    machine = named("excavator_20t").replace(
+    machine = named("rigid_excavator_20t").replace(
         {"payload.full.mass_kg": 0.0, "requirements.pin_box_mm": 0.0}
     )
     design = ad.optimize(machine, Workspace.grid(machine, points=(5, 5, 9)))

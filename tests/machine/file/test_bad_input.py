@@ -51,12 +51,13 @@ OPTIONAL = {  # have a default
         for name, table in DATA["cylinder"].items()
         for key in (
             "valve",
+            "compliance_m_per_N",
             "valve.leakage_l_per_min_per_bar",
             "friction",
             *(f"friction.{key}" for key in table["friction"]),
         )
     ),
-    *("motor", "motor.swing", "motor.swing.valve"),
+    *("motor", "motor.swing", "motor.swing.valve", "bands", "bands.structure"),
 }
 
 

@@ -34,7 +34,7 @@ WRITTEN = [
     (
         "[461.5, 0, -602.5]",
         "[461,5, 0, -602,5]",
-        r"boom\.base\.at_mm: decimal commas.*write \[461\.5, 0, -602\.5\].*line 39",
+        r"boom\.base\.at_mm: decimal commas.*write \[461\.5, 0, -602\.5\].*line 40",
     ),
     ("[461.5, 0, -602.5]", "[461,5,0,-602,5]", r"write \[461\.5, 0, -602\.5\]"),
     ("[120, 240]", "[120,5, 240]", r"pitch_deg: decimal commas.*write \[120\.5, 240\]"),
@@ -71,7 +71,7 @@ WRITTEN = [
     (
         "[461.5, 0, -602.5]",
         "[1.461,5, 0, -602,5]",
-        r"boom\.base\.at_mm: decimal commas.*write \[1461\.5, 0, -602\.5\].*line 39",
+        r"boom\.base\.at_mm: decimal commas.*write \[1461\.5, 0, -602\.5\].*line 40",
     ),
     ("bore_mm = 120", 'bore_mm = "1.120,5"', r"points and commas, and a text.*write 1120\.5;"),
     (
@@ -95,7 +95,7 @@ WRITTEN = [
     (
         "[461.5, 0, -602.5]",
         "[461.5 mm, 0, -602.5 mm]",
-        r"number 461\.5 \(at line 39, .*; write 461\.5: the key says that it is in mm$",
+        r"number 461\.5 \(at line 40, .*; write 461\.5: the key says that it is in mm$",
     ),
     ("swing = 0.0 }", "swing = 0.5 rad }", r"number 0\.5 \(.*; write the number alone$"),
     ("stroke_mm = 1260", "stroke_mm = 0x1G", r"not valid TOML: Expected newline .* line 36"),

@@ -104,7 +104,7 @@ def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine
 
 def test_cases_of_different_machines_side_by_side() -> None:
     """Payloads and pins of each case are its own."""
-    one = machines.named("excavator_20t").with_payload("full")
+    one = machines.rigid("excavator_20t").with_payload("full")
     other = one.with_payload("empty").replace({"cylinder.bucket.four_bar.rocker_mm": 590.0})
     q = machines.inner_poses(one, 2)
     alone = [Plant(machine) for machine in (one, other)]

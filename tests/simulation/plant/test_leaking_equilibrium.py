@@ -16,6 +16,7 @@ from armdesign.simulation.plant.hydraulics import actuators_of, port, system_of
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
+from tests import machines
 from tests.simulation.plant.valve_machines import CYLINDERS, HOLDING, holding, rates, valves
 from tests.simulation.valves import WORST
 
@@ -247,9 +248,9 @@ def test_static_pressures_are_those_of_the_definition() -> None:
     bisection; over forces.
     """
     cylinder = valves(
-        ad.load("excavator_20t"), ("stick",), relief_bar=200.0, preload_bar=90.0
+        machines.rigid("excavator_20t"), ("stick",), relief_bar=200.0, preload_bar=90.0
     ).cylinders[1]
-    supply, limit = ad.load("excavator_20t").supply, 0.95 * 200 * bar
+    supply, limit = machines.rigid("excavator_20t").supply, 0.95 * 200 * bar
     for force in np.linspace(-2.5e5, 2.8e5, 107):
 
         def pair(common: float, force: float = force) -> tuple[float, float]:
