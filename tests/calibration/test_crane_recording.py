@@ -15,8 +15,8 @@ MEASURED = pd.read_csv(FOLDER / "measured.csv", comment="#")
 
 
 def test_the_recording_holds_what_is_measured() -> None:
-    """Every fourth sample of it gives the frequencies again within their deviations, and shows while
-    it moves that the rod side swings less than a tenth of what trapped oil would.
+    """Every fourth sample gives the frequencies again within their deviations, and shows while it
+    moves that the rod side swings less than a tenth of what trapped oil would.
     """
     windows = list(zip(MEASURED["begin_s"], MEASURED["end_s"], strict=True))
     found = ad.identify(FOLDER / "recording.csv", windows, signal="lift_cap_bar")
