@@ -9,12 +9,9 @@ all volumes allowed in it β is taken at the greatest pressure that there can be
 it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
 Over a cell of shapes it is enclosed twice, naturally and in the mean value form.
 
-Structure of compliance c in series leaves k/(1 + c k), concave in k, so its tangents lie above it:
-
-    k/(1 + c k) ≤ (1 − t)² k + t²/c    for any t, equal at t = c k/(1 + c k)
-
-(the difference is (k − t (1 + c k)/c)² c/(1 + c k)). With a t for every cell and angle the oil's
-part is the term above, and the rest is a constant times r², which the scale enters.
+Tangents of structure in series (``cylinder_spring``) leave a term of the same form, and a constant
+times r², which the scale enters. Air and tangents are near only for small ranges of volumes, so
+cells are of volumes too there.
 
 Cells are halved until none can exceed the best. No local optimum can fool it: what is cut off is
 enclosed from above.
@@ -24,41 +21,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import TypeAlias
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
-from armdesign.design.bound.intervals import Interval, interval
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+from armdesign.design.bound.cylinder_spring import Air, Spring, Stiffening, Structure
+from armdesign.design.bound.intervals import Interval
 
 TINY = 1e-12  # [m³] of oil
-Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Spring:
-    """What oil and structure of cells are at most.
-
-    Attributes:
-        stiffening: bulk moduli of cap and annulus over the modulus of oil alone (…, n).
-        shift: what structure under the static load adds to the piston's place (m, n).
-        oil: share (m, n) of the oil's stiffness, (1 − t)².
-        structure: t² scale²/(c β) (m, n) [m], times the weight what r² at scale 1 counts.
-    """
-
-    stiffening: Stiffening = (1.0, 1.0)
-    shift: Interval = field(default_factory=lambda: interval(np.zeros((1, 1))))
-    oil: Array = field(default_factory=lambda: np.ones((1, 1)))
-    structure: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cells:
-    """Cells (m, 3) of b and scale, with air (m, 5) of swept volumes too.
+    """Cells (m, 3) of b and scale, with air or structure (m, 5) of swept volumes too.
 
     Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
     """
@@ -72,55 +50,6 @@ class Cells:
 
     def __getitem__(self, rows: Array) -> Cells:
         return Cells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Air:
-    """Oil with air, and the largest static torques (n,) [N m, ≥ 0] of push and pull."""
-
-    fluid: Fluid
-    back: float  # pressure of the chamber without load, at most [Pa]
-    push: Array
-    pull: Array
-
-    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
-        """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
-
-        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
-        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
-        """
-        ratios = []
-        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
-            volume = least[:, own, None]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                load = np.where(torque > 0, torque / (volume * rate), 0.0)
-                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
-            beta = (
-                bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
-                / self.fluid.bulk_modulus
-            )
-            ratios.append(beta[:, None])
-        return ratios[0], ratios[1]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Structure:
-    """Structure in series with the oil, and the static torques (n,) [N m, + pushes]."""
-
-    compliance: float  # c [m/N], > 0
-    modulus: float  # β of oil alone [Pa]
-    torque: Interval
-
-    def shift(self, rate: Interval, stroke: Interval) -> Interval:
-        """What it adds to the piston's place (m, n): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
-        per_torque = rate.reciprocal() * stroke.square().reciprocal()[:, None]
-        return self.torque * per_torque * self.compliance
-
-    def yielding(self, oil: Array, stroke: Array) -> Array:
-        """The t = c k/(1 + c k) of oil k S²/β (…) [m³] and strokes (…) [m]."""
-        soft = stroke**2 / (self.compliance * self.modulus)
-        with np.errstate(divide="ignore"):
-            return np.asarray(1 / (1 + soft / oil))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -205,13 +134,14 @@ class CylinderTerm:
             shift=self.structure.shift((e.rate * sign).above(LEAST), e.stroke * scale),
         )
         volume = np.concatenate([volume, volume.mean(axis=1, keepdims=True)], axis=1)
-        place, square = e.centre.place.low, e.centre.rate.low**2
-        oil = self._oil(place, place, volume, spring)
-        t = self.structure.yielding(oil, (e.centre.stroke.low * middle)[:, None, None])
-        value = np.einsum("mvn,mn->mv", (1 - t) * oil, self.weight * square)
-        value = value - np.einsum("mvs,ms->mv", volume, costs)
-        t = t[np.arange(len(t)), np.nan_to_num(value, nan=-np.inf).argmax(axis=1)]
+        place, stroke = e.centre.place.low, e.centre.stroke.low * middle
+        t = self.structure.yielding(self._oil(place, place, volume, spring), stroke[:, None, None])
         soft = self.structure.compliance * self.structure.modulus
+        stiff = (
+            self.weight * (e.centre.rate.low * stroke[:, None]) ** 2 / soft
+        )  # k/(1 + c k) = t/c
+        value = np.einsum("mvn,mn->mv", t, stiff) - np.einsum("mvs,ms->mv", volume, costs)
+        t = t[np.arange(len(t)), np.nan_to_num(value, nan=-np.inf).argmax(axis=1)]
         return replace(spring, oil=(1 - t) ** 2, structure=t**2 * scale.high[:, None] ** 2 / soft)
 
     def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
@@ -241,7 +171,9 @@ class CylinderTerm:
             place, stroke = e.centre.place.low, e.centre.stroke.low * (scale.low + scale.high) / 2
             oil = self._oil(place, place, best[:, None], spring)[:, 0]
             t = self.structure.yielding(oil, stroke[:, None])
-            excess = oil * (t + np.sqrt(spring.oil) - 1) ** 2 / t  # of the tangent, over β r²/S²
+            with np.errstate(invalid="ignore"):  # no oil left
+                # of the tangent, over β r²/S²
+                excess = oil * (t + np.sqrt(spring.oil) - 1) ** 2 / t
             added += ((excess * e.centre.rate.low**2) @ self.weight)[:, None] * (1 - least / most)
         return added
 

@@ -44,14 +44,8 @@ from armdesign.design.bound.columns import (
     joined,
 )
 from armdesign.design.bound.cylinder_shape import coordinates
-from armdesign.design.bound.cylinder_term import (
-    Air,
-    CylinderTerm,
-    Maximum,
-    Stiffening,
-    Structure,
-    maximum,
-)
+from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
+from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, maximum
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
@@ -276,9 +270,7 @@ class LagrangianDual:
         if drive.compliance == 0:
             return None
         beta = self.problem.machine.fluid.bulk_modulus
-        return Structure(
-            compliance=drive.compliance, modulus=beta, torque=gravity * drive.shape.sign
-        )
+        return Structure(drive.compliance, beta, gravity * drive.shape.sign)
 
     # ---------------------------------------------------------------------------- rows and columns
 
