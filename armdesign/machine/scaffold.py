@@ -199,6 +199,11 @@ holding_share = 0.87                    # static load over what the supply holds
 [bands]                                 # what is not known exactly; a design is made for all of it
 structure = [0.0, 1.0]                  \
 # estimate: what the structure yields, over what the oil does
+
+# [spring.carriage]                     # a joint of the URDF, not one of joints, that yields
+# joint = "rocking"                     # of carriage, outriggers, pillar, slew gear …
+# stiffness_N_m_per_rad = 2.5e7         # of a joint that slides: stiffness_N_per_m
+# damping_ratio = 0.05
 """
 
 
