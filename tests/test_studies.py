@@ -152,7 +152,7 @@ def test_nonlinear_proof_finds_its_headline() -> None:
 @pytest.mark.slow
 def test_large_swings_finds_its_headline() -> None:
     """The fall lies within the measured one, while the boom's rod chamber is empty."""
-    module = study("09_large_swings")
+    module = study("10_large_swings")
     words = module.__doc__ or ""
     ends = [float(n) for n in re.findall(r"([\d.]+) Hz", words)]
     ratio, *measured = (float(n) for n in re.findall(r"×(\d\.\d+)", words))

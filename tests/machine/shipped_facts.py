@@ -124,8 +124,8 @@ FACTS = {  # second, but for the masses: sums of the sources' masses, by hand
         height=7.97,
         depth=3.46,
         reach_at_ground=6.30,
-        empty=(1.70, 3.40, 4.66),
-        full=(0.949, 1.85, 3.21),
+        empty=(5.78, 7.96, 12.04),
+        full=(2.85, 4.04, 6.19),
     ),
 }
 

@@ -14,6 +14,7 @@ from scipy.special import ellipk
 import armdesign as ad
 from armdesign.errors import SimulationError
 from armdesign.simulation.simulate import simulate
+from tests import machines
 from tests.commands import assert_one_line, main
 from tests.simulation.identification.test_coverage import swept
 
@@ -165,7 +166,7 @@ def test_the_measured_crane() -> None:
 
 def test_a_simulated_ring_has_the_linear_frequency_and_the_ratio_of_trapped_oil() -> None:
     """Struck behind shut valves; the ratio in closed form, (A1/C1)/(A2/C2), within 1 %."""
-    machine = ad.load("excavator_20t").replace({"damped": False})
+    machine = machines.rigid("excavator_20t").replace({"damped": False})
     pose = np.array([0.3, -1.2, -0.5])
     modes = ad.natural_modes(machine.at(pose[None]))
     velocity = modes.shapes[0][:, 0] / np.abs(modes.shapes[0][:, 0]).max() * 1e-3

@@ -256,13 +256,13 @@ def _fit(
     weights = weights_of(fits)
     poles = np.array([one.poles[:modes] for one in fits])
     mean = np.einsum("i,ijk->jk", weights, poles)
-    if np.any(mean[:, 1] >= OVERDAMPED):
+    deviations, remainders = _deviations(fits, weights, poles - mean)
+    if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
         raise SimulationError(
             part,
             "shows no oscillation in the band",
             "it is overdamped, or the amplitude too small",
         )
-    deviations, remainders = _deviations(fits, weights, poles - mean)
     likeliest = fits[int(np.argmax(weights))]
     fitted, ends = likeliest.spectra(lines, s)
     dense = np.linspace(frequency[0], frequency[-1], 800)

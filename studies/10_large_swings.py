@@ -19,7 +19,7 @@ SMOOTHING = 0.14  # [s], about a period of the second mode
 # An excavator of unknown make, 20 to 30 t class, empty rod chamber: 1.0 to 1.45 Hz in the first
 # swings of 200 bar after a boom-down stop, rising to 1.6 Hz as they decay.
 MEASURED_FIRST, MEASURED_LAST, MEASURED_SWING = (1.0, 1.45), 1.6, 200.0
-OUT = Path("out") / "09_large_swings"
+OUT = Path("out") / "10_large_swings"
 
 
 def run() -> tuple[pd.DataFrame, ad.Simulation]:
