@@ -181,6 +181,8 @@ def stated_priors(text: str) -> dict[str, tuple[float, float]]:
         except ValueError:
             remedy = "give PATH=VALUE:DEVIATION, as fluid.bulk_modulus_MPa=1200:240"
             raise ArmDesignError("--prior", f'"{word}" is not understood', remedy) from None
+        if path.strip() in priors:
+            raise ArmDesignError("--prior", f"{path.strip()} is there twice", "leave one out")
         priors[path.strip()] = value, deviation
     return priors
 

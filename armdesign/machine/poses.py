@@ -275,13 +275,16 @@ def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
     chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
     spring = machine.springs[min(chosen, len(machine.springs) - 1)]
     path = f"spring.{spring.name}.{spring.stiffness_key}"
-    least = f"{outward(factor * spring.stiffness, 4, up=True):g} {spring.stiffness_unit}"
+    stated = float(getattr(machine.section.spring[spring.name], spring.stiffness_key))
+    at_end = math.isclose(spring.stiffness, stated, rel_tol=1e-9)
+    share = "" if at_end else f" ({spring.stiffness / stated:.3g} of it, within the bands)"
+    least = f"{outward(factor * stated, 4, up=True):g} {spring.stiffness_unit}"
     remedy = f"give more than {least}"
     if chosen == len(machine.springs):
         names = ", ".join(spring.name for spring in machine.springs)
         remedy = f"multiply the stiffness of all springs ({names}) by more than {factor:g}"
     fault = (
-        f"{spring.stiffness:g} {spring.stiffness_unit} does not hold the machine upright at"
+        f"{stated:g} {spring.stiffness_unit}{share} does not hold the machine upright at"
         f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
     )
     place = f"{machine.source.name}: {path}"

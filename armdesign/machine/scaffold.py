@@ -35,6 +35,20 @@ MOST = 4 + len(LARGER)
 FOOT = 1.0  # height of the boom-foot pin [m]
 PAYLOADS = {1: 1500, 2: 500, 3: 250, 4: 150}  # [kg]
 LIGHT = 100  # payload of a boom with more links [kg]
+WHAT_DESIGNS_KEEP = """\
+[requirements]                          # what a new design must keep; all optional, see README
+end_margin = 0.02                       # share of the stroke that stays free at both ends
+holding_share = 0.87                    # static load over what the supply holds
+
+[bands]                                 # what is not known exactly; a design is made for all of it
+structure = [0.0, 1.0]                  \
+# estimate: what the structure yields, over what the oil does
+
+# [spring.carriage]                     # a joint of the URDF, not one of joints, that yields
+# joint = "rocking"                     # of carriage, outriggers, pillar, slew gear …
+# stiffness_N_m_per_rad = 2.5e7         # of a joint that slides: stiffness_N_per_m
+# damping_ratio = 0.05
+"""
 OIL_AND_PUMP = """\
 [fluid]
 bulk_modulus_MPa = 1200                 # replace: effective; 700 (hoses) to 1500 (steel lines)
@@ -192,14 +206,7 @@ at_mm = [{last.length / mm:.0f}, 0, 0]
 
 {OIL_AND_PUMP}
 {chr(10).join(map(_cylinder, stages))}
-[requirements]                          # what a new design must keep; all optional, see README
-end_margin = 0.02                       # share of the stroke that stays free at both ends
-holding_share = 0.87                    # static load over what the supply holds
-
-[bands]                                 # what is not known exactly; a design is made for all of it
-structure = [0.0, 1.0]                  \
-# estimate: what the structure yields, over what the oil does
-"""
+{WHAT_DESIGNS_KEEP}"""
 
 
 def _cylinder(stage: _BoomStage) -> str:

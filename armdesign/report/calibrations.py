@@ -33,6 +33,7 @@ def _values(calibration: Calibration) -> Sheet:
     return Sheet(
         title=f"{calibration.today.name}: values that the measurements determine",
         columns=("key path", "before", "fitted", "± deviation", "95 % within"),
+        words=("key path",),
         rows=tuple(rows),
         note=_correlations(calibration.correlations),
     )

@@ -45,7 +45,7 @@ def _gain(design: Design, units: Units) -> Sheet:
     own = design.in_own_workspace.worst.frequency
     made_for = {
         "worst": "all that follows: in the worst case of the bands; ",
-        "gain": "made for the least gain within the bands, of which is all that follows; ",
+        "gain": "made for the least gain within the bands; of that gain: ",
     }
     notes = [
         f"in its own workspace the new machine's worst is {own:.3f} Hz",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
@@ -23,7 +24,7 @@ def identified_sheets(identified: Identified) -> list[Sheet | str]:
                 f"{row['begin_s']:g}–{row['end_s']:g}",
                 f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}",
                 f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}",
-                f"{row['amplitude']:.3g}",
+                "–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}",
                 *(f"{row[name]:.1f}" for name in poses),
             )
         )

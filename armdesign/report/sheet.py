@@ -100,6 +100,7 @@ def rich_table(sheet: Sheet) -> Table:
             Text(column.replace(" [", "\n[")),
             justify="left" if index == 0 or wraps else "right",
             no_wrap=not wraps,
+            overflow="fold" if wraps else "ellipsis",  # of a word longer than the column
         )
     for index, row in enumerate(sheet.rows):
         table.add_row(*map(Text, row), style="bold" if index in sheet.bold else None)

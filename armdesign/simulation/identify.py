@@ -258,20 +258,17 @@ def identify(
     """
     whole = _recording(recording)
     name = signal or strongest_column(whole)
-    values = whole.column(name)
-    given = [(float(begin), float(end)) for begin, end in windows]
-    for begin, end in given:
-        if not (math.isfinite(begin) and begin < end):
-            problem = f"{begin:g}:{end:g} is no window"
-            raise SimulationError(whole.source, problem, "give begin < end [s]")
+    whole.column(name)
     if modes < 1:
         raise SimulationError(whole.source, f"{modes} modes", "ask for 1 or more modes")
-    if not given:
-        values = whole.sampled(name)
-        given = [(whole.time[0], whole.time[-1])] if excitation else []
-        given = given or found_windows(whole.source, whole.time, values)
+    if band and not excitation:
+        remedy = "name the column of the input too, or leave the band out"
+        raise SimulationError(whole.source, "a band is of the answer to an excitation", remedy)
+    if band and not 0 < band[0] < band[1] < math.inf:
+        problem = f"{band[0]:g}:{band[1]:g} is no band"
+        raise SimulationError(whole.source, problem, "give 0 < lowest < highest [Hz]")
     found, refused = list[IdentifiedWindow](), list[ArmDesignError]()
-    for begin, end in given:
+    for begin, end in _windows_of(whole, name, windows, excitation):
         part = whole.between(begin, end)
         try:
             one = _forced(part, name, modes, excitation, band) if excitation else None
@@ -289,6 +286,23 @@ def identify(
         warnings=tuple(_warnings(whole)),
         machine=machine,
     )
+
+
+def _windows_of(
+    whole: Recording, name: str, windows: Sequence[tuple[float, float]], excitation: str
+) -> Sequence[tuple[float, float]]:
+    """Windows as given; if none, of a response the whole recording, else where it rings."""
+    for begin, end in windows:
+        if not (math.isfinite(begin) and begin < end):
+            problem = f"{begin:g}:{end:g} is no window"
+            raise SimulationError(whole.source, problem, "give begin < end [s]")
+    if windows or excitation:
+        return windows or [(whole.time[0], whole.time[-1])]
+    try:
+        return found_windows(whole.source, whole.time, whole.sampled(name))
+    except SimulationError:
+        whole.signal(name)  # says what spoils it
+        raise
 
 
 def _recording(given: str | Path | Recording | Mapping[str, Any]) -> Recording:
@@ -312,16 +326,16 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         raise SimulationError(part.source, problem, too_short)
     time, signal = _thinned(part.time, values, round(1 / (PER_PERIOD * frequency * step)))
     trend = TRENDS[frequency * length > SHORT]
-    found = identify_ringdown(time, signal, modes, f"{part.source}, {name}", trend=trend)
-    first, damping = float(found.natural_frequencies[0]), float(found.damping_ratios[0])
+    fit = identify_ringdown(time, signal, modes, f"{part.source}, {name}", trend=trend)
+    first, damping = float(fit.natural_frequencies[0]), float(fit.damping_ratios[0])
     if first * length < PERIODS:
         problem = f"shorter than two periods of {name} ({first:.2g} Hz)"
         raise SimulationError(part.source, problem, too_short)
-    fitted = found.fitted[:, 0]
+    fitted = fit.fitted[:, 0]
     return IdentifiedWindow(
         begin=float(part.time[0]),
         end=float(part.time[-1]),
-        fit=found,
+        fit=fit,
         time=time,
         signal=signal,
         fitted=fitted,
@@ -339,13 +353,13 @@ def _forced(
     step = float((part.time[-1] - part.time[0]) / (len(part.time) - 1))
     frequency, _ = strongest(step, values)
     about = band or (frequency / BAND, frequency * BAND)
-    found = identify_forced_response(
+    fit = identify_forced_response(
         part.time, driven, values, about, modes, f"{part.source}, {name}"
     )
     return IdentifiedWindow(
         begin=float(part.time[0]),
         end=float(part.time[-1]),
-        fit=found,
+        fit=fit,
         time=part.time,
         signal=values,
         fitted=None,
@@ -366,17 +380,17 @@ def _thinned(time: Array, values: Array, count: int) -> tuple[Array, Array]:
 
 def _ratios(part: Recording, step: float, frequency: float, damping: float) -> list[PressureRatio]:
     """Pressure swings of all cylinders that swing notably, of which both were recorded."""
-    sides, found = sides_of(part), []
+    sides, ratios = sides_of(part), []
     for cylinder, side in sides:
         if side == "cap" and (cylinder, "annulus") in sides and abs(damping) < 1:
             names = [sides[cylinder, each] for each in ("cap", "annulus")]
             both = np.stack([part.columns[name] for name in names], axis=1)
             scale = np.array([PRESSURES[unit_of(name, KINDS[0])] / bar for name in names])
             if np.all(np.isfinite(both)) and np.all(np.ptp(both, axis=0) > 0):
-                found.append(pressure_ratio(cylinder, step, both * scale, frequency, damping))
-    found = [ratio for ratio in found if any(ratio.swings)]
-    largest = max((max(ratio.cap, ratio.annulus) for ratio in found), default=0.0)
-    return [one for one in found if max(one.cap, one.annulus) > NOTABLE * largest]
+                ratios.append(pressure_ratio(cylinder, step, both * scale, frequency, damping))
+    ratios = [ratio for ratio in ratios if any(ratio.swings)]
+    largest = max((max(ratio.cap, ratio.annulus) for ratio in ratios), default=0.0)
+    return [one for one in ratios if max(one.cap, one.annulus) > NOTABLE * largest]
 
 
 def _with_pose(

@@ -70,6 +70,18 @@ def test_the_files_explain_themselves() -> None:
     )
 
 
+def test_the_spring_in_its_comments_is_one(tmp_path: Path) -> None:
+    """Without its comment signs only the joint, which the URDF lacks, is wrong."""
+    text, urdf = scaffold.new("crane", 2)
+    assert "\n# [spring.carriage]" in text
+    head, spring = text.split("# [spring.carriage]")
+    text = head + "[spring.carriage]" + spring.replace("\n# ", "\n")
+    (tmp_path / "crane.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "crane.urdf").write_text(urdf, encoding="utf-8")
+    (fault,) = faults(tmp_path / "crane.toml")
+    assert "joint rocking: is not in the URDF (named in spring)" in str(fault)
+
+
 def test_it_does_not_overwrite(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

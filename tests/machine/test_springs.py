@@ -236,6 +236,27 @@ def test_a_spring_too_soft_for_gravity_is_refused_with_what_it_needs() -> None:
         machine.replace({path: 0.999 * least}).at(q)
 
 
+def test_a_spring_too_soft_within_the_bands_is_told_in_the_numbers_of_the_file() -> None:
+    """Enough as the file says, too soft at half of it; the stiffness named is enough there too."""
+    path, bands = "spring.carriage.stiffness_N_m_per_rad", ad.Bands(spring_stiffness=(0.5, 1.0))
+    machine = rocking(stiffness=1e5).with_payload("full")
+    q = ad.Workspace.grid(machine, points=4).q
+    q = q[machine.holds(q)]
+    given = "give more than "
+    with pytest.raises(ad.ArmDesignError, match=given) as caught:
+        machine.at(q)
+    enough = float(caught.value.remedy.removeprefix(given).removesuffix(" N m/rad"))
+    machine = machine.replace({path: 1.5 * enough})
+    machine.at(q)
+    with pytest.raises(ad.ArmDesignError, match=r"N m/rad \(0.5 of it, within the b") as caught:
+        bands.at_end(machine, True).at(q)
+    assert f"{1.5 * enough:g} N m/rad" in caught.value.fault
+    least = float(caught.value.remedy.removeprefix(given).removesuffix(" N m/rad"))
+    bands.at_end(machine.replace({path: 1.0005 * least}), True).at(q)
+    with pytest.raises(ad.ArmDesignError, match="upright"):
+        bands.at_end(machine.replace({path: 0.995 * least}), True).at(q)
+
+
 def test_a_command_says_it_in_one_line(
     refused: Refused, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -205,3 +205,12 @@ def test_a_title_counts_the_joints_that_are_not_drawn(links: int, words: str) ->
     found = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
     assert found.plot().get_title() == f"lowest over {words}"
     assert plots.holding_pressure(found).get_title() == f"largest over {words}"
+
+
+def test_a_long_word_is_folded_and_numbers_stay_whole(capsys: pytest.CaptureFixture[str]) -> None:
+    path, number = "spring." + 90 * "s" + ".stiffness_N_m_per_rad", "1.302e+06 … 1.591e+06"
+    columns = ("key path", "within")
+    show([Sheet(title="", columns=columns, words=("key path",), rows=((path, number),))])
+    printed = capsys.readouterr().out
+    assert number in printed
+    assert path in "".join(printed.replace(number, "").split())

@@ -58,6 +58,20 @@ def test_deviations_hold_under_coloured_noise(noise: float, colour: float) -> No
     assert np.all(np.median(ratios, axis=0) > 0.3)
 
 
+def test_a_recording_that_rings_from_begin_to_end() -> None:
+    """Nothing in it is quiet, and its envelope is highest where it begins."""
+    time, clean = ring(duration=6.0)
+    found = ad.identify({"time_s": time, "boom_cap_bar": clean})
+    (begin, end) = found.windows[0].begin, found.windows[-1].end
+    assert begin < 1.0
+    assert end > 5.0
+    assert found.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=1e-3)
+    with pytest.raises(SimulationError, match="holds no samples; give a row per instant"):
+        ad.identify({"time_s": time[:1], "boom_cap_bar": clean[:1]})
+    with pytest.raises(SimulationError, match="boom_cap_bar is constant"):
+        ad.identify({"time_s": time, "boom_cap_bar": 0 * clean + 3})
+
+
 def test_found_windows_and_swings() -> None:
     pressure = ring(12.0, zeta=0.03)[1]
     before = np.full(200, pressure[0])
@@ -224,6 +238,8 @@ def test_the_command(
         (["--machine", "nothing"], "nothing"),
         (["--windows", "100:101"], "holds no samples"),
         (["--modes", "0"], "modes"),
+        (["--band", "1:3"], "a band is of the answer to an excitation; name the column"),
+        (["--band", "3:1", "--excitation", "lift_cap_bar"], "3:1 is no band; give 0 < lowest"),
     ):
         none = tmp_path / "none"
         assert main(["identify", str(CRANE), *wrong, "--out", str(none)], monkeypatch) == 2

@@ -32,6 +32,8 @@ INCLINED = ("inclin", "tilt_sensor", "_imu_")
 
 def strongest_column(recording: Recording) -> str:
     """The pressure that rings most; if there is none, the speed, or the acceleration."""
+    if len(recording.time) < 2:
+        raise SimulationError(recording.source, "holds no samples", "give a row per instant")
     step = float(np.median(np.diff(recording.time)))
     for units in KINDS:
         sizes = {
@@ -56,13 +58,13 @@ def unit_of(name: str, units: Sequence[str]) -> str:
 
 def sides_of(part: Recording) -> dict[tuple[str, str], str]:
     """Columns of pressures by cylinder and side."""
-    found: dict[tuple[str, str], str] = {}
+    columns: dict[tuple[str, str], str] = {}
     for name in part.columns:
         unit = unit_of(name, KINDS[0])
         cylinder, _, side = name.removesuffix(f"_{unit}").rpartition("_")
         if unit and cylinder and side in SIDES:
-            found.setdefault((cylinder, SIDES[side]), name)
-    return found
+            columns.setdefault((cylinder, SIDES[side]), name)
+    return columns
 
 
 def means_of(part: Recording) -> dict[str, float]:
@@ -74,11 +76,11 @@ def means_of(part: Recording) -> dict[str, float]:
             names[name] = f"{name.removesuffix(length)}_length_mm"
         elif name.endswith("_deg") and not inclined(name):
             names[name] = name
-    found = {new: float(np.nanmean(part.columns[old])) for old, new in names.items()}
+    means = {new: float(np.nanmean(part.columns[old])) for old, new in names.items()}
     for (cylinder, side), name in sides_of(part).items():
         factor = PRESSURES[unit_of(name, KINDS[0])] / bar
-        found[f"{cylinder}_{side}_bar"] = float(np.nanmean(part.columns[name])) * factor
-    return found
+        means[f"{cylinder}_{side}_bar"] = float(np.nanmean(part.columns[name])) * factor
+    return means
 
 
 def inclined(name: str) -> bool:

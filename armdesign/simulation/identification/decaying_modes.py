@@ -69,15 +69,15 @@ class Noise:
 
     def whitened(self, values: Array) -> Array:
         """(I + N Nᵀ)^(−½) (1 + a_1 q + …) applied along axis 0."""
-        found = self._filtered(values)
-        return np.asarray(found - self._shrunk @ (self._u.T @ found))
+        filtered = self._filtered(values)
+        return np.asarray(filtered - self._shrunk @ (self._u.T @ filtered))
 
     def _filtered(self, values: Array) -> Array:
         """1 + a_1 q + … applied along axis 0; the first p samples stay as they are."""
-        found, order = values.copy(), len(self.colour)
+        filtered, order = values.copy(), len(self.colour)
         for k, a in enumerate(self.colour, 1):
-            found[order:] += a * values[order - k : len(values) - k]
-        return found
+            filtered[order:] += a * values[order - k : len(values) - k]
+        return filtered
 
 
 def polynomials(length: int, degree: int) -> Array:
@@ -138,12 +138,12 @@ class Refined:
         """
         powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
         columns = np.stack([powers.real, powers.imag], axis=2)
-        found = []
+        sizes = []
         for k, shape in enumerate(self.shapes):
             own = (powers[:, k : k + 1] * shape).real
             others = np.linalg.qr(np.delete(columns, k, axis=1).reshape(len(powers), -1))[0]
-            found.append(np.sum((own - others @ (others.T @ own)) ** 2))
-        return np.where(self.rings, found, -1.0)
+            sizes.append(np.sum((own - others @ (others.T @ own)) ** 2))
+        return np.where(self.rings, sizes, -1.0)
 
     def strongest(self, modes: int) -> Array:
         """Which have the largest shares, ascending."""
@@ -167,7 +167,7 @@ def refined(signals: Array, roots: Array, noise: Noise) -> Refined:
     """Levenberg's and Marquardt's method on λ, the shapes eliminated (Golub & Pereyra 1973)."""
     count, damping = len(roots), 1e-3
     target = noise.whitened(signals)
-    now = eliminated(target, roots, noise)
+    now = best_shapes(target, roots, noise)
     for _ in range(ROUNDS):
         slopes, before = _slopes(roots, now, noise), now.cost
         normal, gradient = slopes.T @ slopes, slopes.T @ now.left.T.ravel()
@@ -177,7 +177,7 @@ def refined(signals: Array, roots: Array, noise: Noise) -> Refined:
                 return _with_covariance(signals, roots, noise, now, slopes)
             change = step[:count] + 1j * step[count:]
             change *= min(1.0, LARGEST_STEP / float(np.max(np.abs(change) / np.abs(roots))))
-            new = eliminated(target, roots + change, noise)
+            new = best_shapes(target, roots + change, noise)
             if np.all((roots + change).imag > 0) and new.cost < before:
                 roots, now, damping = roots + change, new, damping / 10
                 break
@@ -188,7 +188,7 @@ def refined(signals: Array, roots: Array, noise: Noise) -> Refined:
 
 
 @dataclass(frozen=True, eq=False)
-class Eliminated:
+class BestShapes:
     """Shapes by least squares for given roots.
 
     Attributes:
@@ -211,33 +211,33 @@ class Eliminated:
         return np.asarray(np.linalg.pinv(self.triangle.T @ self.triangle, hermitian=True))
 
 
-def eliminated(target: Array, roots: Array, noise: Noise) -> Eliminated:
+def best_shapes(target: Array, roots: Array, noise: Noise) -> BestShapes:
     """Shapes by least squares of the filtered and whitened outputs (n, outputs)."""
     basis, triangle = np.linalg.qr(noise.whitened(_powers(roots, len(target))))
     share = basis.T @ target
-    found, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
-    return Eliminated(
+    parts, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
+    return BestShapes(
         basis,
         triangle,
-        found[: len(roots)] + 1j * found[len(roots) :],
+        parts[: len(roots)] + 1j * parts[len(roots) :],
         left,
         float(np.sum(left**2)),
     )
 
 
-def _slopes(roots: Array, now: Eliminated, noise: Noise) -> Array:
+def _slopes(roots: Array, now: BestShapes, noise: Noise) -> Array:
     """Change of all filtered outputs (outputs n, 2m) by Re λ and Im λ, shapes eliminated."""
     instants = np.arange(len(now.left))[:, None]
-    powers, found = instants * np.exp(roots * instants), []
+    powers, slopes = instants * np.exp(roots * instants), []
     for shape in now.shapes.T:
         change = powers * shape
         each = noise.whitened(np.hstack([change.real, -change.imag]))
-        found.append(each - now.basis @ (now.basis.T @ each))
-    return np.concatenate(found)
+        slopes.append(each - now.basis @ (now.basis.T @ each))
+    return np.concatenate(slopes)
 
 
 def _with_covariance(
-    signals: Array, roots: Array, noise: Noise, now: Eliminated, slopes: Array
+    signals: Array, roots: Array, noise: Noise, now: BestShapes, slopes: Array
 ) -> Refined:
     """How certain the roots are: noise of the size that is left of each output."""
     length, order = len(signals), np.argsort(np.abs(roots))

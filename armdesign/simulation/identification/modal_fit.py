@@ -250,20 +250,20 @@ def _fit(
     inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
     s = 1j * frequency / middle
     lines = Lines(s, u / inputs, weight * y / outputs, weight, ends=degrees[2] > 0)
-    found = answers(lines, _starts(lines, degrees))
+    fits = answers(lines, _starts(lines, degrees))
     if input_noise > 0:
-        found += _with_input_noise(lines, found, input_noise / inputs**2)
-    weights = weights_of(found)
-    poles = np.array([one.poles[:modes] for one in found])
+        fits += _with_input_noise(lines, fits, input_noise / inputs**2)
+    weights = weights_of(fits)
+    poles = np.array([one.poles[:modes] for one in fits])
     mean = np.einsum("i,ijk->jk", weights, poles)
-    deviations, remainders = _deviations(found, weights, poles - mean)
+    deviations, remainders = _deviations(fits, weights, poles - mean)
     if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
         raise SimulationError(
             part,
             "shows no oscillation in the band",
             "it is overdamped, or the amplitude too small",
         )
-    likeliest = found[int(np.argmax(weights))]
+    likeliest = fits[int(np.argmax(weights))]
     fitted, ends = likeliest.spectra(lines, s)
     dense = np.linspace(frequency[0], frequency[-1], 800)
     scale = outputs / inputs
@@ -284,13 +284,13 @@ def _fit(
     )
 
 
-def _deviations(found: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
+def _deviations(fits: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
     """Standard deviations of ω and ζ (m, 2): in all, and without noise.
 
     ``apart``: each answer less the mean.
     """
-    within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in found])
-    noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in found])
+    within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in fits])
+    noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in fits])
     variance, of_noise = (
         np.einsum("i,ijk->jk", weights, each) for each in (within + apart**2, noise)
     )
@@ -310,11 +310,11 @@ def _variance_above(signal: Array, above: Array) -> float:
     return float(np.median(power) / math.log(2) / np.sum(window**2) / len(signal))
 
 
-def _with_input_noise(lines: Lines, found: list[Answer], variance: float) -> list[Answer]:
+def _with_input_noise(lines: Lines, fits: list[Answer], variance: float) -> list[Answer]:
     """Answers with lines weighted by σ² + |H|² times the input's variance, unless it is small."""
-    more, starts = list[Answer](), np.array([max(found, key=evidence).poles[: found[0].modes]])
+    more, starts = list[Answer](), np.array([max(fits, key=evidence).poles[: fits[0].modes]])
     for _ in range(NOISE_ROUNDS):
-        response, ends = max(more or found, key=evidence).spectra(lines, lines.s)
+        response, ends = max(more or fits, key=evidence).spectra(lines, lines.s)
         left = np.abs(lines.y / lines.weight - response * lines.u - ends) ** 2
         by_input = variance * np.abs(response) ** 2
         if np.max(by_input) < NEGLIGIBLE_NOISE * np.mean(left):

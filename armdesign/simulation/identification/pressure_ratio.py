@@ -17,8 +17,8 @@ from armdesign.arrays import Array
 from armdesign.simulation.identification.decaying_modes import (
     Noise,
     autoregression,
+    best_shapes,
     detrended,
-    eliminated,
 )
 
 SURE = 3.0  # deviations by which a swing stands out
@@ -93,12 +93,12 @@ def pressure_ratio(
     for one in pressures.T:
         values = detrended(one[:, None], TREND)
         plain = Noise(length, np.zeros(0), trend=TREND)
-        left = eliminated(plain.whitened(values), roots, plain).left
+        left = best_shapes(plain.whitened(values), roots, plain).left
         noise = Noise(length, autoregression(left, 2), trend=TREND) if np.ptp(left) > 0 else plain
-        found = eliminated(noise.whitened(values), roots, noise)
-        sizes.append(found.shapes[0, 0])
+        best = best_shapes(noise.whitened(values), roots, noise)
+        sizes.append(best.shapes[0, 0])
         spare = max(length - 2 - TREND, 1)
-        deviations.append(math.sqrt(found.cost / spare / 2 * np.trace(found.inverse)))
+        deviations.append(math.sqrt(best.cost / spare / 2 * np.trace(best.inverse)))
     cap, annulus = np.abs(sizes)
     share = math.hypot(deviations[0] / max(cap, TINY), deviations[1] / max(annulus, TINY))
     return PressureRatio(

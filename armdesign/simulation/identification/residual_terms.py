@@ -192,9 +192,9 @@ def answers(lines: Lines, starts: Array) -> list[Answer]:
     return likely
 
 
-def weights_of(found: list[Answer]) -> Array:
+def weights_of(fits: list[Answer]) -> Array:
     """The weight of each answer (·,), in sum one."""
-    logarithms = TEMPER * np.array([one.evidence for one in found])
+    logarithms = TEMPER * np.array([one.evidence for one in fits])
     weights = np.exp(logarithms - logarithms.max())
     return np.asarray(weights / weights.sum())
 
@@ -217,7 +217,7 @@ def _coarse(
     coarse = []
     for ratio in ratios:
         fit = _Regression(lines, ratio, modes)
-        costs = [fit.eliminated(start).cost for start in starts]
+        costs = [fit.best_numerators(start).cost for start in starts]
         coarse.append(fit.answer(starts[int(np.argmin(costs))], FEW_ROUNDS))
     return coarse
 
@@ -237,7 +237,7 @@ def _over_ratios(lines: Lines, first: Answer, best: float) -> list[Answer]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Eliminated:
+class _BestNumerators:
     """Numerators for given poles by least squares: scaled columns, their QR, what is left."""
 
     columns: Array
@@ -283,7 +283,7 @@ class _Regression:
             [most, np.full(len(poles), DAMPING[1])], axis=1
         )
 
-    def eliminated(self, poles: Array) -> _Eliminated:
+    def best_numerators(self, poles: Array) -> _BestNumerators:
         """Numerators for given poles, and what they leave of the output."""
         q = _fractions(poles, self.lines.s)
         columns = (q[:, :, None] * self.lines.inputs[:, None, :]).reshape(len(q), -1)
@@ -292,11 +292,11 @@ class _Regression:
         basis, triangle = np.linalg.qr(self.white(rows / sizes))
         share = basis.T @ self.y
         left = self.y - basis @ share
-        return _Eliminated(
+        return _BestNumerators(
             columns / sizes, sizes, basis, triangle, share, left, float(left @ left)
         )
 
-    def slopes(self, poles: Array, now: _Eliminated) -> Array:
+    def slopes(self, poles: Array, now: _BestNumerators) -> Array:
         """Change of the output by ω and ζ of every pole, beyond what numerators make up for.
 
         Columns (2k, 2m): ω and ζ of the first pole, of the second, …
@@ -315,7 +315,7 @@ class _Regression:
         """
         damping, (least, most) = 1e-3, self.bounds(poles)
         poles = np.minimum(np.maximum(poles, least), most)
-        now = self.eliminated(poles)
+        now = self.best_numerators(poles)
         for _ in range(rounds):
             slopes = self.slopes(poles, now)
             scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
@@ -329,7 +329,7 @@ class _Regression:
                 step = (step / scale).reshape(-1, 2)
                 step *= min(1.0, 1 / float(np.max(np.abs(step) / LARGEST_STEP)))
                 there = np.minimum(np.maximum(poles + step, least), most)
-                new = self.eliminated(there)
+                new = self.best_numerators(there)
                 if new.cost < before:
                     poles, now, damping = there, new, damping / 10
                     break
@@ -338,7 +338,7 @@ class _Regression:
                 break
         return self._with_covariance(poles, now)
 
-    def _with_covariance(self, poles: Array, now: _Eliminated) -> Answer:
+    def _with_covariance(self, poles: Array, now: _BestNumerators) -> Answer:
         slopes = self.slopes(poles, now)
         scale = np.linalg.norm(slopes, axis=0) + 1e-300
         normal = (slopes / scale).T @ (slopes / scale)
@@ -362,7 +362,9 @@ class _Regression:
             remainder=self.lines.observed - real(now.columns) @ now.numerators,
         )
 
-    def _likelihood(self, now: _Eliminated, slopes: Array, variance: float, spare: int) -> float:
+    def _likelihood(
+        self, now: _BestNumerators, slopes: Array, variance: float, spare: int
+    ) -> float:
         """Logarithm of the evidence, numerators and poles integrated over usual sizes."""
         each, poles = self.lines.inputs.shape[1], slopes.shape[1] // 2
         of_neighbour = np.array([1, 1, NEIGHBOUR_ENDS, NEIGHBOUR_ENDS])[:each]

@@ -33,8 +33,8 @@ from armdesign.simulation.identification.decaying_modes import (
     Noise,
     Refined,
     autoregression,
+    best_shapes,
     detrended,
-    eliminated,
     refined,
 )
 from armdesign.simulation.identification.records import signals_of
@@ -131,17 +131,17 @@ def identify_ringdown(
     if len(signals) < 8 * modes:
         problem = f"{len(signals)} records are too few"
         raise SimulationError(part, problem, f"record {8 * modes} or more")
-    found, singular = _answers(signals, modes, part, trend)
+    fits, singular = _answers(signals, modes, part, trend)
     weights = np.exp(
-        TEMPER * (np.array(list(map(_likelihood, found))) - max(map(_likelihood, found)))
+        TEMPER * (np.array(list(map(_likelihood, fits))) - max(map(_likelihood, fits)))
     )
     weights /= weights.sum()
-    values = np.array([one.modes(modes) for one in found])  # (·, 2, modes): |λ Δt|, ζ
+    values = np.array([one.modes(modes) for one in fits])  # (·, 2, modes): |λ Δt|, ζ
     mean = np.einsum("i,ijk->jk", weights, values)
     apart = np.einsum("i,ijk->jk", weights, (values - mean) ** 2)
-    within = np.einsum("i,ijk->jk", weights, np.array([one.variances(modes) for one in found]))
+    within = np.einsum("i,ijk->jk", weights, np.array([one.variances(modes) for one in fits]))
     deviations, remainders, unit = np.sqrt(within + apart), np.sqrt(apart), 2 * math.pi * step
-    likeliest = found[int(np.argmax(weights))]
+    likeliest = fits[int(np.argmax(weights))]
     return Ringdown(
         natural_frequencies=mean[0] / unit,
         damping_ratios=mean[1].copy(),
@@ -162,7 +162,7 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
     Colour can pass for a mode and a mode for colour: counts are compared under the same noise,
     then at their best. The second is the singular values of the Hankel matrix.
     """
-    found, of_all, least, margin = list[Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
+    fits, of_all, least, margin = list[Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
     for count in range(modes, modes + FURTHER + 1):
         starts, singular, most = _starts(signals, count)
         if count == modes:
@@ -171,24 +171,24 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
         if not group or group[0].likelihood < least:
             break
         least = group[0].likelihood - margin
-        if found and max(map(_likelihood, group)) < max(map(_likelihood, found)) - margin:
+        if fits and max(map(_likelihood, group)) < max(map(_likelihood, fits)) - margin:
             break
-        found += group
+        fits += group
         if _exact(signals, group[0]):
             break
-    found = [one for one in found if one.rings.sum() >= modes]
-    if not found:
+    fits = [one for one in fits if one.rings.sum() >= modes]
+    if not fits:
         problem = f"holds {most} modes, not {modes}"
         if most >= modes:
             problem = f"holds fewer than {modes} that ring for two periods or more"
         raise SimulationError(part, problem, "ask for fewer, or record longer")
-    if not _exact(signals, found[0]):
-        likeliest = max(found, key=_likelihood)
+    if not _exact(signals, fits[0]):
+        likeliest = max(fits, key=_likelihood)
         if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
             problem = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
             raise SimulationError(part, problem, "ask for fewer, or record longer or louder")
-        found += _with_hidden(signals, likeliest, modes)
-    return found, of_all
+        fits += _with_hidden(signals, likeliest, modes)
+    return fits, of_all
 
 
 def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
@@ -196,7 +196,7 @@ def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
     if not starts:
         return []
     white = Noise(len(signals), np.zeros(0), trend=trend)
-    costs = [eliminated(signals, start, white).cost for start in starts]
+    costs = [best_shapes(signals, start, white).cost for start in starts]
     plain = refined(signals, starts[int(np.argmin(costs))], white)
     return [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
 
@@ -208,20 +208,20 @@ def _without(signals: Array, modes: int, trend: int) -> float:
             map(_likelihood, _group(signals, _starts(signals, modes - 1)[0], trend)),
             default=-math.inf,
         )
-    found = []
+    likelihoods = []
     for order in (0, 1):
         noise = Noise(
             len(signals), autoregression(signals, order) if order else np.zeros(0), trend=trend
         )
         left = noise.whitened(signals)
         logarithms = np.log(np.mean(left**2, axis=0)).sum()
-        found.append(-0.5 * len(signals) * logarithms - 0.5 * order * math.log(len(signals)))
-    return float(max(found))
+        likelihoods.append(-0.5 * len(signals) * logarithms - 0.5 * order * math.log(len(signals)))
+    return float(max(likelihoods))
 
 
 def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined]:
     """Fits with a mode hidden beside one of the answer, as damped, where the fit has none."""
-    found, sizes = list[Refined](), np.abs(likeliest.roots)
+    fits, sizes = list[Refined](), np.abs(likeliest.roots)
     white = math.sqrt(likeliest.variance.sum())
     for k in likeliest.strongest(modes):
         usual = HIDDEN_SHARE * float(np.linalg.norm(likeliest.shapes[k])) / white
@@ -234,8 +234,8 @@ def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined
                     usual,
                     likeliest.noise.trend,
                 )
-                found.append(refined(signals, likeliest.roots, noise))
-    return found
+                fits.append(refined(signals, likeliest.roots, noise))
+    return fits
 
 
 def _likelihood(answer: Refined) -> float:
@@ -289,11 +289,11 @@ def _exact(signals: Array, plain: Refined) -> bool:
 
 def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
     """The fit under noise of an order, its filter found from what the fit before leaves."""
-    found = plain
+    fit = plain
     for _ in range(FILTERS):
-        found = refined(
+        fit = refined(
             signals,
-            found.roots,
-            Noise(len(signals), autoregression(found.left, order), trend=plain.noise.trend),
+            fit.roots,
+            Noise(len(signals), autoregression(fit.left, order), trend=plain.noise.trend),
         )
-    return found
+    return fit

@@ -90,13 +90,13 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
     noise, rows = Noise(length, autoregression(left[:, None], 2), trend=2), []
     for first in range(0, len(signal) - length + 1, max(hop, 1)) if length >= LEAST else ():
         piece = signal[first : first + length, None]
-        found = refined(piece, start, noise)
-        if not found.rings[0] and not _near(found.roots[0], start[0]):
+        fit = refined(piece, start, noise)
+        if not fit.rings[0] and not _near(fit.roots[0], start[0]):
             continue
-        (size,), (ratio,) = found.modes(1)
-        of_size, of_ratio = np.sqrt(found.variances(1))[:, 0]
-        decay = np.exp(found.roots[0].real * length / 2)
-        row = [time[first] + length * step / 2, np.abs(found.shapes[0, 0]) * decay]
+        (size,), (ratio,) = fit.modes(1)
+        of_size, of_ratio = np.sqrt(fit.variances(1))[:, 0]
+        decay = np.exp(fit.roots[0].real * length / 2)
+        row = [time[first] + length * step / 2, np.abs(fit.shapes[0, 0]) * decay]
         row += [v / (2 * math.pi * step) for v in (size, of_size)]
         rows.append([*row, ratio, of_ratio])
     table = np.array(rows, dtype=float).reshape(-1, 6)

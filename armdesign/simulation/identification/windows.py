@@ -21,7 +21,7 @@ PER_PERIOD = 8  # fewest samples
 PERIODS = 7.0  # most in a window that is found
 LEAST = 3.0  # fewest in one
 RISE = 1.3  # of the envelope within a decay, which ends it
-QUIET = 4.0  # envelope above its lowest tenth where a window ends
+QUIET = 4.0  # envelope above its lowest tenth where a window ends, if that tenth is noise
 SUNK = 0.08  # of its peak, where it ends at the latest
 
 
@@ -46,7 +46,18 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
     band = butter(2, edges, "bandpass", fs=1 / step, output="sos")
     envelope = np.abs(hilbert(sosfiltfilt(band, signal - signal.mean())))
     floor, period = float(np.quantile(envelope, 0.1)), 1 / frequency
-    found, begin = [], 0
+    # a recording that rings from begin to end shows no noise
+    windows = _decays(time, envelope, period, floor) or _decays(time, envelope, period, 0.0)
+    if not windows:
+        raise SimulationError(part, "rings nowhere for three periods", "give windows")
+    return windows
+
+
+def _decays(
+    time: Array, envelope: Array, period: float, floor: float
+) -> list[tuple[float, float]]:
+    """Windows after the peaks of an envelope over a floor of noise."""
+    windows, begin, step = [], 0, (time[-1] - time[0]) / (len(time) - 1)
     for peak in _peaks(envelope, round(1.5 * period / step)):
         if peak < begin:
             continue
@@ -55,11 +66,9 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
         count = max(round((last - first) / (PERIODS * period)), 1)
         if last - first >= LEAST * period:
             marks = np.linspace(first, last, count + 1)
-            found += [(float(a), float(b)) for a, b in pairwise(marks)]
+            windows += [(float(a), float(b)) for a, b in pairwise(marks)]
         begin = end
-    if not found:
-        raise SimulationError(part, "rings nowhere for three periods", "give windows")
-    return found
+    return windows
 
 
 def strongest(step: float, signal: Array, lowest: float = LOWEST) -> tuple[float, float]:
@@ -80,8 +89,9 @@ def strongest(step: float, signal: Array, lowest: float = LOWEST) -> tuple[float
 def _peaks(envelope: Array, apart: int) -> list[int]:
     from scipy.signal import find_peaks
 
-    peaks = find_peaks(envelope, distance=max(apart, 1), height=0.05 * envelope.max())[0]
-    return [int(peak) for peak in peaks]
+    ends = np.concatenate([[0.0], envelope, [0.0]])  # it may be highest where it begins
+    peaks = find_peaks(ends, distance=max(apart, 1), height=0.05 * envelope.max())[0]
+    return [int(peak) - 1 for peak in peaks]
 
 
 def _end_of_decay(envelope: Array, quiet: float) -> int:

@@ -135,6 +135,6 @@ def test_what_the_nearest_sizes_on_the_grid_miss() -> None:
         "no sizes on the 0.1 mm grid meet all requirements: the nearest misses digging.lift ("
         in str(error.value)
     )
-    assert "(0.03 %); relax them" in str(error.value)
+    assert "(0.03 %); relax it" in str(error.value)
     eased = replace(limits, digging_share=1.0003 - only.together / only.limit * 1.0003 - 1e-9)
     ad.size_cylinders(machine, space, eased)  # given that much, there is one

@@ -127,10 +127,17 @@ def nearest_error(
     otherwise: str = "",
     kind: type[InfeasibleError] = InfeasibleError,
 ) -> InfeasibleError:
-    """The error with the amounts by which the nearest of some designs misses requirements."""
-    words = " and ".join(f"{_with_limit(c)} by {_amount(c)}" for c in missed)
-    problem = f"{none_meets}{f': the nearest misses {words}' if words else ''}"
-    return kind(machine, problem, f"relax them{_settings(missed)}{otherwise}", tuple(missed))
+    """The error with the amounts by which the nearest of some designs misses requirements.
+
+    One is said in the line, several stand in a table below it.
+    """
+    words, several = "", len(missed) > 1
+    if missed:
+        one = f"{_with_limit(missed[0])} by {_amount(missed[0])}"
+        words = f": the nearest misses {f'{len(missed)} of them' if several else one}"
+    remedy = f"relax {'them' if several else 'it'}{_settings(missed)}{otherwise}"
+    table = conflict_table(missed) if several else ""
+    return kind(machine, f"{none_meets}{words}", remedy, tuple(missed), table)
 
 
 def relaxations(conflict: Sequence[Concession]) -> str:

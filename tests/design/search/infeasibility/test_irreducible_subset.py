@@ -18,7 +18,11 @@ from armdesign.design.requirements.holding import Lift
 from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Clearance
 from armdesign.design.requirements.record import Concession
-from armdesign.design.search.infeasibility.concessions import conflict_error, conflict_rows
+from armdesign.design.search.infeasibility.concessions import (
+    conflict_error,
+    conflict_rows,
+    nearest_error,
+)
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.multistart import formulate
 from armdesign.errors import InfeasibleError
@@ -442,6 +446,12 @@ def test_rows_of_a_conflict() -> None:
     ]
     error = conflict_error("crane", conflict)
     assert str(error) == "crane: no design meets a together with b; relax them"
+    near = nearest_error("crane", "no sizes meet all requirements", conflict)
+    text = "crane: no sizes meet all requirements: the nearest misses 2 of them; relax them"
+    assert (str(near), near.table) == (text, error.table)
+    near = nearest_error("crane", "no sizes meet all requirements", conflict[:1])
+    assert "misses a (oil of all cap sides at most 50 l) by 2 l (4 %); relax it" in str(near)
+    assert not near.table
     with_alone = replace(conflict[0], alone=0.004)
     assert conflict_rows([with_alone, conflict[1]])[0][-1] == "4 l (8 %)"
     assert conflict_rows([with_alone, conflict[1]])[1][-1] == "–"
