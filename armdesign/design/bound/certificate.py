@@ -156,8 +156,9 @@ class Bound:
 def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
     """The bound on all designs of a problem, for whatever objective within its bands.
 
-    None where none is known. What no design exceeds at one corner of the bands bounds the least
-    gain: of each end of oil and structure the corner counts at which x gains least.
+    None where none is known. Where only structure and masses differ within the bands, multipliers
+    weigh poses at all corners. Else, what no design exceeds at one corner bounds the least gain:
+    of each end of oil and structure the corner counts at which x gains least.
 
     Args:
         problem: the design problem.
@@ -169,6 +170,10 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
         return upper_bound(problem.softest, x, rows)
     corners, squared = dynamics.corners, dynamics.omega_squared(x)
     least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
+    if _alike(problem):
+        all_own = [np.flatnonzero(dynamics.rows.corner == k) for k in range(len(corners.all))]
+        lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
+        return upper_bound(problem, x, np.unique(np.concatenate([rows, *lowest_of])))
     found = []
     for end in range(len(corners.ends)):
         k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
@@ -179,6 +184,14 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
             ratio = math.sqrt(corners.weights[k])
             found.append(replace(bound, frequency=bound.frequency / ratio))
     return min(found, key=lambda bound: bound.frequency, default=None)
+
+
+def _alike(problem: Problem) -> bool:
+    """Whether pins vary, no own masses do, and corners differ but in structure and masses."""
+    bands = problem.dynamics.bands
+    plain = replace(bands, structure=None, payload=Bands().payload, link_mass=Bands().link_mass)
+    moving = bool(problem.vector.moving)
+    return moving and problem.vector.moving_masses is None and plain == Bands()
 
 
 def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
@@ -254,7 +267,8 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
     ]
     if problem.vector.moving_masses is not None:
         words.append("own masses in proportion to areas and lengths")
-    if problem.dynamics.bands != Bands():
+    bands, exact = problem.dynamics.bands, Bands()
+    if (bands.payload, bands.link_mass) != (exact.payload, exact.link_mass):
         words.append("masses as they are tried within their bands")
     if any(v.pin is not None for v in problem.vector.variables):
         words.append(f"each requirement wider by {CONSTRAINT_TOLERANCE:g}")

@@ -28,12 +28,12 @@ class SoleDrive:
     limits: CylinderConstraints
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
-    compliance: float  # of structure in series [m/N]
+    compliance: Array  # of structure in series at each corner of the bands [m/N]
 
 
 def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[SoleDrive, ...]:
     """Cylinders that drive one joint alone and vary in a way that ``cylinder_shape`` knows."""
-    machine, drives = problem.machine, []
+    machine, drives, corners = problem.machine, [], problem.dynamics.corners
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
         others = [other for other in machine.drives if other is not linkage]
         if any({*linkage.joints} & {*other.joints} for other in others):
@@ -54,7 +54,9 @@ def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[So
             limits=limits,
             dead=np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]),
             hoses=hoses / cylinder.hose_modulus * machine.fluid.bulk_modulus,
-            compliance=cylinder.compliance,
+            compliance=np.array(
+                [corners.machines[end].cylinders[i].compliance for end in corners.end]
+            ),
         )
         drives.append(drive)
     return tuple(drives)

@@ -75,7 +75,7 @@ class Air:
 class Structure:
     """Structure in series with the oil, and the static torques (n,) [N m, + pushes]."""
 
-    compliance: float  # c [m/N], > 0
+    compliance: Array  # c (n,) [m/N], > 0
     modulus: float  # β of oil alone [Pa]
     torque: Interval
 

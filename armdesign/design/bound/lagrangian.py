@@ -60,6 +60,7 @@ SAMPLES = 4000  # designs of each cylinder drawn at first, of which
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
+RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in the oil
 
 
@@ -238,7 +239,7 @@ class LagrangianDual:
                 stiff = cap_side[:, 0], annulus_side[:, 0]
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
             structure, stroke = (
-                self._structure(d, interval(gravity)),
+                self._structure(d, interval(gravity), rows),
                 e.stroke * columns.design[own, 2],
             )
             if structure:
@@ -265,12 +266,17 @@ class LagrangianDual:
             pull=np.maximum(-turned.low, 0.0),
         )
 
-    def _structure(self, drive: SoleDrive, gravity: Interval) -> Structure | None:
-        """Structure in series with a drive under torques (n,) [N m]; None where it is rigid."""
-        if drive.compliance == 0:
+    def _structure(self, drive: SoleDrive, gravity: Interval, rows: Array) -> Structure | None:
+        """Structure in series with a drive at rows under torques (n,) [N m]; None: rigid at all.
+
+        Torques may begin with some that belong to no row.
+        """
+        if drive.compliance.max() == 0:
             return None
+        each = np.maximum(drive.compliance[self.problem.dynamics.rows.corner[rows]], RIGID)
+        each = np.pad(each, (len(gravity.low) - len(rows), 0), constant_values=RIGID)
         beta = self.problem.machine.fluid.bulk_modulus
-        return Structure(drive.compliance, beta, gravity * drive.shape.sign)
+        return Structure(each, beta, gravity * drive.shape.sign)
 
     # ---------------------------------------------------------------------------- rows and columns
 
@@ -330,7 +336,10 @@ class LagrangianDual:
             torque = gravity[own, d.joint]
             angles, back = np.unique(d.angle[multipliers.rows[own]], return_inverse=True)
             padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
-            air, structure = self._air(d, padded), self._structure(d, padded)
+            air, structure = (
+                self._air(d, padded),
+                self._structure(d, padded, multipliers.rows[own]),
+            )
             if air or structure:
                 # of one angle, other loads
                 angles, back = d.angle[multipliers.rows[own]], np.arange(len(own))

@@ -65,7 +65,9 @@ def test_terms_hold_stiffness(
     share = CylinderTerm(
         shape=shape,
         limits=limits,
-        structure=Structure(old.compliance, beta, torque) if soft else None,
+        structure=Structure(np.full(len(angles) + 2, old.compliance), beta, torque)
+        if soft
+        else None,
         weight=np.concatenate([[0, 0], weight * beta]),
         bend=interval(np.concatenate([[0, 0], weight * gravity])),
         price=price,
