@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple, TypeVar
 
@@ -72,8 +72,10 @@ class Bands:
             least, most = ENDS.get(field.name, (0.1, 10.0))
             if band is None:
                 continue
-            numbers = len(band) == 2 and all(
-                isinstance(x, int | float | np.number) and math.isfinite(x) for x in band
+            numbers = (
+                isinstance(band, Sized)
+                and len(band) == 2
+                and all(isinstance(x, int | float | np.number) and math.isfinite(x) for x in band)
             )
             if not (numbers and least <= band[0] <= band[1] <= most):
                 remedy = f"give (lower, upper) within [{least:g}, {most:g}]"

@@ -292,12 +292,17 @@ def _windows_of(
     whole: Recording, name: str, windows: Sequence[tuple[float, float]], excitation: str
 ) -> Sequence[tuple[float, float]]:
     """Windows as given; if none, of a response the whole recording, else where it rings."""
-    for begin, end in windows:
+    given, remedy = [], "give begin < end [s]"
+    for ends in windows:
+        try:
+            begin, end = map(float, ends)
+        except (TypeError, ValueError):
+            raise SimulationError(whole.source, f"{ends!r} is no window", remedy) from None
         if not (math.isfinite(begin) and begin < end):
-            problem = f"{begin:g}:{end:g} is no window"
-            raise SimulationError(whole.source, problem, "give begin < end [s]")
-    if windows or excitation:
-        return windows or [(whole.time[0], whole.time[-1])]
+            raise SimulationError(whole.source, f"{begin:g}:{end:g} is no window", remedy)
+        given.append((begin, end))
+    if given or excitation:
+        return given or [(whole.time[0], whole.time[-1])]
     try:
         return found_windows(whole.source, whole.time, whole.sampled(name))
     except SimulationError:
