@@ -212,7 +212,8 @@ class Design:
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
         known = bound_of(free, self.x, self.watched)
         reached = self.problem.dynamics.corners.judged(self.machine)
-        return known and known.above(max(self.unrounded, reached))
+        most = max(self.unrounded, reached)
+        return known and known.above(most).useful(most)
 
     @property
     def bound(self) -> float | None:

@@ -32,6 +32,13 @@ def double(reverse: bool = False) -> Machine:
 
 
 @cache
+def yielding() -> Machine:
+    """Two joints, a cylinder each, on structure about as soft as the oil."""
+    soft = "compliance_m_per_N = 3e-8"
+    return build([BOOM, STICK], [replace(LIFT, extra=soft), replace(FOLD, extra=soft)])
+
+
+@cache
 def twins() -> Machine:
     """Two arms that feel neither each other nor gravity: the same cylinder each, the second turns
     twice the inertia.
@@ -72,6 +79,7 @@ def sprung(extra: str = "") -> Machine:
 MACHINES = {
     "single": single,
     "double": double,
+    "yielding": yielding,
     "twins": twins,
     "sprung": sprung,
     "odd": odd,
@@ -80,6 +88,7 @@ MACHINES = {
 POINTS = {
     "single": (9,),
     "double": (5, 5),
+    "yielding": (5, 5),
     "twins": (5, 5),
     "sprung": (5, 5),
     "odd": (4, 4, 4),

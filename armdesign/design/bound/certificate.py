@@ -103,6 +103,7 @@ ROUNDS, AIRY = 6, 2
 WATCHED = 300  # lowest rows that may enter, of a corner of the bands
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
 ROUNDING = (
     1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
 )
@@ -137,6 +138,17 @@ class Bound:
         words = (
             f"the one found, {self.frequency:.3f} Hz, lies below {reached:.3f} Hz, which a design"
             " reaches"
+        )
+        return replace(self, frequency=math.inf, refused=words)
+
+    def useful(self, reached: float) -> Bound:
+        """The bound, or none where it says next to nothing of a design that reaches so much."""
+        if not math.isfinite(self.frequency) or self.frequency <= USEFUL * reached:
+            return self
+        rigid = f" with the {' and the '.join(self.held)} cylinder rigid" if self.held else ""
+        words = (
+            f"no useful one was found: {self.frequency:.3g} Hz{rigid} is more than"
+            f" {USEFUL:g} times the {reached:.3f} Hz that this design reaches"
         )
         return replace(self, frequency=math.inf, refused=words)
 

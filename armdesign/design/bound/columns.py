@@ -28,6 +28,7 @@ class SoleDrive:
     limits: CylinderConstraints
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
+    compliance: float  # of structure in series [m/N]
 
 
 def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[SoleDrive, ...]:
@@ -35,7 +36,7 @@ def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[So
     machine, drives = problem.machine, []
     for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
         others = [other for other in machine.drives if other is not linkage]
-        if cylinder.compliance > 0 or any({*linkage.joints} & {*other.joints} for other in others):
+        if any({*linkage.joints} & {*other.joints} for other in others):
             continue
         limits = cylinder_constraints(problem, i, bars)
         if limits is None:
@@ -53,6 +54,7 @@ def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[So
             limits=limits,
             dead=np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]),
             hoses=hoses / cylinder.hose_modulus * machine.fluid.bulk_modulus,
+            compliance=cylinder.compliance,
         )
         drives.append(drive)
     return tuple(drives)

@@ -192,12 +192,15 @@ class Natural:
         return self.arm * self.stroke.reciprocal()[:, None]
 
     @cached_property
+    def arm_slope(self) -> Interval:
+        """∂r/∂b (m, n, 2)."""
+        change = self.shape.slope[:, 1] - self._along * self.arm[..., None]
+        return change * self._length.reciprocal()[..., None]
+
+    @cached_property
     def rate_slope(self) -> Interval:
         """∂ρ/∂b (m, n, 2)."""
-        change = (
-            self.shape.slope[:, 1] - self._along * self.arm[..., None]
-        ) * self._length.reciprocal()[..., None]
-        change = change - self.rate[..., None] * self.stroke_slope[:, None]
+        change = self.arm_slope - self.rate[..., None] * self.stroke_slope[:, None]
         return change * self.stroke.reciprocal()[:, None, None]
 
     @cached_property
@@ -241,6 +244,11 @@ class Enclosure:
     def bend(self) -> Interval:
         """Bend τ = H/r (m, n)."""
         return self._cut("bend")
+
+    @cached_property
+    def arm(self) -> Interval:
+        """Moment arm r (m, n)."""
+        return self._cut("arm")
 
     @cached_property
     def stroke(self) -> Interval:

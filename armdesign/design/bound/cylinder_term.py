@@ -9,6 +9,10 @@ all volumes allowed in it β is taken at the greatest pressure that there can be
 it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
 Over a cell of shapes it is enclosed twice, naturally and in the mean value form.
 
+Tangents of structure in series (``cylinder_spring``) leave a term of the same form, and a constant
+times r², which the scale enters. Air and tangents are near only for small ranges of volumes, so
+cells are of volumes too there.
+
 Cells are halved until none can exceed the best. No local optimum can fool it: what is cut off is
 enclosed from above.
 """
@@ -18,23 +22,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints
-from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
+from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
+from armdesign.design.bound.cylinder_spring import Air, Spring, Stiffening, Structure
 from armdesign.design.bound.intervals import Interval
-from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 
 TINY = 1e-12  # [m³] of oil
-Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cells:
-    """Cells (m, 3) of b and scale, with air (m, 5) of swept volumes too.
+    """Cells (m, 3) of b and scale, with air or structure (m, 5) of swept volumes too.
 
     Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
     """
@@ -51,35 +53,6 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Air:
-    """Oil with air, and the largest static torques (n,) [N m, ≥ 0] of push and pull."""
-
-    fluid: Fluid
-    back: float  # pressure of the chamber without load, at most [Pa]
-    push: Array
-    pull: Array
-
-    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
-        """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
-
-        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
-        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
-        """
-        ratios = []
-        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
-            volume = least[:, own, None]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                load = np.where(torque > 0, torque / (volume * rate), 0.0)
-                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
-            beta = (
-                bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
-                / self.fluid.bulk_modulus
-            )
-            ratios.append(beta[:, None])
-        return ratios[0], ratios[1]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class CylinderTerm:
     """The term to be maximised: weights at the shape's angles, prices of the swept volumes."""
 
@@ -91,6 +64,7 @@ class CylinderTerm:
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
     air: Air | None = None
+    structure: Structure | None = None
     # what barrel and rod add per bore and rod area, at most [1/m²]
     own: Sequence[float] = 0.0, 0.0
 
@@ -99,15 +73,22 @@ class CylinderTerm:
         kept, scale, vertices = self.limits.allowed(low, high)
         low, high = low[kept], high[kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
-        bound, spread, known = self.enclosed(e, vertices, self._costs(e.stroke * scale))
+        costs = self._costs(e.stroke * scale)
+        spring = self.spring(e, scale, vertices, costs)
+        bound, spread, known = self.enclosed(e, vertices, costs, spring)
         bound = np.where(np.isnan(bound), np.inf, bound)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
-        added = self._added(e, scale, spread[rows, best], vertices[rows, best], known[rows, best])
+        added = self._added(
+            e, scale, spread[rows, best], vertices[rows, best], known[rows, best], spring
+        )
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
         if low.shape[1] > 3:
             least, most = vertices.min(axis=1), vertices.max(axis=1)
             ends[0], ends[1] = [*ends[0], least], [*ends[1], most]
-            added = np.column_stack([added, self._by_volume(e, vertices)])
+            by_volume = self._by_volume(e, scale, vertices, vertices[rows, best], spring)
+            # elsewhere nothing is known of the shape yet
+            by_volume = np.where(known[rows, best][:, None], by_volume, 0.0)
+            added = np.column_stack([added, by_volume])
         return Cells(
             low=np.column_stack(ends[0]),
             high=np.column_stack(ends[1]),
@@ -125,117 +106,174 @@ class CylinderTerm:
             )
         return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
 
-    def enclosed(self, e: Enclosure, volume: Array, costs: Array) -> tuple[Array, Array, Flags]:
-        """Upper bounds (m, 5) at swept volumes (m, 5, 2) of some price (m, 2).
+    def enclosed(
+        self, e: Enclosure, volume: Array, costs: Array, spring: Spring
+    ) -> tuple[Array, Array, Flags]:
+        """Upper bounds (m, v) at swept volumes (m, v, 2) of some price (m, 2).
 
         Also what b adds to the mean value form, and whether it holds.
         """
-        stiffening = self._stiffening(e, volume)
-        slopes, known = self.slopes(e, volume, stiffening)
+        slopes, known = self.slopes(e, volume, spring)
         spread = slopes * e.reach[:, None]
         mean_value = np.where(
-            known, self._value(e.centre, volume, costs, stiffening) + spread.sum(axis=2), np.inf
+            known, self._value(e.centre, volume, costs, spring) + spread.sum(axis=2), np.inf
         )
-        return np.minimum(self._natural(e, volume, costs, stiffening), mean_value), spread, known
+        return np.minimum(self._natural(e, volume, costs, spring), mean_value), spread, known
+
+    def spring(self, e: Enclosure, scale: Interval, volume: Array, costs: Array) -> Spring:
+        """Oil and structure over cells of some scales (m,) and volumes (m, v, 2) of costs (m, 2).
+
+        The tangent is that of the volumes that are best at the centre.
+        """
+        stiffening = self._stiffening(e, volume)
+        if self.structure is None:
+            return Spring(stiffening=stiffening)
+        sign, middle = self.shape.sign, (scale.low + scale.high) / 2
+        spring = Spring(
+            stiffening=stiffening,
+            shift=self.structure.shift((e.rate * sign).above(LEAST), e.stroke * scale),
+        )
+        volume = np.concatenate([volume, volume.mean(axis=1, keepdims=True)], axis=1)
+        place, stroke = e.centre.place.low, e.centre.stroke.low * middle
+        t = self.structure.yielding(self._oil(place, place, volume, spring), stroke[:, None, None])
+        soft = self.structure.compliance * self.structure.modulus
+        stiff = (
+            self.weight * (e.centre.rate.low * stroke[:, None]) ** 2 / soft
+        )  # k/(1 + c k) = t/c
+        value = np.einsum("mvn,mn->mv", t, stiff) - np.einsum("mvs,ms->mv", volume, costs)
+        t = t[np.arange(len(t)), np.nan_to_num(value, nan=-np.inf).argmax(axis=1)]
+        return replace(spring, oil=(1 - t) ** 2, structure=t**2 * scale.high[:, None] ** 2 / soft)
 
     def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
-        """Largest bulk moduli of both chambers over oil's alone, over volumes (m, 5, 2)."""
+        """Largest bulk moduli of both chambers over oil's alone, over volumes (m, v, 2)."""
         if self.air is None:
             return 1.0, 1.0
         rate = _least_rate(e)
         return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
 
-    def _by_volume(self, e: Enclosure, volume: Array) -> Array:
-        """Rough share of each volume's ends (m, 2) through the pressure of air."""
-        assert self.air is not None
-        rate = _least_rate(e)
+    def _by_volume(
+        self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: Spring
+    ) -> Array:
+        """Rough share of each volume's ends (m, 2) through air's pressure and the tangent.
+
+        ``best`` (m, 2) are the volumes of the bound.
+        """
+        rate, added = _least_rate(e), np.zeros((len(volume), 2))
         least, most = volume.min(axis=1), volume.max(axis=1)
-        square, added = (e.rate.high**2) @ self.weight, []
-        for side in (0, 1):
-            soft, stiff = (
-                self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
-            )
-            added.append(square * most[:, side] * (stiff - soft).max(axis=1))
-        return np.stack(added, axis=1)
+        if self.air is not None:
+            square = (e.rate.high**2) @ self.weight
+            for side in (0, 1):
+                soft, stiff = (
+                    self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
+                )
+                added[:, side] = square * most[:, side] * (stiff - soft).max(axis=1)
+        if self.structure is not None:
+            place, stroke = e.centre.place.low, e.centre.stroke.low * (scale.low + scale.high) / 2
+            oil = self._oil(place, place, best[:, None], spring)[:, 0]
+            t = self.structure.yielding(oil, stroke[:, None])
+            with np.errstate(invalid="ignore"):  # no oil left
+                # of the tangent, over β r²/S²
+                excess = oil * (t + np.sqrt(spring.oil) - 1) ** 2 / t
+            added += ((excess * e.centre.rate.low**2) @ self.weight)[:, None] * (1 - least / most)
+        return added
 
     def _added(
-        self, e: Enclosure, scale: Interval, spread: Array, volume: Array, known: Flags
+        self,
+        e: Enclosure,
+        scale: Interval,
+        spread: Array,
+        volume: Array,
+        known: Flags,
+        spring: Spring,
     ) -> Array:
         """Rough share of each axis of a cell in its bound (m, 3).
 
         Including how b and scale change the volumes that the limits allow.
         """
-        value = np.abs(
-            self._value(e.centre, volume[:, None], np.zeros_like(volume), (1.0, 1.0))[:, 0]
-        )
+        plain = replace(spring, stiffening=(1.0, 1.0))
+        value = np.abs(self._value(e.centre, volume[:, None], np.zeros_like(volume), plain)[:, 0])
         by_stroke = value[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
         by_scale = 0.25 * value * (scale.high / scale.low - 1)
+        if spring.structure is not None:
+            rest = self._rest(e.centre.arm.low**2, spring)
+            by_scale = by_scale + rest * (1 - (scale.low / scale.high) ** 2)
         added = np.column_stack([spread + by_stroke, by_scale])
         return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(value))]))
 
-    def _natural(self, e: Enclosure, volume: Array, costs: Array, stiffening: Stiffening) -> Array:
-        """Upper bound (m, 5) at swept volumes (m, 5, 2), everything at its end."""
+    def _natural(self, e: Enclosure, volume: Array, costs: Array, spring: Spring) -> Array:
+        """Upper bound (m, v) at swept volumes (m, v, 2), everything at its end."""
         empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
-        return self._sum(empty, full, e.rate.square().high, e.bend, volume, costs, stiffening)
+        oil = self._oil(empty, full, volume, spring)
+        value = self._sum(oil, e.rate.square().high, e.bend, volume, costs, spring)
+        return value + self._rest(e.arm.square().high, spring)[:, None]
 
-    def _value(
-        self, centre: Natural, volume: Array, costs: Array, stiffening: Stiffening
-    ) -> Array:
-        """The term (m, 5) at the centres of cells."""
-        place = centre.place.low
-        return self._sum(place, place, centre.rate.low**2, centre.bend, volume, costs, stiffening)
+    def _value(self, centre: Natural, volume: Array, costs: Array, spring: Spring) -> Array:
+        """The term (m, v) at the centres of cells."""
+        oil = self._oil(centre.place.low, centre.place.low, volume, spring)
+        value = self._sum(oil, centre.rate.low**2, centre.bend, volume, costs, spring)
+        return value + self._rest(centre.arm.low**2, spring)[:, None]
+
+    def _oil(self, first: Array, last: Array, volume: Array, spring: Spring) -> Array:
+        """Oil k S²/β (m, v, n) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
+        (cap, annulus), dead = spring.stiffening, self._dead(spring.stiffening)
+        filled = (
+            (first + spring.shift.low)[:, None] * volume[..., :1] + dead[0],
+            (1 - last - spring.shift.high)[:, None] * volume[..., 1:] + dead[1],
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):  # no oil left: no bound
+            return np.asarray(
+                cap * volume[..., :1] ** 2 / np.maximum(filled[0], 0.0)
+                + annulus * volume[..., 1:] ** 2 / np.maximum(filled[1], 0.0)
+            )
 
     def _sum(
         self,
-        first: Array,
-        last: Array,
+        oil: Array,
         square: Array,
         bend: Interval,
         volume: Array,
         costs: Array,
-        stiffening: Stiffening,
+        spring: Spring,
     ) -> Array:
-        """Σ w k r² − G τ − μ·v with the piston at ``first`` (cap) and at ``last`` (annulus)."""
-        (cap, annulus), dead = stiffening, self._dead(stiffening)
-        filled = (
-            first[:, None] * volume[..., :1] + dead[0],
-            (1 - last)[:, None] * volume[..., 1:] + dead[1],
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            oil = (
-                cap * volume[..., :1] ** 2 / filled[0] + annulus * volume[..., 1:] ** 2 / filled[1]
-            )
-            oil = np.einsum("mvn,mn->mv", oil, self.weight * square)
+        """Σ w k r² − G τ − μ·v, of k the oil's share."""
+        with np.errstate(invalid="ignore"):
+            stiff = np.einsum("mvn,mn->mv", oil, self.weight * square * spring.oil)
         return np.asarray(
-            oil
+            stiff
             - (bend * self.bend).low.sum(axis=1)[:, None]
             - np.einsum("mvs,ms->mv", volume, costs)
         )
+
+    def _rest(self, arm_squared: Array, spring: Spring) -> Array:
+        """Structure's share (m,) of Σ w k r²."""
+        if spring.structure is None:
+            return np.zeros(len(arm_squared))
+        return np.asarray((self.weight * spring.structure * arm_squared).sum(axis=1))
 
     def _dead(self, stiffening: Stiffening) -> tuple[Array, Array]:
         """Dead volumes (…, n) with hoses as oil that has air [m³]."""
         whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
-    def slopes(self, e: Enclosure, volume: Array, stiffening: Stiffening) -> tuple[Array, Flags]:
-        """Largest absolute derivatives by b (m, 5, 2) over the cells, at swept volumes (m, 5, 2).
+    def slopes(self, e: Enclosure, volume: Array, spring: Spring) -> tuple[Array, Flags]:
+        """Largest absolute derivatives by b (m, v, 2) over the cells, at swept volumes (m, v, 2).
 
         And where they hold.
         """
-        place, rate = e.place[:, None], e.rate[:, None]
+        place, rate, stiffening = e.place[:, None], e.rate[:, None], spring.stiffening
+        places = place + spring.shift.low[:, None], 1 - place - spring.shift.high[:, None]
         springs, changes, known = [], [], e.wide.whole[:, None]
         volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self._dead(stiffening)
-        for v, share, dead, stiff in zip(
-            volumes, (place, 1 - place), dead_volumes, stiffening, strict=True
-        ):
+        for v, share, dead, stiff in zip(volumes, places, dead_volumes, stiffening, strict=True):
             filled = share * v + dead
             # also for a piston beyond its ends
             known = known & np.all(filled.low[..., 2:] > dead[..., 2:] / 2, axis=2)
             emptiness = filled.above(dead / 2 + TINY).reciprocal()
             springs.append(emptiness * (stiff * v**2))
             changes.append((emptiness * v).square() * (stiff * v))
-        by_rate = rate * (springs[0] + springs[1]) * (2 * self.weight)
-        by_place = rate.square() * (changes[1] - changes[0]) * self.weight
+        weight = (self.weight * spring.oil)[:, None]
+        by_rate = rate * (springs[0] + springs[1]) * (2 * weight)
+        by_place = rate.square() * (changes[1] - changes[0]) * weight
         bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)  # whatever G is
         by_b = []
         for k in (0, 1):
@@ -243,7 +281,11 @@ class CylinderTerm:
                 by_rate * e.wide.rate_slope[:, None, :, k]
                 + by_place * e.wide.place_slope[:, None, :, k]
             )
-            by_b.append((oil.sum(axis=2) - bend[:, None, k]).size)
+            total = oil.sum(axis=2) - bend[:, None, k]
+            if spring.structure is not None:
+                by_arm = e.arm * e.wide.arm_slope[..., k] * (2 * self.weight * spring.structure)
+                total = total + by_arm.sum(axis=1)[:, None]
+            by_b.append(total.size)
         return np.stack(by_b, axis=2), known
 
 
@@ -254,6 +296,7 @@ def _least_rate(e: Enclosure) -> Array:
 
 BATCH = 1500  # cells branched at a time
 TRIALS = 200  # middles of cells tried as designs
+WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
 FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
 
@@ -271,7 +314,7 @@ class Maximum:
 def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
     low, high = first_cells(term.shape)
-    if term.air is not None:
+    if term.air or term.structure:
         zero, most = np.zeros((len(low), 2)), np.tile(term.limits.volume, (len(low), 1))
         low, high = np.column_stack([low, zero]), np.column_stack([high, most])
     cells, looked, pruned = term.upper(low, high), len(low), -math.inf
@@ -331,8 +374,7 @@ def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
     """The best of the cells' middles, if better: a cell of no width is one design."""
     promising = np.argsort(-cells.bound)[:TRIALS]
     promising = promising[cells.bound[promising] > best.value]
-    middle = (cells.low[promising] + cells.high[promising]) / 2
-    designs = term.upper(middle, middle)
+    designs = term.upper(*_middles(term, cells[promising]))
     designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
         return best
@@ -340,3 +382,16 @@ def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
     return replace(
         best, value=float(designs.bound[k]), design=designs.low[k, :3], volume=designs.volume[k]
     )
+
+
+def _middles(term: CylinderTerm, cells: Cells) -> tuple[Array, Array]:
+    """Cells of no width: in the middle of cells; of their volumes all vertices allowed there."""
+    low, high = cells.low.copy(), cells.high.copy()
+    low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
+    if low.shape[1] == 3:
+        return low, high
+    kept, _, volume = term.limits.allowed(low, high)
+    volume = volume + WITHIN * (volume.mean(axis=1, keepdims=True) - volume)
+    middle = np.repeat(low[kept, :3], volume.shape[1], axis=0)
+    designs = np.column_stack([middle, volume.reshape(-1, 2)])
+    return designs, designs

@@ -44,7 +44,8 @@ from armdesign.design.bound.columns import (
     joined,
 )
 from armdesign.design.bound.cylinder_shape import coordinates
-from armdesign.design.bound.cylinder_term import Air, CylinderTerm, Maximum, Stiffening, maximum
+from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
+from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, maximum
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
@@ -236,8 +237,16 @@ class LagrangianDual:
                 cap_side, annulus_side = air.stiffening(np.abs(rate), both, both)
                 stiff = cap_side[:, 0], annulus_side[:, 0]
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
+            structure, stroke = (
+                self._structure(d, interval(gravity)),
+                e.stroke * columns.design[own, 2],
+            )
+            if structure:
+                place = place + structure.shift(interval(np.abs(rate)), stroke).low
             filled = cap * place + dead[0], annulus * (1 - place) + dead[1]
             oil = stiff[0] * cap**2 / filled[0] + stiff[1] * annulus**2 / filled[1]
+            if structure:
+                oil = oil * (1 - structure.yielding(oil, stroke.low[:, None]))
             entries[own] = beta * rate**2 * oil - gravity * bend
         return entries / self.reference
 
@@ -255,6 +264,13 @@ class LagrangianDual:
             push=np.maximum(turned.high, 0.0),
             pull=np.maximum(-turned.low, 0.0),
         )
+
+    def _structure(self, drive: SoleDrive, gravity: Interval) -> Structure | None:
+        """Structure in series with a drive under torques (n,) [N m]; None where it is rigid."""
+        if drive.compliance == 0:
+            return None
+        beta = self.problem.machine.fluid.bulk_modulus
+        return Structure(drive.compliance, beta, gravity * drive.shape.sign)
 
     # ---------------------------------------------------------------------------- rows and columns
 
@@ -313,9 +329,9 @@ class LagrangianDual:
             given = multipliers.weight[own, k, k]
             torque = gravity[own, d.joint]
             angles, back = np.unique(d.angle[multipliers.rows[own]], return_inverse=True)
-            if air := self._air(
-                d, Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
-            ):
+            padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
+            air, structure = self._air(d, padded), self._structure(d, padded)
+            if air or structure:
                 # of one angle, other loads
                 angles, back = d.angle[multipliers.rows[own]], np.arange(len(own))
             weight, least, most = np.zeros((3, len(angles) + 2))
@@ -332,6 +348,7 @@ class LagrangianDual:
                     dead=d.dead,
                     hoses=d.hoses,
                     air=air,
+                    structure=structure,
                     own=mass_terms.get(d.cylinder, (0.0, 0.0))[:2],
                 )
             )

@@ -213,6 +213,16 @@ def test_a_bound_below_a_design_is_refused() -> None:
     assert replace(found, frequency=math.nan).above(1.0).frequency == math.inf
 
 
+def test_a_bound_that_says_nothing_is_not_stated() -> None:
+    """More than twice what a design reaches; the reason names the cylinders taken as rigid."""
+    found = Bound(frequency=2.1, held=("lift",), assumptions=())
+    assert found.useful(1.1) == found
+    far = found.useful(1.0)
+    assert far.frequency == math.inf
+    assert "2.1 Hz with the lift cylinder rigid" in far.refused
+    assert far.useful(1.0) == far
+
+
 @pytest.fixture(scope="module")
 def machine() -> Machine:
     return named("paper_1dof")

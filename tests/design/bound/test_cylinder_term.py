@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.design.bound.cylinder_spring import Spring, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
-from armdesign.design.bound.intervals import interval
+from armdesign.design.bound.intervals import Interval, interval
 from armdesign.mechanism.joint_ranges import sweep
 from tests.design.bound.shapes import (
     CYLINDERS,
@@ -22,16 +25,17 @@ from tests.design.bound.shapes import (
 )
 
 
+@pytest.mark.parametrize("soft", [0.0, 0.4, 3.0])
 @pytest.mark.parametrize("name", CYLINDERS)
-@settings(max_examples=80)
+@settings(max_examples=60)
 @given(seed=designs, width=box_shares, place=box_shares)
 def test_terms_hold_stiffness(
-    name: str, seed: int, width: list[float], place: list[float]
+    name: str, soft: float, seed: int, width: list[float], place: list[float]
 ) -> None:
-    """k_h r² − F H − μ·v by the machine's own formulas, at any pins of a box and any v, is below
-    the box's bound.
+    """k r² − F H − μ·v by the machine's own formulas, at any pins of a box and any v, is below
+    the box's bound, also with structure ``soft`` times as compliant as the oil at mid stroke.
 
-    Boxes of no width are exact.
+    Boxes of no width, and of one v where structure yields, are exact.
     """
     problem, i, angles, shape = cylinder(name)
     x, random = some_design(problem, seed), np.random.default_rng(seed)
@@ -46,19 +50,23 @@ def test_terms_hold_stiffness(
     )
     if (arm * shape.sign).min() < 1e-3:
         return  # not a cylinder that works
+    old = replace(old, compliance=soft * old.oil_compliance(machine.fluid, machine.supply))
     area = np.array([old.bore_area, old.annulus_area]) * random.uniform(0.5, 1.1, (5, 2))
     weight, gravity = random.uniform(0, 1, len(angles)), random.normal(size=len(angles)) * 1e4
     price, values = random.normal(size=2) * 1e6, []
     out = exact.length - exact.length.min()
     for areas in area:
         k = old.stiffness(
-            out, 0.0, machine.fluid, machine.supply, areas=tuple(areas), stroke=stroke
+            out, gravity / arm, machine.fluid, machine.supply, areas=tuple(areas), stroke=stroke
         )
         values.append(weight @ (k * arm**2 - gravity / arm * curve) - price @ areas * stroke)
+    torque = interval(np.concatenate([[0, 0], gravity * shape.sign]))
+    beta = machine.fluid.bulk_modulus
     share = CylinderTerm(
         shape=shape,
         limits=limits,
-        weight=np.concatenate([[0, 0], weight * machine.fluid.bulk_modulus]),
+        structure=Structure(old.compliance, beta, torque) if soft else None,
+        weight=np.concatenate([[0, 0], weight * beta]),
         bend=interval(np.concatenate([[0, 0], weight * gravity])),
         price=price,
         dead=np.array([old.cap_dead_volume, old.annulus_dead_volume]),
@@ -66,17 +74,31 @@ def test_terms_hold_stiffness(
     )
     at = coordinates(problem, i, shape, x)
     low, high = box_around(at, shape, np.array(width) * 0.1, np.array(place))
-    volume, scale = (area * stroke)[None], np.abs(values).max()
-    bound, _, _ = share.enclosed(shape.enclose(low[:, :2], high[:, :2]), volume, share.price[None])
-    assert np.all(bound[0] >= np.array(values) - ROUNDING * scale)
-    none, _, _ = share.enclosed(
-        shape.enclose(at[None, :2], at[None, :2]), volume, share.price[None]
-    )
-    np.testing.assert_allclose(none[0], values, atol=1e-8 * scale)
+    volume, scale = area * stroke, np.abs(values).max()
+    assert np.all(bounds(share, low, high, volume[None])[0] >= np.array(values) - ROUNDING * scale)
+    for choices, exact_ones in zip(
+        volume[:, None] if soft else [volume],
+        np.reshape(values, (-1, 1 if soft else 5)),
+        strict=True,
+    ):
+        none = bounds(share, at[None], at[None], choices[None])
+        np.testing.assert_allclose(none[0], exact_ones, atol=1e-8 * scale)
 
 
+def bounds(
+    share: CylinderTerm, low: np.ndarray, high: np.ndarray, volume: np.ndarray
+) -> np.ndarray:
+    """Upper bounds of a term over boxes at swept volumes, infinite where not known."""
+    e = share.shape.enclose(low[:, :2], high[:, :2])
+    scale = Interval(np.maximum(low[:, 2], 1e-3), high[:, 2])
+    costs = share.price[None]
+    bound = share.enclosed(e, volume, costs, share.spring(e, scale, volume, costs))[0]
+    return np.nan_to_num(bound, nan=np.inf)
+
+
+@pytest.mark.parametrize("yields", [False, True])
 @pytest.mark.parametrize("name", CYLINDERS)
-def test_slopes_of_a_term_are_its_derivatives(name: str) -> None:
+def test_slopes_of_a_term_are_its_derivatives(name: str, yields: bool) -> None:
     """In a box of no width they are |∂/∂b|, by central differences of the value; 1e-6: their
     truncation.
     """
@@ -98,13 +120,19 @@ def test_slopes_of_a_term_are_its_derivatives(name: str) -> None:
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
+    spring = Spring()
+    if yields:  # at any tangents, and with the piston further out
+        shift, t = interval(np.full((1, n), 0.01)), random.uniform(size=(1, n))
+        spring = Spring(shift=shift, oil=(1 - t) ** 2, structure=t**2)
     # off the telescope's axis
     at = coordinates(problem, i, shape, problem.vector.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
-        return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None])[0][0]
+        return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None], spring)[
+            0
+        ][0]
 
     steps = 1e-5 * (shape.high - shape.low)
     slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
-    found = share.slopes(shape.enclose(at[None], at[None]), volume, (1.0, 1.0))[0][0]
+    found = share.slopes(shape.enclose(at[None], at[None]), volume, spring)[0][0]
     np.testing.assert_allclose(found, np.abs(slopes).T, atol=1e-6 * np.abs(found).max())

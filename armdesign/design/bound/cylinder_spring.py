@@ -1,0 +1,91 @@
+"""Oil and structure of one cylinder in the upper bound: what they are at most over cells.
+
+Air softens each chamber to β(p) at its static pressure; over a cell and all volumes allowed in it
+β is taken at the greatest pressure that there can be.
+
+Structure of compliance c in series leaves k/(1 + c k), concave in k, so its tangents lie above it:
+
+    k/(1 + c k) ≤ (1 − t)² k + t²/c    for any t, equal at t = c k/(1 + c k)
+
+(the difference is (k − t (1 + c k)/c)² c/(1 + c k)). Every cell and angle has a t of its own.
+Under the static load structure gives way too, so that the piston stands further out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.intervals import Interval, interval
+from armdesign.hydraulics.fluid import Fluid, bulk_modulus
+
+Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Spring:
+    """What oil and structure of cells are at most.
+
+    Attributes:
+        stiffening: bulk moduli of cap and annulus over the modulus of oil alone (…, n).
+        shift: what structure under the static load adds to the piston's place (m, n).
+        oil: share (m, n) of the oil's stiffness, (1 − t)².
+        structure: t² scale²/(c β) (m, n) [m], times the weight what r² at scale 1 counts.
+    """
+
+    stiffening: Stiffening = (1.0, 1.0)
+    shift: Interval = field(default_factory=lambda: interval(np.zeros((1, 1))))
+    oil: Array = field(default_factory=lambda: np.ones((1, 1)))
+    structure: Array | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Air:
+    """Oil with air, and the largest static torques (n,) [N m, ≥ 0] of push and pull."""
+
+    fluid: Fluid
+    back: float  # pressure of the chamber without load, at most [Pa]
+    push: Array
+    pull: Array
+
+    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
+        """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
+
+        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
+        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
+        """
+        ratios = []
+        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
+            volume = least[:, own, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                load = np.where(torque > 0, torque / (volume * rate), 0.0)
+                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
+            beta = (
+                bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
+                / self.fluid.bulk_modulus
+            )
+            ratios.append(beta[:, None])
+        return ratios[0], ratios[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Structure in series with the oil, and the static torques (n,) [N m, + pushes]."""
+
+    compliance: float  # c [m/N], > 0
+    modulus: float  # β of oil alone [Pa]
+    torque: Interval
+
+    def shift(self, rate: Interval, stroke: Interval) -> Interval:
+        """What it adds to the piston's place (m, n): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
+        per_torque = rate.reciprocal() * stroke.square().reciprocal()[:, None]
+        return self.torque * per_torque * self.compliance
+
+    def yielding(self, oil: Array, stroke: Array) -> Array:
+        """The t = c k/(1 + c k) of oil k S²/β (…) [m³] and strokes (…) [m]."""
+        soft = stroke**2 / (self.compliance * self.modulus)
+        with np.errstate(divide="ignore"):
+            return np.asarray(1 / (1 + soft / oil))
