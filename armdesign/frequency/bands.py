@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple, TypeVar
 
@@ -73,7 +73,7 @@ class Bands:
             if band is None:
                 continue
             numbers = (
-                isinstance(band, Sized)
+                isinstance(band, Sequence | np.ndarray)
                 and len(band) == 2
                 and all(isinstance(x, int | float | np.number) and math.isfinite(x) for x in band)
             )

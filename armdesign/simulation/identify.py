@@ -35,7 +35,7 @@ from armdesign.simulation.identification.pressure_ratio import PressureRatio, pr
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.identification.swings import Swings, swings
-from armdesign.simulation.identification.windows import found_windows, strongest
+from armdesign.simulation.identification.windows import found_windows, stated_windows, strongest
 from armdesign.units import bar, mm
 
 if TYPE_CHECKING:
@@ -292,15 +292,7 @@ def _windows_of(
     whole: Recording, name: str, windows: Sequence[tuple[float, float]], excitation: str
 ) -> Sequence[tuple[float, float]]:
     """Windows as given; if none, of a response the whole recording, else where it rings."""
-    given, remedy = [], "give begin < end [s]"
-    for ends in windows:
-        try:
-            begin, end = map(float, ends)
-        except (TypeError, ValueError):
-            raise SimulationError(whole.source, f"{ends!r} is no window", remedy) from None
-        if not (math.isfinite(begin) and begin < end):
-            raise SimulationError(whole.source, f"{begin:g}:{end:g} is no window", remedy)
-        given.append((begin, end))
+    given = stated_windows(whole.source, windows)
     if given or excitation:
         return given or [(whole.time[0], whole.time[-1])]
     try:
