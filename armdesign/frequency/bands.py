@@ -72,8 +72,10 @@ class Bands:
             least, most = ENDS.get(field.name, (0.1, 10.0))
             if band is None:
                 continue
-            numbers = len(band) == 2 and all(
-                isinstance(x, int | float | np.number) and math.isfinite(x) for x in band
+            numbers = (
+                isinstance(band, Sequence | np.ndarray)
+                and len(band) == 2
+                and all(isinstance(x, int | float | np.number) and math.isfinite(x) for x in band)
             )
             if not (numbers and least <= band[0] <= band[1] <= most):
                 remedy = f"give (lower, upper) within [{least:g}, {most:g}]"

@@ -35,7 +35,7 @@ from armdesign.simulation.identification.pressure_ratio import PressureRatio, pr
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.identification.swings import Swings, swings
-from armdesign.simulation.identification.windows import found_windows, strongest
+from armdesign.simulation.identification.windows import found_windows, stated_windows, strongest
 from armdesign.units import bar, mm
 
 if TYPE_CHECKING:
@@ -292,12 +292,9 @@ def _windows_of(
     whole: Recording, name: str, windows: Sequence[tuple[float, float]], excitation: str
 ) -> Sequence[tuple[float, float]]:
     """Windows as given; if none, of a response the whole recording, else where it rings."""
-    for begin, end in windows:
-        if not (math.isfinite(begin) and begin < end):
-            problem = f"{begin:g}:{end:g} is no window"
-            raise SimulationError(whole.source, problem, "give begin < end [s]")
-    if windows or excitation:
-        return windows or [(whole.time[0], whole.time[-1])]
+    given = stated_windows(whole.source, windows)
+    if given or excitation:
+        return given or [(whole.time[0], whole.time[-1])]
     try:
         return found_windows(whole.source, whole.time, whole.sampled(name))
     except SimulationError:

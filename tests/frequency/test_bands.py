@@ -225,8 +225,10 @@ def test_faults_are_said(excavator: ad.Machine, line: str, message: str) -> None
         machine_with(excavator, line)
 
 
-@pytest.mark.parametrize("band", [(1.2, 0.8), (0.0, 1.0), (float("nan"), 1.0), (1.0,), ("a", 1.0)])
-def test_impossible_bands_are_refused(band: tuple[float, ...]) -> None:
+@pytest.mark.parametrize(
+    "band", [(1.2, 0.8), (0.0, 1.0), (float("nan"), 1.0), (1.0,), ("a", 1.0), 1.0]
+)
+def test_impossible_bands_are_refused(band: tuple[float, ...] | float) -> None:
     with pytest.raises(
         ad.ArmDesignError, match=r"bands\.payload: .* is not allowed; give \(lower, upper\) within"
     ):

@@ -117,11 +117,13 @@ def test_faults_of_recordings(tmp_path: Path) -> None:
         (columns, [(0, 0.7)], "two periods"),
         (columns, [(9, 11)], "holds no samples"),
         (columns, [(3, 2)], "3:2 is no window"),
+        (columns, [(0, 2, 4)], r"\(0, 2, 4\) is no window"),
+        (columns, [2.0], "2.0 is no window"),
         ({"time_s": time, "boom": pressure}, [(0, 4)], "no column is a pressure"),
         ({"boom_cap_bar": pressure}, [(0, 4)], "has no time"),
     ):
         with pytest.raises(SimulationError, match=message):
-            ad.identify(given, windows)
+            ad.identify(given, windows)  # type: ignore[arg-type]
     with pytest.raises(SimulationError, match='has no column "boom_cap"; did you mean'):
         ad.identify(columns, [(0, 4)], signal="boom_cap")
     file = tmp_path / "r.csv"

@@ -9,6 +9,8 @@ frequency.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +25,28 @@ LEAST = 3.0  # fewest in one
 RISE = 1.3  # of the envelope within a decay, which ends it
 QUIET = 4.0  # envelope above its lowest tenth where a window ends, if that tenth is noise
 SUNK = 0.08  # of its peak, where it ends at the latest
+
+
+def stated_windows(part: str, windows: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Windows as given: begin and end [s] of every one.
+
+    Args:
+        part: name of the recording for messages.
+        windows: pairs of numbers.
+
+    Raises:
+        SimulationError: no pair of numbers, or no begin before its end.
+    """
+    given, remedy = [], "give begin < end [s]"
+    for ends in windows:
+        try:
+            begin, end = map(float, ends)
+        except (TypeError, ValueError):
+            raise SimulationError(part, f"{ends!r} is no window", remedy) from None
+        if not (math.isfinite(begin) and begin < end):
+            raise SimulationError(part, f"{begin:g}:{end:g} is no window", remedy)
+        given.append((begin, end))
+    return given
 
 
 def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, float]]:
