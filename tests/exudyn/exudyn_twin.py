@@ -62,8 +62,8 @@ class Motion:
 
 
 def common(machine: Machine) -> Machine:
-    """The machine with what an actuator of Exudyn knows: no air, hoses, compliance, leakage,
-    friction.
+    """The machine with what an actuator of Exudyn knows: an ideal pump, no air, hoses,
+    compliance, leakage, friction.
     """
     cylinders = [
         replace(
@@ -76,7 +76,12 @@ def common(machine: Machine) -> Machine:
         )
         for cylinder in machine.cylinders
     ]
-    return replace(machine, cylinders=tuple(cylinders), fluid=replace(machine.fluid, air=0.0))
+    return replace(
+        machine,
+        cylinders=tuple(cylinders),
+        fluid=replace(machine.fluid, air=0.0),
+        supply=replace(machine.supply, flow_limited=False),
+    )
 
 
 def holding_pressures(machine: Machine, q: Array) -> Array:

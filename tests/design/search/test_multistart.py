@@ -154,8 +154,8 @@ def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) ->
 @pytest.mark.parametrize(
     ("name", "vary", "points"),
     [
-        ("excavator_20t", ("cylinder.bucket",), (3, 3, 5)),
-        ("mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
+        ("rigid_excavator_20t", ("cylinder.bucket",), (3, 3, 5)),
+        ("rigid_mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
     ],
 )
 def test_seeds_agree_where_four_bars_move(
@@ -164,7 +164,8 @@ def test_seeds_agree_where_four_bars_move(
     """Whatever is drawn, to 0.05 %.
 
     The mini excavator has an optimum at 5.474 Hz, which one of 17 random starts reached, and one
-    at 5.433 Hz, where nearly all others ended; from seed 1 it still does.
+    at 5.433 Hz, where nearly all others ended; from seed 1 it still does. As shipped, its
+    structure yielding, seeds 0 and 5 end at 4.302 and 4.255 Hz.
     """
     machine = named(name)
     problem = Problem.of(
