@@ -1,6 +1,6 @@
 """How much lower does the 20 t excavator ring in large swings, and is a measured one alike?
 
-After a hard boom-down stop 1.45 Hz rises to 1.95 Hz (×0.74) as it decays; measured ×0.63 to ×0.91.
+After a hard boom-down stop 1.25 Hz rises to 1.70 Hz (×0.74) as it decays; measured ×0.63 to ×0.91.
 """
 
 from __future__ import annotations

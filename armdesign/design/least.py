@@ -51,7 +51,8 @@ NAMED = 3  # requirements named where a frequency is out of reach
 SEARCHES = 40
 SLOPES = (0.05, 5.0)  # of log frequency by log amount that are believed
 TURNS = 5  # of sizes for an amount and the amount for sizes
-ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016)  # shares of the amount that rounding may cost
+# shares of the amount that rounding may cost; frequency may hardly depend on the amount
+ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016, 0.032, 0.064, 0.128, 0.256)
 
 
 def least(
