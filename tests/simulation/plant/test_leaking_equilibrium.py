@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-import armdesign as ad
 from armdesign import Machine
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.valve import LAMINAR_DROP
