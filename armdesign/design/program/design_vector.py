@@ -125,6 +125,11 @@ class DesignVector:
         free = [v.free for v in self.variables[: 2 * len(self.machine.actuators)]]
         return tuple(zip(free[::2], free[1::2], strict=True))
 
+    @property
+    def any_size_varies(self) -> bool:
+        """Whether a bore or rod may change."""
+        return any(bore or rod for bore, rod in self.resized)
+
     @cached_property
     def start(self) -> Array:
         """Today's machine as x."""

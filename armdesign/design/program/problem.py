@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import relative_areas
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid, relative_areas
 from armdesign.design.program.design_vector import DesignVector
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.variables import Variable
@@ -50,12 +50,14 @@ class Problem:
         requirements: limits of a design.
         sizes: bore and rod [m] of cylinders for which they are chosen, None of the others.
         margins: by how much constraints are moved.
+        grid: what lengths are rounded to in the end.
     """
 
     dynamics: Dynamics
     requirements: Requirements
     sizes: ChosenSizes = ()
     margins: Margins = field(default_factory=Margins)
+    grid: DrawingGrid = FINE
 
     @classmethod
     def of(
