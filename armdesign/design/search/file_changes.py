@@ -27,6 +27,16 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
 
 
+def nearest_strokes(problem: Problem, x: Array) -> tuple[float | None, ...]:
+    """Strokes [m] on the grid nearest to those at x; None where no pin of the cylinder moves."""
+    grid, strokes = problem.grid.strokes * mm, problem.vector.strokes(x)[1]
+    moving = {i for i in problem.vector.moving if problem.vector.range_poses[i] is not None}
+    return tuple(
+        round(float(strokes[i]) / grid) * grid if i in moving else None
+        for i in range(len(problem.machine.cylinders))
+    )
+
+
 def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
     """Values of an area of x at which its bore or rod lies on the grid, the nearer first.
 
@@ -108,7 +118,7 @@ def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[st
         name = f"cylinder.{cylinder.name}"
         own = zip(SIZES, sizes[2 * i : 2 * i + 2], free, strict=True)
         changes |= {f"{name}.{key}": size for key, size, varies in own if varies}
-        if problem.dynamics.proportional and any(free):
+        if problem.dynamics.corners.proportional and any(free):
             today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
             volumes = today * problem.vector.areas(x)[i] / problem.vector.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)

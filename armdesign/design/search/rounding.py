@@ -14,13 +14,19 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import size_in_mm
+from armdesign.design.catalogue.sizes import FINE, size_in_mm
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
+from armdesign.design.search.file_changes import (
+    changes_of,
+    diameters,
+    nearest_strokes,
+    neighbours,
+    pin_changes,
+)
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.workspace import Workspace
@@ -73,6 +79,7 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
+    search = with_strokes_on_grid(search)
     problem, judged = search.problem, search.problem.dynamics.corners.judged
     tuned = [CheckedMachine.of(machine, problem) for machine in _retuned(search)]
     allowed = [one for one in tuned if one.allowed]
@@ -91,11 +98,20 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     return best if new > old else today
 
 
+def with_strokes_on_grid(search: Search) -> Search:
+    """The search with strokes in the steps of its drawing grid; the same where these are fine."""
+    problem = search.problem
+    if problem.grid == FINE or problem.vector.chosen_strokes or not problem.vector.moving:
+        return search
+    return search.of(problem.with_strokes(nearest_strokes(problem, search.x)), search.x)
+
+
 def inmost_machine(search: Search) -> CheckedMachine | None:
     """A machine near a search as far inside all limits as can be, sizes on the grid.
 
     None if it misses one even so.
     """
+    search = with_strokes_on_grid(search)
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
