@@ -27,14 +27,10 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
 
 
-def nearest_strokes(problem: Problem, x: Array) -> tuple[float | None, ...]:
-    """Strokes [m] on the grid nearest to those at x; None where no pin of the cylinder moves."""
-    grid, strokes = problem.grid.strokes * mm, problem.vector.strokes(x)[1]
-    moving = {i for i in problem.vector.moving if problem.vector.range_poses[i] is not None}
-    return tuple(
-        round(float(strokes[i]) / grid) * grid if i in moving else None
-        for i in range(len(problem.machine.cylinders))
-    )
+def grid_strokes(problem: Problem, stroke: float) -> list[float]:
+    """The strokes of the drawing grid below and above a stroke [m]."""
+    grid = problem.grid.strokes * mm
+    return [k * grid for k in sorted({math.floor(stroke / grid), math.ceil(stroke / grid)})]
 
 
 def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
