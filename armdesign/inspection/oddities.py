@@ -13,6 +13,7 @@ from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.load_case import PITCH_TOLERANCE
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units
@@ -180,7 +181,7 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
 def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
     """A load near or beyond what the supply holds."""
     machine, actuator = inspection.machine, inspection.machine.actuators[load.cylinder]
-    limit = machine.section.requirements.holding_share
+    limit = share_of(machine.section.requirements.holding_share, actuator.name)
     needs = (
         f"under {load.payload} the {'cap' if load.cap else 'rod'} side needs"
         f" {units.text(load.pressure, 'Pa')} to stand still"
