@@ -122,14 +122,13 @@ class _Table:
         """All columns that the machine knows."""
         actuators = [actuator.name for actuator in self.machine.actuators]
         sides = [[self._numbers(f"{a}_{side}_bar") for side in SIDES] for a in actuators]
-        pressures = np.moveaxis(np.array(sides), -1, 0)  # (n, nc, 2)
+        pressures: Array = np.moveaxis(np.array(sides), -1, 0)  # (n, nc, 2)
         frequencies = self._numbers("frequency_hz", above=0.0)
         deviations = self._numbers("deviation_hz", above=0.0)
         loads = self._numbers("pressure_deviation_bar", above=0.0)
         joints, lengths = self._poses()
         self._refuse_empty(frequencies, pressures, loads)
-        alone = np.isnan(pressures).any(axis=2)
-        pressures[alone] = np.nan
+        pressures[np.isnan(pressures).any(axis=2)] = np.nan
         return Measured(
             source=self.source,
             payloads=tuple(self._payload(row) for row in self.rows),
