@@ -10,7 +10,7 @@ import numpy as np
 from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.actuator import SIDES, Cylinder
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
@@ -159,7 +159,7 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
     actuator, supply = inspection.machine.actuators[load.cylinder], inspection.machine.supply
     part, holding = f"{actuator.kind}.{actuator.name}", actuator.load_holding
     relief = actuator.relief(supply)
-    for side, largest in zip(("cap", "annulus"), load.largest, strict=True):
+    for side, largest in zip(SIDES, load.largest, strict=True):
         needs = (
             f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"
             f" {units.text(largest, 'Pa')}"
