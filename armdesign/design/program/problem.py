@@ -20,6 +20,7 @@ from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
 
 LEAST_AREA, LARGEST_AREA = 0.1, 2.0  # over today's; more where the thrust allows more
@@ -121,7 +122,8 @@ class Problem:
         if v.axis == 0 and self.vector.rod_stays[v.cylinder, 1]:  # the annulus is what is left
             cap, annulus = self.vector.areas_today[v.cylinder]
             least = 1 - (1 - LEAST_AREA) * annulus / cap
-        return least, max(LARGEST_AREA, self.requirements.thrust_share)
+        share = share_of(self.requirements.thrust_share, self.machine.cylinders[v.cylinder].name)
+        return least, max(LARGEST_AREA, share)
 
     def like(self, x: Array, other: Problem) -> Array:
         """The design ``x`` of another problem of this machine, as far as it varies here."""
