@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from armdesign.design.pareto import Pareto as Pareto
     from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements.settings import Requirements as Requirements
+    from armdesign.design.steps import DesignStep as DesignStep
+    from armdesign.design.steps import Steps as Steps
+    from armdesign.design.steps import steps as steps
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.errors import InfeasibleError as InfeasibleError
     from armdesign.frequency.bands import Bands as Bands
@@ -87,6 +90,9 @@ _HOME = {
     "Design": "design.design",
     "optimize": "design.design",
     "size_cylinders": "design.design",
+    "DesignStep": "design.steps",
+    "Steps": "design.steps",
+    "steps": "design.steps",
     "Pareto": "design.pareto",
     "pareto": "design.pareto",
     "least": "design.least",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from armdesign.calibration.calibrate import Calibration
     from armdesign.design.design import Design
+    from armdesign.design.steps import Steps
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.machine import Machine
     from armdesign.report.sheet import Sheet
@@ -64,6 +65,13 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
         "moment_arms.png": ("Moment arms over the joint ranges", plots.moment_arms(design)),
     }
     return [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
+
+
+def write_steps(answer: Steps, folder: Path) -> None:
+    """Write the machine of every step."""
+    for step in answer.steps:
+        name = f"{answer.today.name}_{len(step.pins)}_pins.toml"
+        step.design.written_by(command_line()).save(folder / name)
 
 
 def write_calibration(calibration: Calibration, folder: Path) -> None:

@@ -19,7 +19,7 @@ from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.program.problem import Problem
+from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
@@ -335,15 +335,35 @@ def optimize(
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
-        if sizes is None:
-            outcome = multistart(problem, starts, seed, workers, given and given[0])
-        elif problem.vector.moving:
-            outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
-        else:
-            return _of_catalogue(problem, sizes, command)
-        return Design.of(*outcome, command=command)
+        return design_of(problem, sizes, starts, seed, workers, command=command, given=given)
 
     return design_or_proof(problem, under, sizes is not None)
+
+
+def design_of(
+    problem: Problem,
+    sizes: Sizes | None,
+    starts: int | None,
+    seed: int = 0,
+    workers: int = 1,
+    *,
+    command: str,
+    given: tuple[Array, ChosenSizes] | None = None,
+) -> Design:
+    """The best design of a problem; its arguments are those of ``optimize``.
+
+    ``given`` is a design to start from, and the sizes that it has of a catalogue.
+
+    Raises:
+        InfeasibleError: none was found that meets the requirements.
+    """
+    if sizes is None:
+        outcome = multistart(problem, starts, seed, workers, given and given[0])
+    elif problem.vector.moving:
+        outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+    else:
+        return _of_catalogue(problem, sizes, command)
+    return Design.of(*outcome, command=command)
 
 
 def size_cylinders(

@@ -15,6 +15,7 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
+    from armdesign.design.steps import Steps
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
@@ -264,6 +265,53 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
 def _within(row: Mapping[Hashable, Any]) -> list[str]:
     """Worst frequency and least gain within the bands, of a row of a trade-off."""
     return [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
+
+
+def steps_sheet(answer: Steps, units: Units = WORKSHOP) -> Sheet:
+    """The best design for each number of pins that move."""
+    today, first = answer.today, answer.steps[0].design
+    rows = [("today", "", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
+    for step in answer.steps:
+        moved = ", ".join(path.removeprefix("cylinder.") for path in step.pins)
+        rows.append(
+            (
+                str(len(step.pins)),
+                moved,
+                f"{step.design.after.worst.frequency:.3f} Hz",
+                f"{100 * step.gain:+.1f} %",
+                "" if math.isnan(step.lift_ratio) else f"{step.lift_ratio:.2f}",
+                ", ".join(step.changed),
+                f"{step.searched} of {step.sets}",
+            )
+        )
+    of_all = all(step.searched == step.sets for step in answer.steps)
+    proof = (
+        "every set of pins was searched"
+        if of_all
+        else "where not all sets were searched, those that add a pin to the step before were"
+    )
+    return Sheet(
+        title=f"{today.section.title or today.name}: which change first",
+        columns=(
+            "pins",
+            "may move",
+            "worst frequency",
+            "least gain",
+            "least lift",
+            "changed",
+            "searched",
+        ),
+        rows=tuple(rows),
+        note="; ".join(
+            [
+                "worst frequency at the file's values; least gain within the bands; least lift over"
+                " today's of all points of the lift chart",
+                proof,
+                *answer.sentences,
+            ]
+        ),
+        words=("may move", "changed"),
+    )
 
 
 def summary(design: Design) -> str:

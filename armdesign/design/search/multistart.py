@@ -111,10 +111,10 @@ def multistart(
     that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
-    searches = _follow_all(searches, workers, **ROUGHLY)
+    searches = follow_all(searches, workers, **ROUGHLY)
     least = max(s.merit for s in searches) - NEAR
     near = [k for k, search in enumerate(searches) if search.merit >= least]
-    followed = _follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
+    followed = follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
         searches[k] = search
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
@@ -159,7 +159,7 @@ def _hop(best: Search, seed: int, workers: int) -> Search:
         moves = moving * random.uniform(-HOP, HOP, (HOPS, len(moving)))
         drawn = [_closing(problem, best.x + move, best.x) for move in moves]
         rough = [Search(problem=problem, x=x) for x in drawn]
-        found = max(_follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
+        found = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
         if found.merit > best.merit + BETTER:
             found = follow(found, curved=True, **TO_THE_END)
         failures = 0 if found.merit > best.merit + BETTER else failures + 1
@@ -177,8 +177,8 @@ def with_least_moved_pins(search: Search) -> Search:
     return search.at(least_moved_pins(search.problem, search.x))
 
 
-def _follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
-    """Follow searches of one problem, in this process or in several."""
+def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
+    """Follow searches, in this process or in several."""
     if workers <= 1 or len(searches) < 2:
         return [follow(search, **settings) for search in searches]
     from joblib import Parallel, delayed
