@@ -76,7 +76,6 @@ def steps(
     catalogue: CatalogueOption = "",
     free: FreeOption = False,
     nominal: NominalOption = False,
-    units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
     """Say which change to make first.
@@ -102,4 +101,4 @@ def steps(
     with outputs(out) as folder:
         write_csv(table, folder / "steps.csv")
         output.write_steps(answer, folder)
-    show([steps_sheet(answer, units.units)])
+    show([steps_sheet(answer)])

@@ -1,4 +1,4 @@
-"""Steps of a design: the best machine with other cylinders alone, with one pin moved, with two, …
+"""Steps of a design: the best machine with no pin moved, with one, with two, up to all.
 
 For each number of pins every set of them is searched, with free sizes; where the sets are too
 many, those that add a pin to the best of the step before. The best set is then designed as
@@ -105,8 +105,11 @@ class Steps:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """A row for each step: ``pins`` (number), ``moved``, ``gain``, ``worst_hz`` at the file's
-        values, ``lift_ratio``, ``changed`` parts, ``searched`` of ``sets``.
+        """A row for each step.
+
+        ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
+        ``worst_hz`` at the file's values; ``lift_ratio``; ``changed`` parts; ``searched`` of
+        ``sets``.
         """
         import pandas as pd
 

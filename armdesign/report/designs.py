@@ -267,7 +267,7 @@ def _within(row: Mapping[Hashable, Any]) -> list[str]:
     return [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
 
 
-def steps_sheet(answer: Steps, units: Units = WORKSHOP) -> Sheet:
+def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
     rows = [("today", "", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
@@ -284,32 +284,17 @@ def steps_sheet(answer: Steps, units: Units = WORKSHOP) -> Sheet:
                 f"{step.searched} of {step.sets}",
             )
         )
-    of_all = all(step.searched == step.sets for step in answer.steps)
-    proof = (
-        "every set of pins was searched"
-        if of_all
-        else "where not all sets were searched, those that add a pin to the step before were"
-    )
+    notes = [
+        "worst frequency at the file's values, least gain within the bands, least lift over today's"
+        " of all points of the lift chart"
+    ]
+    if any(step.searched < step.sets for step in answer.steps):
+        notes.append("of too many sets those were searched that add a pin to the step before")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
-        columns=(
-            "pins",
-            "may move",
-            "worst frequency",
-            "least gain",
-            "least lift",
-            "changed",
-            "searched",
-        ),
+        columns=("pins", "may move", "worst", "least gain", "least lift", "changed", "searched"),
         rows=tuple(rows),
-        note="; ".join(
-            [
-                "worst frequency at the file's values; least gain within the bands; least lift over"
-                " today's of all points of the lift chart",
-                proof,
-                *answer.sentences,
-            ]
-        ),
+        note="; ".join([*notes, *answer.sentences]),
         words=("may move", "changed"),
     )
 
