@@ -40,7 +40,7 @@ def pareto(
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
 ) -> None:
-    """Trade frequency against oil, thrust, digging or pin room.
+    """Trade frequency against oil, thrust, digging, lift or pin room.
 
     Finds the best design for each value of one limit. Writes pareto.csv and pareto.png.
     """

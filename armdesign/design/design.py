@@ -40,6 +40,7 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
+from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 
 SMALLER = 0.99  # areas, to tell what depends on them
@@ -149,6 +150,17 @@ class Design:
         counts = [len(axis) for axis in self.workspace.axes]
         own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
         return frequency_map(self.machine, own)
+
+    @cached_property
+    def lift_share(self) -> float:
+        """Least lift over today's of all points of the lift chart; NaN where there is none."""
+        today = lift_chart_if_any(self.today)
+        new = None if today is None else lift_chart_if_any(self.machine, today)
+        if today is None or new is None:
+            return math.nan
+        lifts = dict(zip(zip(new.reach, new.height, strict=True), new.capacity, strict=True))
+        points = zip(today.reach, today.height, today.capacity, strict=True)
+        return min(lifts.get((x, z), 0.0) / lift for x, z, lift in points if lift > 0)
 
     @property
     def made_for(self) -> str:

@@ -27,7 +27,6 @@ from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
-from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 
 if TYPE_CHECKING:
@@ -58,17 +57,6 @@ class DesignStep:
     def gain(self) -> float:
         """Least gain in the worst frequency within the bands."""
         return self.design.least_gain
-
-    @cached_property
-    def lift_ratio(self) -> float:
-        """Least lift over today's of all points of the lift chart; NaN where there is none."""
-        today = lift_chart_if_any(self.design.today)
-        new = None if today is None else lift_chart_if_any(self.design.machine, today)
-        if today is None or new is None:
-            return math.nan
-        lifts = dict(zip(zip(new.reach, new.height, strict=True), new.capacity, strict=True))
-        points = zip(today.reach, today.height, today.capacity, strict=True)
-        return min(lifts.get((x, z), 0.0) / lift for x, z, lift in points if lift > 0)
 
     @property
     def changed(self) -> tuple[str, ...]:
@@ -108,7 +96,7 @@ class Steps:
         """A row for each step.
 
         ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
-        ``worst_hz`` at the file's values; ``lift_ratio``; ``changed`` parts; ``searched`` of
+        ``worst_hz`` at the file's values; ``lift_share``, the least over the lift chart; ``changed`` parts; ``searched`` of
         ``sets``.
         """
         import pandas as pd
@@ -119,7 +107,7 @@ class Steps:
                 "moved": " ".join(step.pins),
                 "gain": step.gain,
                 "worst_hz": step.design.after.worst.frequency,
-                "lift_ratio": step.lift_ratio,
+                "lift_share": step.design.lift_share,
                 "changed": ", ".join(step.changed),
                 "searched": step.searched,
                 "sets": step.sets,

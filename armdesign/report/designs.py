@@ -279,14 +279,14 @@ def steps_sheet(answer: Steps) -> Sheet:
                 moved,
                 f"{step.design.after.worst.frequency:.3f} Hz",
                 f"{100 * step.gain:+.1f} %",
-                "" if math.isnan(step.lift_ratio) else f"{step.lift_ratio:.2f}",
+                "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),
                 f"{step.searched} of {step.sets}",
             )
         )
     notes = [
-        "worst frequency at the file's values, least gain within the bands, least lift over today's"
-        " of all points of the lift chart"
+        "worst frequency at the file's values, least gain within the bands, least lift over"
+        " today's of all points of the lift chart"
     ]
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
