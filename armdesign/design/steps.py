@@ -97,8 +97,7 @@ class Steps:
 
         ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
         ``worst_hz`` at the file's values; ``lift_share``, the least over the lift chart;
-        ``changed`` parts; ``searched`` of
-        ``sets``.
+        ``changed`` parts; ``searched`` of ``sets``.
         """
         import pandas as pd
 
