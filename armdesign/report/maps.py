@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
 from armdesign.errors import SimulationError
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -47,6 +48,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         spread_sheet({"": frequencies}),
         _limiting_sheet(frequencies),
         _stiffness_sheet(frequencies),
+        lift_sheet(lift_charts({machine.name: machine})),
     ]
 
 

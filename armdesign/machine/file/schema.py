@@ -94,6 +94,7 @@ class RequirementsSection(Section):
     oil_each_share: Ratio = 1.1
     thrust_share: Ratio = 1.1
     moment_arm_share: Ratio = 0.8
+    lift_share: Annotated[float, Field(ge=0, le=10)] = 0.0
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
     digging: DiggingSection | None = None
     digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
@@ -322,6 +323,25 @@ class BandsSection(Section):
     ) = None
 
 
+class LiftChartSection(Section):
+    """The grid of reach and height on which the lift chart says what the machine lifts."""
+
+    link: Text | None = None
+    at_mm: Point | None = None
+    joints: Annotated[list[Text], Field(min_length=1, max_length=2)] | None = None
+    step_m: Annotated[float, Field(gt=0, le=100)] | None = None
+    from_m: Annotated[float, Field(ge=0, le=1_000)] | None = None
+
+
+class StabilitySection(Section):
+    """What stands still while the arm moves, and the lines about which the machine tips."""
+
+    mass_kg: Mass
+    at_mm: Point
+    front_mm: Distance
+    rear_mm: Distance
+
+
 class MachineSection(Section):
     """The whole file."""
 
@@ -338,5 +358,7 @@ class MachineSection(Section):
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
     spring: dict[Name, SpringSection] = {}
+    lift_chart: LiftChartSection | None = None
+    stability: StabilitySection | None = None
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()
