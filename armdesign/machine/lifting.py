@@ -28,7 +28,7 @@ LEAST_FORCE = 1e-12  # [N/kg] below which a mass does not load an actuator
 
 
 def liftable(
-    machine: Machine, forces: Array, per_mass: Array, areas: Array, share: float
+    machine: Machine, forces: Array, per_mass: Array, areas: Array, share: Array | float
 ) -> Array:
     """Mass [kg] at which each actuator (…, nc) uses up a share of what the supply gives.
 
@@ -40,7 +40,7 @@ def liftable(
         forces: without the mass [N], pushing positive.
         per_mass: what a kilogram adds [N/kg].
         areas: bore and annulus (…, nc, 2) [m²].
-        share: of the supply's force.
+        share: of the supply's force, for all or for each (nc,).
     """
     pushes = per_mass.real > 0
     held = holding_force(areas[..., 0], areas[..., 1], machine.supply, pushes)
@@ -51,7 +51,9 @@ def liftable(
     )
 
 
-def liftable_masses(machine: Machine, rigid: RigidPoses, torque: Array, share: float) -> Array:
+def liftable_masses(
+    machine: Machine, rigid: RigidPoses, torque: Array, share: Array | float
+) -> Array:
     """Mass (n, nc) [kg] that each actuator of a machine lifts, by ``torque_per_mass``."""
     areas = areas_of(machine.actuators)
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)

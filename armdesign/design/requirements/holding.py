@@ -11,10 +11,10 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number
+from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.oil_spring import holding_force
-from armdesign.machine.file.schema import LiftSection
+from armdesign.machine.file.schema import LiftSection, Shares, share_of
 from armdesign.machine.lifting import liftable, liftable_masses, torque_per_mass
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
@@ -35,7 +35,7 @@ class Holding:
     """
 
     end_margin: float = number("end_margin")
-    holding_share: float = number("holding_share")
+    holding_share: float | Mapping[str, float] = shares("holding_share")
 
 
 def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:
@@ -46,8 +46,9 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
     one cylinder alone: ``bound/cylinder_constraints.py``;
     ``test_branching_against_dense_sampling`` ties them.
     """
-    share, supply = reference.requirements.holding_share, new.machine.supply
+    supply = new.machine.supply
     for i, actuator in enumerate(reference.today.actuators):
+        share = share_of(reference.requirements.holding_share, actuator.name)
         pushes = forces[0, :, i].real > 0
         held = holding_force(new.areas[:, i, None, 0], new.areas[:, i, None, 1], supply, pushes)
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
@@ -61,7 +62,7 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
             value=ratio,
             limit=share,
             reformulated=((share * held - used) / scale, share * held / scale),
-            setting="holding_share",
+            setting=f"holding_share.{actuator.name}",
         )
 
 
@@ -127,9 +128,9 @@ class Lifts:
 
 def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Mass that each cylinder could hold; for the optimiser, by the forces at the lift's mass."""
-    share = reference.requirements.holding_share
+    share = every_share(reference.today, reference.requirements.holding_share)
     for lift in reference.requirements.lifts:
-        pose = lift_pose(reference.today, lift, share)
+        pose = lift_pose(reference.today, lift, reference.requirements.holding_share)
         mass, per_mass = masses_held(new, pose.rigid, pose.torque, share)
         constraint, per_limit = spare_force(
             reference, mass[:, 0], per_mass[:, 0], np.array(lift.mass)
@@ -147,7 +148,7 @@ def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
 
 def masses_held(
-    new: Candidate, rigid: RigidPoses, torque: Array, share: float
+    new: Candidate, rigid: RigidPoses, torque: Array, share: Array | float
 ) -> tuple[Array, Array]:
     """Mass [kg] that each actuator of a candidate lifts at n poses, and force per mass [N/kg].
 
@@ -176,6 +177,11 @@ def spare_force(
     return np.where(loaded, spare * per_kg, 1.0), limit * per_kg
 
 
+def every_share(machine: Machine, shares: Shares) -> Array:
+    """Shares of all actuators (nc,), from one for all or by name."""
+    return np.array([share_of(shares, actuator.name) for actuator in machine.actuators])
+
+
 @dataclass(frozen=True, eq=False)
 class LiftPose:
     """A lift at its one pose, and the joint torque of a kilogram there (1, nq) [N m/kg]."""
@@ -186,7 +192,7 @@ class LiftPose:
 
 
 @lru_cache(maxsize=64)
-def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
+def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
     """The pose of a lift on today's machine: as given, or where it brings the mass to its place.
 
     Raises:
@@ -203,10 +209,8 @@ def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
         raise ArmDesignError(
             part, f"leaves these joints free: {names}", f"give joints so that {wanted}"
         )
-    q, point = (
-        np.array([lift.joints.get(joint, 0.0) for joint in machine.joints]),
-        lift.point(machine),
-    )
+    q = np.array([lift.joints.get(joint, 0.0) for joint in machine.joints])
+    point = lift.point(machine)
     if placed:
         place = np.array([[lift.reach, lift.height]])
         poses, _ = poses_reaching(machine, point, tuple(map(int, free)), q, place)
@@ -218,5 +222,6 @@ def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
         )
     rigid = machine.rigid_poses(poses)
     torque = torque_per_mass(machine, rigid, point)
-    best = int(liftable_masses(machine, rigid, torque, share).min(axis=1).argmax())
+    masses = liftable_masses(machine, rigid, torque, every_share(machine, shares))
+    best = int(masses.min(axis=1).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])

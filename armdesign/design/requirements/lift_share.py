@@ -7,7 +7,7 @@ which it lifts most itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,9 +15,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
-from armdesign.design.requirements.holding import masses_held, spare_force
+from armdesign.design.requirements.holding import every_share, masses_held, spare_force
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.requirements.stated import number
+from armdesign.design.requirements.stated import shares
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE, ChartPoses, lift_chart_if_any
 from armdesign.machine.lifting import liftable_masses
 from armdesign.machine.machine import Machine
@@ -32,7 +32,7 @@ class LiftShare:
             asked.
     """
 
-    lift_share: float = number("lift_share")
+    lift_share: float | Mapping[str, float] = shares("lift_share")
 
 
 def lift_share(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
@@ -40,8 +40,8 @@ def lift_share(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
     Each actuator that the mass loads there at all is a requirement: the bound takes them apart.
     """
-    share = reference.requirements.lift_share
-    known = chart_today(reference.today) if share else None
+    share = every_share(reference.today, reference.requirements.lift_share)
+    known = chart_today(reference.today) if share.any() else None
     if known is None:
         return
     poses, today = known
@@ -51,17 +51,17 @@ def lift_share(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     lifted = today[today > 0, None]
     constraint, per_limit = spare_force(reference, mass, per_mass, share * lifted)
     for i, actuator in enumerate(reference.today.actuators):
-        if not np.isfinite(mass[..., i]).any():
+        if not (share[i] and np.isfinite(mass[..., i]).any()):
             continue
         yield Evaluation(
             name=f"lift_share.{actuator.name}",
             words=f"lift over today's that the {actuator.name} {actuator.kind} allows",
             unit="",
             value=mass[..., i] / lifted[:, 0],
-            limit=share,
+            limit=float(share[i]),
             at_least=True,
             reformulated=(constraint[..., i], per_limit[..., i]),
-            setting="lift_share",
+            setting=f"lift_share.{actuator.name}",
         )
 
 
