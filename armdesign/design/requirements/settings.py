@@ -48,11 +48,8 @@ class Requirements(
     PinBoxes,
     Buckling,
     DiggingForce,
-<<<<<<< HEAD
     LiftShare,
-=======
     Torques,
->>>>>>> main
     MomentArms,
     Thrust,
     Oil,
