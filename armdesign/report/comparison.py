@@ -82,7 +82,7 @@ class Comparison:
             self._limiting(),
             self._differing(),
             loads_sheet(pairs, digging, units),
-            lift_sheet(self.lift_charts),
+            lift_sheet(self.lift_charts, units),
         ]
 
     @cached_property

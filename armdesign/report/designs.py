@@ -30,7 +30,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _sizes(design, units),
         _binding(design, units) if design.selection is None else _tightest(design, units),
         loads_sheet(both, design.requirements.digging, units),
-        lift_sheet(lift_charts({"today": design.today, "new": design.machine})),
+        lift_sheet(lift_charts({"today": design.today, "new": design.machine}), units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 

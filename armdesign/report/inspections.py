@@ -24,7 +24,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         *([_springs(inspection, units)] if inspection.machine.springs else []),
         _levers(inspection, units),
         _static_loads(inspection, units),
-        lift_sheet(lift_charts({inspection.machine.name: inspection.machine})),
+        lift_sheet(lift_charts({inspection.machine.name: inspection.machine}), units),
     ]
     return [*implausible, *sheets] if inspection.suspicions else [*sheets, *implausible]
 

@@ -11,7 +11,7 @@ import numpy as np
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING_SHARE, LiftChart
 from armdesign.machine.lift_chart import lift_chart_if_any as chart_if_any
 from armdesign.report.sheet import Sheet
-from armdesign.units import mm
+from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,14 +57,15 @@ def lift_frame(charts: Mapping[str, LiftChart]) -> pd.DataFrame:
     return frame[["reach_m", "height_m", *frame.columns[2:]]]
 
 
-def lift_sheet(charts: Mapping[str, LiftChart]) -> Sheet:
+def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
     """What machines lift, by reach and height."""
     if not charts:
         return Sheet(title=TITLE, rows=(), note="none: no two joints bring the tool onto a grid")
-    return _grid(next(iter(charts.values()))) if len(charts) == 1 else _list(charts)
+    first = next(iter(charts.values()))
+    return _grid(first, units) if len(charts) == 1 else _list(charts, units)
 
 
-def _grid(chart: LiftChart) -> Sheet:
+def _grid(chart: LiftChart, units: Units) -> Sheet:
     """Rows by height, from the highest down, columns by reach."""
     usual = Counter(chart.limiting).most_common(1)[0][0]
     cells = {
@@ -81,11 +82,11 @@ def _grid(chart: LiftChart) -> Sheet:
             (f"{height:.3g}", *(cells.get((height, reach), "") for reach in reaches))
             for height in reversed(heights)
         ),
-        note=f"{_note(chart)}; limited by the {usual} where nothing else is said",
+        note=f"{_note(chart, units)}; limited by the {usual} where nothing else is said",
     )
 
 
-def _list(charts: Mapping[str, LiftChart]) -> Sheet:
+def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
     """A row for each point."""
     one, other = charts
     rows = []
@@ -106,17 +107,17 @@ def _list(charts: Mapping[str, LiftChart]) -> Sheet:
         title=f"{TITLE} [kg]",
         columns=("height [m]", "reach [m]", one, other, "ratio", "limited by"),
         rows=tuple(rows),
-        note=_note(charts[one]),
+        note=_note(charts[one], units),
         words=("limited by",),
     )
 
 
-def _note(chart: LiftChart) -> str:
+def _note(chart: LiftChart, units: Units) -> str:
     """What the chart says, and of which point."""
     point, share = chart.poses.point, f"{100 * HYDRAULIC_SHARE:.0f} %"
-    x, _, z = (f"{value / mm:.4g}" for value in point.at)
+    x, _, z = (units.text(value, "m") for value in point.at)
     tips = f", or {100 * TIPPING_SHARE:.0f} % of what tips it"
     return (
-        f"at x {x}, z {z} mm of the {point.link}: {share} of the actuators' force less the arm's"
+        f"at x {x}, z {z} of the {point.link}: {share} of the actuators' force less the arm's"
         f" own weight{tips if chart.machine.section.stability else ''} (ISO 10567)"
     )

@@ -48,7 +48,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         spread_sheet({"": frequencies}),
         _limiting_sheet(frequencies),
         _stiffness_sheet(frequencies),
-        lift_sheet(lift_charts({machine.name: machine})),
+        lift_sheet(lift_charts({machine.name: machine}), units),
     ]
 
 
