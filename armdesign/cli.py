@@ -88,8 +88,7 @@ def map_command(
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
-        if model.cylinders:  # motors have no moment arm that changes
-            plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
+        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     show(map_sheets(frequencies, units.units))
 
 

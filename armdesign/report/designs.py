@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from armdesign.frequency.bands import EXACT, Bands
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
+from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -29,6 +30,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _sizes(design, units),
         _binding(design, units) if design.selection is None else _tightest(design, units),
         loads_sheet(both, design.requirements.digging, units),
+        performance_sheet({"today": design.today, "new": design.machine}, units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 
