@@ -255,10 +255,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
         **(
-            {
-                "banded_hz": design.band_after.low.frequency,
-                "least_gain": design.band_after.least_gain(design.band_before),
-            }
+            {"banded_hz": design.band_after.low.frequency, "least_gain": design.least_gain}
             if design.problem.dynamics.corners.bands != Bands()
             else {}
         ),

@@ -85,6 +85,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
         " soft as the oil"
     ),
+    "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
