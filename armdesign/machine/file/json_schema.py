@@ -85,6 +85,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
         " soft as the oil"
     ),
+    "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
     "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round",
@@ -120,6 +121,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod"
     ),
     "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "catalogue": "bores and rods of a new design; pins then on whole mm, strokes on 5 mm",
     "barrel_wall_mm": (
         "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)"
     ),
