@@ -124,18 +124,6 @@ def near_bound(search: Search, gap: float) -> Bound:
     return found
 
 
-@pytest.mark.slow
-def test_lifts_lower_the_bound() -> None:
-    """Near what is found with them, above all designs drawn, below the bound without them."""
-    search, free = solved(lifting(1.1), 1e-5), solved(problem_of("double"), 1e-5)
-    found, without = near_bound(search, 0.03), near_bound(free, 0.03)
-    for x in designs(search.problem, 500, 1):
-        if constraints_at(search.problem, x).values.min() >= 0:
-            reached = hertz(float(search.problem.dynamics.omega_squared(x).min()))
-            assert reached <= found.frequency
-    assert found.frequency < without.frequency * 0.999
-
-
 @cache
 def parallel() -> Machine:
     """Two unlike cylinders on the boom, one on the stick."""
@@ -157,11 +145,13 @@ def posed(machine: Machine, points: int) -> Problem:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["parallel", "rotator"])
 def test_parallel_cylinders_and_motors_are_known(name: str) -> None:
-    """Nothing is taken as rigid; above what is found and all designs drawn, by 10 % at most."""
+    """Above what is found and all designs drawn, by 10 % at most; nothing is taken as rigid but a
+    cylinder with pins out of its joint's plane.
+    """
     problem = posed(parallel(), 5) if name == "parallel" else posed(named("rotator"), 3)
     search = solved(problem, 1e-4)
     found = near_bound(search, 0.10)
-    assert found.held == ()
+    assert found.held == (() if name == "parallel" else ("tilt",))
     for x in designs(problem, 500, 2):
         if constraints_at(problem, x).values.min() >= 0:
             assert hertz(float(problem.dynamics.omega_squared(x).min())) <= found.frequency
