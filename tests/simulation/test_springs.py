@@ -53,6 +53,7 @@ def test_at_rest_it_stays(machine: ad.Machine) -> None:
         assert_allclose(run.q, np.tile(q, (len(run.q), 1)), atol=1e-7)
         assert_allclose(run.springs, math.radians(0.5), atol=1e-7)
         assert run.springs.shape == (len(run.time), 1)
+        assert_allclose(run.frame["rocking_deg"], 0.5, atol=1e-5)
 
 
 def test_poles_are_the_modes(machine: ad.Machine) -> None:
