@@ -87,6 +87,18 @@ def test_damping_ratio_is_that_of_the_joint_alone() -> None:
     assert linear.natural_frequencies[0] == pytest.approx(alone, rel=2e-3)
 
 
+def test_nothing_damps_where_the_file_says_so() -> None:
+    """`damped = false` leaves out the spring's own damping, too, and no frequency changes."""
+    damped = rocking(more="damping_ratio = 0.1")
+    still = damped.replace({"damped": False})
+    q = middle(damped)
+    assert linearize(damped, q).damping_ratios.min() > 1e-3
+    linear = linearize(still, q)
+    assert_allclose(linear.damping_ratios, 0, atol=1e-7)
+    modes = natural_modes(damped.at(q)).frequencies[0]
+    assert_allclose(linear.natural_frequencies, modes, rtol=1e-6)
+
+
 def test_two_masses_ring_as_by_hand() -> None:
     """Struck, slide and carriage ring with the two roots of the closed form, undamped."""
     machine = two_masses(3e6)
