@@ -19,6 +19,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.options import (
     AgainstOption,
     CatalogueOption,
+    FreeOption,
     FrequencyOption,
     Habit,
     LeastOption,
@@ -74,11 +75,12 @@ def map_command(
     """Find the worst pose of a machine.
 
     Prints the lowest natural frequency and its pose, percentiles, the limiting cylinder, and the
-    origin of the stiffness. Writes map.csv, stiffness.csv, and pictures of frequencies, static
-    pressures and moment arms.
+    origin of the stiffness, and the lift chart. Writes map.csv, stiffness.csv, lift_chart.csv, and
+    pictures of frequencies, static pressures, moment arms and lift.
     """
     from armdesign import plots
     from armdesign.frequency.maps import frequency_map
+    from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
 
     with progress("mapping the workspace"):
@@ -88,8 +90,8 @@ def map_command(
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
-        if model.cylinders:  # motors have no moment arm that changes
-            plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
+        output.write_lift_charts(lift_charts({model.name: model}), folder)
+        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     show(map_sheets(frequencies, units.units))
 
 
@@ -100,6 +102,7 @@ def optimize(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     least: LeastOption = "",
     frequency: FrequencyOption = 0.0,
     nominal: NominalOption = False,
@@ -121,7 +124,7 @@ def optimize(
         options: dict[str, Any] = {
             "vary": listed(vary),
             "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue),
+            "catalogue": offered_sizes(catalogue, free),
         }
         if least:
             options |= {"of": least, "frequency": frequency}
@@ -140,6 +143,7 @@ def pareto(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -156,7 +160,7 @@ def pareto(
     with progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace = open_workspace(machine, points, out, allow_outside)
-        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue)
+        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue, free)
         front = trade_off(
             model,
             workspace,
@@ -205,6 +209,7 @@ def design(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -224,7 +229,7 @@ def design(
         options = {
             "vary": ("areas", "pins"),
             "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue),
+            "catalogue": offered_sizes(catalogue, free),
         }
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
@@ -280,8 +285,8 @@ def compare(
 ) -> None:
     """Compare two machines, or two versions of one.
 
-    Prints worst poses, percentiles, limiting cylinders and the differences of the files. Writes
-    compare.csv and maps on one colour scale.
+    Prints worst poses, percentiles, limiting cylinders, lift charts and the differences of the
+    files. Writes compare.csv, lift_chart.csv, maps and lift charts on one colour scale.
     """
     from armdesign import plots
     from armdesign.machine.loading import load
@@ -296,6 +301,7 @@ def compare(
         write_csv(compared.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
+        output.write_lift_charts(compared.lift_charts, folder)
     show(compared.sheets(units.units))
 
 

@@ -1,14 +1,14 @@
 """Loads that one cylinder must hold: of the workspace, and of lifts at their poses.
 
 A load is a torque about the cylinder's joint. Where a place can be reached in several poses, one
-of them is enough. The requirements themselves are in ``requirements/holding.py``;
-``test_branching_against_dense_sampling`` and ``test_limits_of_single_cylinders`` tie the two
-statements.
+of them is enough. The requirements themselves are in ``requirements/`` (``holding``,
+``lift_share``); ``test_branching_against_dense_sampling`` and ``test_limits_of_single_cylinders``
+tie the two statements.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +17,15 @@ from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
-from armdesign.design.requirements.candidate import unloaded
 from armdesign.design.requirements.holding import lift_pose
+from armdesign.design.requirements.lift_share import chart_today
 from armdesign.machine.file.schema import share_of
+from armdesign.machine.lift_chart import HYDRAULIC_SHARE
+from armdesign.machine.lifting import unloaded
 from armdesign.mechanism.arm import RigidPoses
 
 HOLDING_ANGLES = 5  # of most push and pull today
+CHART_PLACES = 12  # of a lift chart, that ask for most today
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +55,11 @@ class Loads:
 
 def loads_of(problem: Problem, i: int, bars: Sequence[BarEnclosure], sign: float) -> Loads:
     """Loads of cylinder ``i``, of a moment arm of some sign, under ``bars``."""
-    parts = [_of_workspace(problem, i, bars), *_of_lifts(problem, i, bars)]
+    parts = [
+        _of_workspace(problem, i, bars),
+        *_of_lifts(problem, i, bars),
+        *_of_chart(problem, i, bars),
+    ]
     places = [part.place for part in parts]
     starts = np.cumsum([0, *(int(place[-1]) + 1 for place in places[:-1])])
     held = np.concatenate([part.held for part in parts], axis=1)
@@ -100,6 +107,26 @@ def _of_lifts(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> list[Lo
         place = np.zeros(len(at.rigid), dtype=int)
         loads.append(Loads(angle=at.rigid.q[:, joint], held=held, place=place))
     return loads
+
+
+def _of_chart(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> Iterator[Loads]:
+    """Of the places of today's lift chart that ask for most of today's cylinder."""
+    machine, joint = problem.machine, problem.machine.linkages[i].joints[0]
+    share = share_of(problem.requirements.lift_share, machine.cylinders[i].name)
+    known = chart_today(machine) if share > 0 else None
+    if known is None:
+        return
+    poses, today = known
+    own = np.flatnonzero(today[poses.place] > 0)
+    rigid, place = poses.rigid[own], poses.place[own]
+    load = poses.torque[own] * (share * today[place])[:, None]
+    held = _lifted(problem, bars, rigid, load, joint) / HYDRAULIC_SHARE
+    arms = machine.linkages[i].actuation(rigid).moment_arm[:, joint]
+    each, starts = np.unique(place, return_index=True)
+    asked = np.minimum.reduceat(held.max(axis=0) / np.abs(arms), starts)
+    chosen = np.isin(place, each[np.argsort(-asked)[:CHART_PLACES]])
+    index = np.unique(place[chosen], return_inverse=True)[1]
+    yield Loads(angle=rigid.q[chosen, joint], held=held[:, chosen], place=index)
 
 
 def _lifted(

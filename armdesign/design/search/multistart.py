@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
+from armdesign.design.requirements.places import refuse_pins_outside
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
@@ -46,6 +48,7 @@ def formulate(
     proportional: bool = False,
     bands: Bands | None = None,
     objective: str = "gain",
+    grid: DrawingGrid = FINE,
 ) -> Problem:
     """The design problem; with the default grid and the file's requirements where none are given.
 
@@ -53,7 +56,8 @@ def formulate(
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a requirement
-            on what is not there; an objective that there is not.
+            on what is not there; an outline that does not hold today's pins; an objective that
+            there is not.
     """
     if objective not in OBJECTIVES:
         raise ArmDesignError(
@@ -63,8 +67,9 @@ def formulate(
     chosen(machine, vary)
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
+    refuse_pins_outside(machine, requirements.outlines)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    return Problem.of(
+    problem = Problem.of(
         machine=machine,
         workspace=workspace,
         requirements=requirements,
@@ -73,6 +78,7 @@ def formulate(
         bands=bands,
         gain=objective == "gain" and bands != Bands(),
     )
+    return replace(problem, grid=grid)
 
 
 @dataclass(frozen=True)

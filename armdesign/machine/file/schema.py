@@ -123,6 +123,7 @@ BY_ACTUATOR = (  # keys whose shares may differ from actuator to actuator
     "oil_each_share",
     "thrust_share",
     "moment_arm_share",
+    "lift_share",
     "torque_share",
     "end_torque_share",
     "buckling_share",
@@ -138,6 +139,7 @@ class RequirementsSection(Section):
     oil_each_share: ByActuator[Ratio] = 1.1
     thrust_share: ByActuator[Ratio] = 1.1
     moment_arm_share: ByActuator[Ratio] = 0.8
+    lift_share: ByActuator[Least] = 0.0
     torque_share: ByActuator[Least] = 0.0
     end_torque_share: ByActuator[Least] = 0.0
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
@@ -149,6 +151,7 @@ class RequirementsSection(Section):
     pin_box_mm: Distance | None = None
     pin_boxes_mm: dict[Name, PinBoxSection] = {}
     cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    catalogue: Literal["iso", "5mm"] | None = None
     speed: dict[Name, SpeedSection] = {}
     lift: dict[Name, LiftSection] = {}
     outline: dict[Text, OutlineSection] = {}
@@ -356,13 +359,18 @@ ShareBand = Annotated[
 class BandsSection(Section):
     """What is not known exactly: lower and upper end, as shares of this file's values.
 
-    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
+    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke;
+    ``structures``: the same of single actuators.
     """
 
     structure: (
         Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
         | None
     ) = None
+    structures: dict[
+        Name,
+        Annotated[list[Annotated[float, Field(ge=0, le=100)]], Field(min_length=2, max_length=2)],
+    ] = {}
     spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
@@ -372,6 +380,25 @@ class BandsSection(Section):
         Annotated[list[Annotated[float, Field(ge=0, lt=50)]], Field(min_length=2, max_length=2)]
         | None
     ) = None
+
+
+class LiftChartSection(Section):
+    """The grid of reach and height on which the lift chart says what the machine lifts."""
+
+    link: Text | None = None
+    at_mm: Point | None = None
+    joints: Annotated[list[Text], Field(min_length=1, max_length=2)] | None = None
+    step_m: Annotated[float, Field(gt=0, le=100)] | None = None
+    from_m: Annotated[float, Field(ge=0, le=1_000)] | None = None
+
+
+class StabilitySection(Section):
+    """What stands still while the arm moves, and the lines about which the machine tips."""
+
+    mass_kg: Mass
+    at_mm: Point
+    front_mm: Distance
+    rear_mm: Distance
 
 
 class MachineSection(Section):
@@ -390,5 +417,7 @@ class MachineSection(Section):
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
     spring: dict[Name, SpringSection] = {}
+    lift_chart: LiftChartSection | None = None
+    stability: StabilitySection | None = None
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()

@@ -76,6 +76,7 @@ def of_cylinder(problem: Problem, x: np.ndarray, i: int, names: tuple[str, ...])
 
 KEPT: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "lifts": ({}, ("lift.",)),
+    "lift_chart": ({"lift_share": 0.98}, ("lift_share.",)),
     "torques": ({"torque_share": 0.97}, ("torque.",)),
     "end_torques": ({"end_torque_share": 0.9}, ("end_torque.",)),
 }
