@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.design_vector import RANGE_POSES
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
@@ -25,8 +26,10 @@ from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
+from armdesign.design.requirements.strokes_and_boxes import open_length
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.machine.file.schema import share_of
 
 CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -66,7 +69,8 @@ def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
     if not tightening:
         return 0.0
     factor, moved = evaluation.tightening_factor, evaluation.constraint.imag != 0
-    whole = tightening * factor * evaluation.limit_sensitivity + evaluation.rounding_loss
+    rounding = evaluation.rounding_loss * problem.grid.lengths / FINE.lengths
+    whole = tightening * factor * evaluation.limit_sensitivity + rounding
     return np.where(np.any(moved, axis=0), whole, 0.0)
 
 
@@ -80,7 +84,10 @@ def evaluations_at(
     arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
     forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
-    return evaluations(new, reference, forces)
+    yield from evaluations(new, reference, forces)
+    for i, stroke in enumerate(problem.vector.chosen_strokes):
+        if stroke is not None:
+            yield open_length(new, reference, i)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:
@@ -104,8 +111,9 @@ def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Arr
 def buckling_factor(problem: Problem, i: int) -> float:
     """The c in rod area ≥ L √(c A1) that keeps the required share of today's Euler safety."""
     cylinder, pressure = problem.machine.cylinders[i], problem.machine.supply.pressure
+    share = share_of(problem.requirements.buckling_share, cylinder.name)
     safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
-    return rod_area_factor(cylinder.count, pressure, problem.requirements.buckling_share * safety)
+    return rod_area_factor(cylinder.count, pressure, share * safety)
 
 
 def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | None:

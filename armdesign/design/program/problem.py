@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import relative_areas
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid, relative_areas
 from armdesign.design.program.corners import Corners
 from armdesign.design.program.design_vector import DesignVector
 from armdesign.design.program.dynamics import Dynamics
@@ -20,6 +20,7 @@ from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
 
 LEAST_AREA, LARGEST_AREA = 0.1, 2.0  # over today's; more where the thrust allows more
@@ -51,12 +52,14 @@ class Problem:
         requirements: limits of a design.
         sizes: bore and rod [m] of cylinders for which they are chosen, None of the others.
         margins: by how much constraints are moved.
+        grid: what lengths are rounded to in the end.
     """
 
     dynamics: Dynamics
     requirements: Requirements
     sizes: ChosenSizes = ()
     margins: Margins = field(default_factory=Margins)
+    grid: DrawingGrid = FINE
 
     @classmethod
     def of(
@@ -119,7 +122,8 @@ class Problem:
         if v.axis == 0 and self.vector.rod_stays[v.cylinder, 1]:  # the annulus is what is left
             cap, annulus = self.vector.areas_today[v.cylinder]
             least = 1 - (1 - LEAST_AREA) * annulus / cap
-        return least, max(LARGEST_AREA, self.requirements.thrust_share)
+        share = share_of(self.requirements.thrust_share, self.machine.cylinders[v.cylinder].name)
+        return least, max(LARGEST_AREA, share)
 
     def like(self, x: Array, other: Problem) -> Array:
         """The design ``x`` of another problem of this machine, as far as it varies here."""
@@ -136,6 +140,11 @@ class Problem:
         ]
         areas = other.vector.areas(x) / self.vector.areas_today
         return np.clip(np.concatenate([areas.ravel(), coordinates]), *self.bounds)
+
+    def with_strokes(self, strokes: tuple[float | None, ...]) -> Problem:
+        """The same problem with strokes [m] that are chosen."""
+        vector = replace(self.vector, chosen_strokes=strokes)
+        return replace(self, dynamics=replace(self.dynamics, vector=vector))
 
     def tightened(self, share: float) -> Problem:
         """The same problem with limits drawn in by a share."""
