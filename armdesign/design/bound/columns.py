@@ -117,6 +117,17 @@ class Columns:
         """Where they lie in the drives' regions (c, 5)."""
         return np.column_stack([self.design, self.volume])
 
+    def within(self, k: int, drive: JointDrive) -> Columns:
+        """These without those of drive ``k`` that lie outside ``drive``'s region."""
+        low, high = drive.region
+        inside = np.all((self.place >= low) & (self.place <= high), axis=1)
+        return self[(self.drive != k) | inside]
+
+
+def column(k: int, design: Array, volume: Array) -> Columns:
+    """One design (3,) of drive ``k`` with swept volumes (2,)."""
+    return Columns(drive=np.array([k]), design=design[None], volume=volume[None])
+
 
 def joined(*parts: Columns) -> Columns:
     """Several sets of columns as one."""

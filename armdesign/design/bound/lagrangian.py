@@ -41,6 +41,7 @@ from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
     allowed_columns,
+    column,
     columns_around,
     joined,
 )
@@ -145,14 +146,14 @@ class LagrangianDual:
         """
         drives = (*self.drives[:k], drive, *self.drives[k + 1 :])
         order = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - 1]
-        columns = _within(multipliers.columns[order], k, drive)
-        pool = _within(self.pool, k, drive)
+        columns = multipliers.columns[order].within(k, drive)
+        pool = self.pool.within(k, drive)
         return replace(self, drives=drives, columns=columns, pool=pool)
 
     def join(self, k: int, most: Maximum) -> None:
         """Take the design of drive ``k`` that branching found, and others around it."""
         random = np.random.default_rng(len(self.pool))
-        self.columns = joined(self.columns, _best(k, most))
+        self.columns = joined(self.columns, column(k, most.design, most.volume))
         around = columns_around(self.drives[k], k, most.design, random)
         self.pool = joined(self.pool, around)
 
@@ -353,7 +354,10 @@ class LagrangianDual:
     def learn(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> None:
         """Take the best designs that branching found, and those around them into the pool."""
         random = np.random.default_rng(len(self.pool))
-        self._take(multipliers, joined(*(_best(k, most) for k, most in enumerate(maxima))))
+        self._take(
+            multipliers,
+            joined(*(column(k, most.design, most.volume) for k, most in enumerate(maxima))),
+        )
         around = (
             columns_around(d, k, maxima[k].design, random) for k, d in enumerate(self.drives)
         )
@@ -440,15 +444,3 @@ class LagrangianDual:
         """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
         term = self._term(multipliers, k)
         return maximum(term, tolerance / len(self.drives), AIRY if term.air else CELLS)
-
-
-def _within(columns: Columns, k: int, drive: JointDrive) -> Columns:
-    """The columns without those of drive ``k`` that lie outside ``drive``'s region."""
-    low, high = drive.region
-    inside = np.all((columns.place >= low) & (columns.place <= high), axis=1)
-    return columns[(columns.drive != k) | inside]
-
-
-def _best(k: int, most: Maximum) -> Columns:
-    """The design of drive ``k`` that branching found."""
-    return Columns(drive=np.array([k]), design=most.design[None], volume=most.volume[None])
