@@ -130,7 +130,7 @@ def not_written(search: Search) -> InfeasibleError:
     missed = nearest_misses(search)
     names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
     amounts = {c.name: abs(c.value - c.limit) for c in missed}
-    given = _enough(search, (names,), of, amounts, {}, search.x)
+    given, _ = _enough(search, (names,), of, amounts, {}, search.x)
     return nearest_error(
         search.problem.machine.name, f"no sizes {GRID} meet all requirements", given
     )
@@ -181,7 +181,7 @@ class _Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(of, together, x)
-            given = _enough(search, self.subsets, of, together, alone, x)
+            given, _ = _enough(search, self.subsets, of, together, alone, x)
         otherwise = ""
         if search.problem.sizes:
             none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
@@ -194,7 +194,7 @@ class _Conflict:
     ) -> dict[str, float | None]:
         """Relaxation of each requirement of a subset where no other of its subset is relaxed.
 
-        None where that does not help.
+        None where that does not help, or was tried and gave no design.
         """
         alone: dict[str, float | None] = {}
         for subset in self.subsets:
@@ -208,8 +208,10 @@ class _Conflict:
                 if relaxation is None:
                     continue
                 amounts = {**rest, name: relaxation.amounts[name]}
-                given = _enough(self.search, [(name,), *others], of, amounts, {}, relaxation.x)
-                alone[name] = next(c.together for c in given if c.name == name)
+                subsets = [(name,), *others]
+                given, enough = _enough(self.search, subsets, of, amounts, {}, relaxation.x)
+                if enough:
+                    alone[name] = next(c.together for c in given if c.name == name)
         return alone
 
 
@@ -220,8 +222,8 @@ def _enough(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,
-) -> tuple[Concession, ...]:
-    """The concessions with which a design near ``x`` is found and can be written.
+) -> tuple[tuple[Concession, ...], bool]:
+    """The concessions with which a design near ``x`` is found and can be written, and whether.
 
     The largest tried if none is.
     """
@@ -236,5 +238,5 @@ def _enough(
         given = concessions(problem.requirements, subsets, of, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
         if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
-            break
-    return given
+            return given, True
+    return given, False
