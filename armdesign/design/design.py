@@ -24,6 +24,7 @@ from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.file_changes import with_todays_structure
 from armdesign.design.search.infeasibility.refusal import (
     design_or_proof,
     not_written,
@@ -109,8 +110,9 @@ class Design:
         if rounded is None:
             raise not_written(search)
         problem, priced = search.problem, {} if selection else prices(search)
+        machine = with_todays_structure(rounded.machine, problem.machine)
         return cls(
-            machine=documented(rounded.machine, problem.machine, problem.requirements, command),
+            machine=documented(machine, problem.machine, problem.requirements, command),
             today=problem.machine,
             requirements=problem.requirements,
             checks=rounded.checks,
@@ -151,18 +153,15 @@ class Design:
     @property
     def made_for(self) -> str:
         """What was to be made large: "gain" or "worst" frequency within bands, or "nominal"."""
-        if self.problem.dynamics.bands == Bands():
+        if self.problem.dynamics.corners.bands == Bands():
             return "nominal"
-        return "gain" if self.problem.dynamics.gain else "worst"
+        return "gain" if self.problem.dynamics.corners.gain else "worst"
 
     @property
     def bands(self) -> Bands:
-        """Bands that it was made for; if none, the bands of the machine's file."""
-        return (
-            Bands.of(self.today)
-            if self.problem.dynamics.bands == Bands()
-            else self.problem.dynamics.bands
-        )
+        """Bands that it was made for; if none, the file's; if that has none, assumed structure."""
+        bands = self.problem.dynamics.corners.bands
+        return Bands.shown(self.today) if bands == Bands() else bands
 
     @cached_property
     def band_before(self) -> FrequencyBand:
@@ -173,6 +172,11 @@ class Design:
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
         return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
+
+    @property
+    def least_gain(self) -> float:
+        """Least relative gain over today's machine anywhere within the bands; a sample."""
+        return self.band_after.least_gain(self.band_before)
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""

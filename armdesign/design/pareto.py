@@ -61,7 +61,7 @@ class Pareto:
     @property
     def robust(self) -> bool:
         """Whether the designs were made for bands."""
-        return self.designs[0].problem.dynamics.bands != Bands()
+        return self.designs[0].problem.dynamics.corners.bands != Bands()
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -255,11 +255,8 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
         **(
-            {
-                "banded_hz": design.band_after.low.frequency,
-                "least_gain": design.band_after.least_gain(design.band_before),
-            }
-            if design.problem.dynamics.bands != Bands()
+            {"banded_hz": design.band_after.low.frequency, "least_gain": design.least_gain}
+            if design.problem.dynamics.corners.bands != Bands()
             else {}
         ),
         "oil_share": oil,

@@ -10,9 +10,12 @@ from armdesign.arrays import Array
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import SIZES
+from armdesign.frequency.bands import Bands
+from armdesign.machine.machine import Machine
 from armdesign.units import litre, mm
 
 GRID = 0.1  # [mm] what a drawing can say
+DIGITS = 6  # of shares
 
 
 def neighbours(value: float) -> list[float]:
@@ -107,12 +110,25 @@ def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[st
         name = f"cylinder.{cylinder.name}"
         own = zip(SIZES, sizes[2 * i : 2 * i + 2], free, strict=True)
         changes |= {f"{name}.{key}": size for key, size, varies in own if varies}
-        if problem.dynamics.proportional and any(free):
+        if problem.dynamics.corners.proportional and any(free):
             today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
             volumes = today * problem.vector.areas(x)[i] / problem.vector.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
+
+
+def with_todays_structure(machine: Machine, today: Machine) -> Machine:
+    """The new machine with bands of structure as shares of its own oil: the steel is the same."""
+    bands, changes = Bands.of(today), {}
+    for old, new in zip(today.cylinders, machine.cylinders, strict=True):
+        band = bands.structure_of(new.name)
+        of_oil = new.oil_compliance(machine.fluid, machine.supply)
+        share = old.oil_compliance(today.fluid, today.supply) / of_oil
+        if band is not None and share != 1.0:
+            own = [float(f"{share * end:.{DIGITS}g}") for end in band]
+            changes[f"bands.structures.{new.name}"] = own
+    return machine.replace(changes)
 
 
 def _with_masses(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
 from armdesign.machine.file.schema import (
+    BY_ACTUATOR,
+    DEFAULT,
     CylinderSection,
     LiftSection,
     MachineSection,
@@ -57,10 +59,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     yield from _of_springs(machine)
-    for key, band in machine.bands:
-        if band and not band[0] <= band[1]:
-            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
-            yield f"bands.{key}", fault, "give [lower, upper]"
+    yield from _of_bands(machine)
     yield from _of_requirements(machine)
 
 
@@ -76,6 +75,20 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_bands(machine: MachineSection) -> Iterator[Fault]:
+    """Bands run from their lower end to their upper end, those of structures at actuators."""
+    several, actuators = machine.bands.structures, (*machine.cylinder, *machine.motor)
+    bands = {key: band for key, band in machine.bands if key != "structures"}
+    for key, band in (bands | {f"structures.{name}": several[name] for name in several}).items():
+        if band and not band[0] <= band[1]:
+            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
+            yield f"bands.{key}", fault, "give [lower, upper]"
+    for name in several:
+        if name not in actuators:
+            remedy = f"choose from: {', '.join(actuators)}"
+            yield f"bands.structures.{name}", f'no actuator "{name}"', remedy
 
 
 def _of_springs(machine: MachineSection) -> Iterator[Fault]:
@@ -186,7 +199,11 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
     for name, lift in machine.requirements.lift.items():
         yield from _of_place(f"requirements.lift.{name}", lift)
     for path, kind, names in _names_in(machine.requirements):
-        known = machine.cylinder if kind == "cylinder" else machine.joints
+        known = {
+            "cylinder": machine.cylinder,
+            "actuator": [*machine.cylinder, *machine.motor],
+            "joint": machine.joints,
+        }[kind]
         for name in names:
             if name not in known:
                 remedy = f"choose from: {', '.join(known)}"
@@ -200,7 +217,10 @@ def _of_place(path: str, lift: LiftSection) -> Iterator[Fault]:
 
 
 def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Iterable[str]]]:
-    """Key path, kind and names of all cylinders and joints that requirements name."""
+    """Key path, kind and names of all actuators and joints that requirements name."""
+    for key in BY_ACTUATOR:
+        if isinstance(shares := getattr(requirements, key), Mapping):
+            yield key, "actuator", [name for name in shares if name != DEFAULT]
     if requirements.digging:
         yield "digging.cylinders", "cylinder", requirements.digging.cylinders
     yield "digging_kN", "cylinder", requirements.digging_kN

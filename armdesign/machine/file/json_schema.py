@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import MachineSection, Section
+from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
@@ -85,6 +85,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
         " soft as the oil"
     ),
+    "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
@@ -93,6 +94,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "oil_each_share": "oil of each cylinder and side, at most",
     "thrust_share": "supply pressure × bore area of each cylinder, at most",
     "moment_arm_share": "smallest moment arm over the range, at least",
+    "torque_share": "largest torque of each actuator in each direction, at least",
+    "end_torque_share": (
+        "torque of each actuator in each direction at both ends of the range, at least"
+    ),
     "transmission_deg": "angle between rocker and coupler, at least",
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
@@ -156,6 +161,7 @@ def json_schema() -> str:
         for key, value in section.get("properties", {}).items():
             unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
             words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
+            words += "; or a table by actuator, with a default" if key in BY_ACTUATOR else ""
             _describe(
                 value, " ".join(part for part in (words, f"[{unit}]" if unit else "") if part)
             )
