@@ -39,7 +39,7 @@ MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that require
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 GRID = "on the 0.1 mm grid"
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
-OTHER_SIZES = " or offer other sizes"
+OTHER_SIZES = ", which is enough but not proved least, or offer other sizes"
 
 T = TypeVar("T")
 
@@ -71,8 +71,9 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
     if len(refusals) == 1:
         raise refusals[0]
     conflict = _all_together(problem, refusals, requirements)
+    last = [] if settled else [c.name for c in refusals[-1].conflict]
     words = (f"{WITH_SIZES}no design meets", OTHER_SIZES) if catalogue else ("no design meets", "")
-    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1])
+    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1], last)
 
 
 def _all_together(
