@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.design.catalogue.sizes import sizes_of
+from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design, optimize
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -145,7 +145,7 @@ def pareto(
         raise ArmDesignError(
             "against", "no cylinder's digging force counts", "name some in requirements.digging"
         )
-    sizes = None if catalogue is None else sizes_of(catalogue)
+    sizes_and_grid(machine, catalogue)  # refused before anything is searched
     designs: dict[float, Design] = {}
     left_out: dict[float, str] = {}
     tighter: Design | None = None
@@ -155,7 +155,7 @@ def pareto(
             tighter = optimize(
                 machine, workspace, limited, vary,
                 starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
-                objective=objective, catalogue=sizes,
+                objective=objective, catalogue=catalogue,
             )  # fmt: skip
             designs[limit] = tighter
         except InfeasibleError as error:

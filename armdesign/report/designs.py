@@ -6,9 +6,12 @@ import math
 from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
+from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -29,6 +32,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _sizes(design, units),
         _binding(design, units) if design.selection is None else _tightest(design, units),
         loads_sheet(both, design.requirements.digging, units),
+        performance_sheet({"today": design.today, "new": design.machine}, units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 
@@ -276,8 +280,18 @@ def summary(design: Design) -> str:
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits{limiting}.{_throughout(design)}"
+        f" limits; {_torques(design)}{limiting}.{_throughout(design)}"
     )
+
+
+def _torques(design: Design) -> str:
+    """What the largest torques of all actuators are, both ways, over today's."""
+    from armdesign.design.requirements.performance import performances
+
+    new, today = (performances(machine) for machine in (design.machine, design.today))
+    shares = [100 * a.largest / b.largest for a, b in zip(new, today, strict=True)]
+    low, high = np.min(shares), np.max(shares)
+    return f"the actuators' largest torques are {low:.0f} to {high:.0f} % of today's"
 
 
 def _throughout(design: Design) -> str:

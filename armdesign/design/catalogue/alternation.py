@@ -123,7 +123,7 @@ def refuse_fixed_sizes(problem: Problem) -> None:
     Raises:
         ArmDesignError: none does.
     """
-    if not any(bore or rod for bore, rod in problem.vector.resized):
+    if not problem.vector.any_size_varies:
         raise ArmDesignError(
             "catalogue", "has no use where sizes stay as they are", 'add "areas" to what varies'
         )

@@ -14,7 +14,7 @@ from armdesign.frequency.bands import Bands
 from armdesign.machine.machine import Machine
 from armdesign.units import litre, mm
 
-GRID = 0.1  # [mm] what a drawing can say
+GRID = 0.1  # [mm] of bores and rods where no catalogue has them
 DIGITS = 6  # of shares
 
 
@@ -28,6 +28,12 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     """Bore and rod of a cylinder at x [mm]."""
     (a1, a2), count = problem.vector.areas(x)[i], problem.machine.cylinders[i].count
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
+
+
+def grid_strokes(problem: Problem, stroke: float) -> list[float]:
+    """The strokes of the drawing grid below and above a stroke [m]."""
+    grid = problem.grid.strokes * mm
+    return [k * grid for k in sorted({math.floor(stroke / grid), math.ceil(stroke / grid)})]
 
 
 def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
@@ -66,6 +72,7 @@ def changes_of(
 def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     """Rounded pins and bars, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
+    grid = problem.grid.lengths
     linkages = list(problem.vector.linkages(x))
     today, requirements = problem.machine, problem.requirements
     common = requirements.box(today, problem.workspace)
@@ -76,29 +83,29 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
             pairs = zip(
                 linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
             )
-            at = [_rounded(value / mm, before / mm, limit) for value, before in pairs]
+            at = [_rounded(value / mm, before / mm, limit, grid) for value, before in pairs]
             changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.vector.range_poses[i]
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
-        closed = math.floor(length.min() / GRID + 1e-9) * GRID
-        stroke = math.ceil((length.max() - closed) / GRID - 1e-9) * GRID
+        closed = math.floor(length.min() / grid + 1e-9) * grid
+        steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
         changes |= {
             f"{name}.closed_length_mm": round(closed, 1),
-            f"{name}.stroke_mm": round(stroke, 1),
+            f"{name}.stroke_mm": round(steps * problem.grid.strokes, 1),
         }
     return changes
 
 
-def _rounded(value: float, before: float, limit: float) -> float:
+def _rounded(value: float, before: float, limit: float, grid: float) -> float:
     """A pin coordinate on the grid and within the box [mm]; as it was where it did not move."""
     if abs(value - before) < 1e-9:
         return before
-    low = math.ceil((before - limit) / GRID - 1e-6) * GRID
-    high = math.floor((before + limit) / GRID + 1e-6) * GRID
-    return round(min(max(round(value / GRID) * GRID, low), high), 1)
+    low = math.ceil((before - limit) / grid - 1e-6) * grid
+    high = math.floor((before + limit) / grid + 1e-6) * grid
+    return round(min(max(round(value / grid) * grid, low), high), 1)
 
 
 def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[str, Any]:

@@ -114,6 +114,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod"
     ),
     "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "catalogue": "bores and rods of a new design; pins then on whole mm, strokes on 5 mm",
     "barrel_wall_mm": (
         "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)"
     ),

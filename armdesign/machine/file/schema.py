@@ -149,6 +149,7 @@ class RequirementsSection(Section):
     pin_box_mm: Distance | None = None
     pin_boxes_mm: dict[Name, PinBoxSection] = {}
     cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    catalogue: Literal["iso", "5mm"] | None = None
     speed: dict[Name, SpeedSection] = {}
     lift: dict[Name, LiftSection] = {}
     outline: dict[Text, OutlineSection] = {}
