@@ -163,7 +163,7 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
         other = max(_follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + BETTER:
             other = follow(other, curved=True, **TO_THE_END)
-        if other.merit <= best.merit + BETTER:
+        if other.merit <= best.merit + BETTER or other.violation > max(NEARLY, best.violation):
             break
         best = other
     return best
