@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap as ReachMap
     from armdesign.frequency.workspace import Workspace as Workspace
     from armdesign.frequency.worst_frequency import WorstPose as WorstPose
+    from armdesign.machine.lift_chart import LiftChart as LiftChart
+    from armdesign.machine.lift_chart import lift_chart as lift_chart
     from armdesign.machine.loading import load as load
     from armdesign.machine.machine import Machine as Machine
     from armdesign.machine.poses import Poses as Poses
@@ -77,6 +79,8 @@ _HOME = {
     "Poses": "machine.poses",
     "Workspace": "frequency.workspace",
     "FrequencyMap": "frequency.maps",
+    "LiftChart": "machine.lift_chart",
+    "lift_chart": "machine.lift_chart",
     "ReachMap": "frequency.reach_map",
     "WorstPose": "frequency.worst_frequency",
     "frequency_map": "frequency.maps",

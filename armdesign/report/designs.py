@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.report.bands import bands_sheet, is_assumed
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
@@ -33,6 +34,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _binding(design, units) if design.selection is None else _tightest(design, units),
         loads_sheet(both, design.requirements.digging, units),
         performance_sheet({"today": design.today, "new": design.machine}, units),
+        lift_sheet(lift_charts({"today": design.today, "new": design.machine}), units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 

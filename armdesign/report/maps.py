@@ -8,6 +8,7 @@ from armdesign.arrays import percentiles
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands, frequency_band
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -50,6 +51,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         spread_sheet({"": frequencies}),
         _limiting_sheet(frequencies),
         _stiffness_sheet(frequencies),
+        lift_sheet(lift_charts({machine.name: machine}), units),
     ]
 
 

@@ -29,6 +29,12 @@ COLUMNS = {  # of the CSV files, beside the joints'
     "tool_x_m",
     "tool_y_m",
     "tool_z_m",
+    "reach_m",
+    "height_m",
+    "capacity_kg",
+    "hydraulic_kg",
+    "tipping_kg",
+    "limiting",
     "cylinder",
     "mode",
     "linear_hz",
@@ -59,6 +65,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     yield from _of_springs(machine)
+    yield from _of_lift_chart(machine)
     yield from _of_bands(machine)
     yield from _of_requirements(machine)
 
@@ -75,6 +82,17 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_lift_chart(machine: MachineSection) -> Iterator[Fault]:
+    """Joints that bring the point to its place are coordinates, each named once."""
+    joints = machine.lift_chart.joints or [] if machine.lift_chart else []
+    for name in joints:
+        if name not in machine.joints:
+            remedy = f"choose from: {', '.join(machine.joints)}"
+            yield "lift_chart.joints", f'no joint "{name}"', remedy
+    if len(set(joints)) < len(joints):
+        yield "lift_chart.joints", "a joint is named twice", "name each joint once"
 
 
 def _of_bands(machine: MachineSection) -> Iterator[Fault]:
@@ -255,6 +273,8 @@ def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
     for name, case in section.payload.items():
         yield f"payload.{name}.link", case.link
     yield "tool.link", section.tool.link
+    if section.lift_chart is not None:
+        yield "lift_chart.link", section.lift_chart.link
     for name, lift in requirements.lift.items():
         yield f"requirements.lift.{name}.link", lift.link
     for name, clearance in requirements.clearance.items():
