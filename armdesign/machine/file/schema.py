@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -296,9 +296,9 @@ class SpringSection(Section):
     at_mm: Coordinate | None = None
 
 
-ShareBand = Annotated[
-    list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)
-]
+T = TypeVar("T")
+Pair = Annotated[list[T], Field(min_length=2, max_length=2)]
+ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 
 
 class BandsSection(Section):
@@ -307,19 +307,13 @@ class BandsSection(Section):
     ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
     """
 
-    structure: (
-        Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
-        | None
-    ) = None
+    structure: Pair[Annotated[float, Field(ge=0, le=10)]] | None = None
     spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
     link_mass_share: ShareBand | None = None
-    entrained_air_percent: (
-        Annotated[list[Annotated[float, Field(ge=0, lt=50)]], Field(min_length=2, max_length=2)]
-        | None
-    ) = None
+    entrained_air_percent: Pair[Annotated[float, Field(ge=0, lt=50)]] | None = None
 
 
 class MachineSection(Section):
