@@ -34,19 +34,17 @@ def at_lengths(machine: Machine, cylinder: int, lengths: Array, parts: Sequence[
     own, linkage = machine.cylinders[cylinder], machine.linkages[cylinder]
     least, most = own.closed_length - READ_OUT, own.open_length + READ_OUT
     for n in np.flatnonzero(~((lengths >= least) & (lengths <= most))).tolist():
-        raise ArmDesignError(
-            f"{parts[n]}, {own.name}_length_mm",
-            f"{1e3 * lengths[n]:g} mm is outside the stroke"
-            f" [{1e3 * own.closed_length:g}, {1e3 * own.open_length:g}] mm",
-            "give the pin-to-pin length, or correct closed length and stroke",
-        )
+        stroke = f"[{1e3 * own.closed_length:g}, {1e3 * own.open_length:g}] mm"
+        fault = f"{1e3 * lengths[n]:g} mm is outside the stroke {stroke}"
+        remedy = "give the pin-to-pin length, or correct closed length and stroke"
+        raise ArmDesignError(f"{parts[n]}, {own.name}_length_mm", fault, remedy)
     joint = linkage.joints[0]
     values = over(machine.ranges[joint], SAMPLES)
     table = linkage.length(sweep(machine.arm, joint, values))
     order = np.argsort(table)
-    found = np.interp(lengths, table[order], values[order])
+    q = np.interp(lengths, table[order], values[order])
     for _ in range(STEPS):
-        there = linkage.actuation(sweep(machine.arm, joint, found))
-        found = found + (lengths - there.length) / there.moment_arm[:, joint]
-        found = np.clip(found, *machine.ranges[joint])
-    return np.asarray(found)
+        there = linkage.actuation(sweep(machine.arm, joint, q))
+        q = q + (lengths - there.length) / there.moment_arm[:, joint]
+        q = np.clip(q, *machine.ranges[joint])
+    return np.asarray(q)

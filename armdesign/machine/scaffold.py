@@ -95,12 +95,8 @@ class _BoomStage:
 def _links(links: int) -> list[tuple[str, float, float, int, int, float]]:
     """Name, length [m], mass per length [kg/m], bore, rod [mm] and height [m] of each link."""
     known = min(links, 4)
-    chosen = [
-        (length, mass, *size, height)
-        for length, mass, size, height in zip(
-            LENGTHS[known], MASS_PER_LENGTH, SIZES, SECTION, strict=False
-        )
-    ]
+    columns = zip(LENGTHS[known], MASS_PER_LENGTH, SIZES, SECTION, strict=False)
+    chosen = [(length, mass, *size, height) for length, mass, size, height in columns]
     chosen = [*reversed(LARGER[: links - known]), *chosen]
     names = NAMES.get(links, ("boom", *(f"section_{i}" for i in range(2, links)), "bucket"))
     return [(name, *values) for name, values in zip(names, chosen, strict=True)]
@@ -117,30 +113,16 @@ def _stages(links: int) -> list[_BoomStage]:
             x, z = _polar(0.37 * at, 160)
             base, rod_end = (round(at / mm) + x, z), _polar(0.17 * at, 165)
             lower, upper = -130.0, -50.0
-        stages.append(
-            _BoomStage(
-                name=name,
-                carrier=stages[-1].name if stages else "base",
-                at=at,
-                length=length,
-                mass=length * mass_per_length,
-                height=height,
-                lower=lower * deg,
-                upper=upper * deg,
-                bore=bore,
-                rod=rod,
-                base=base,
-                rod_end=rod_end,
-            )
-        )
+        carrier, mass = stages[-1].name if stages else "base", length * mass_per_length
+        ends, pins = (lower * deg, upper * deg), (base, rod_end)
+        stages.append(_BoomStage(name, carrier, at, length, mass, height, *ends, bore, rod, *pins))
     return stages
 
 
 def _polar(radius: float, degrees: float) -> tuple[int, int]:
     """Place (x, z) [mm] at a distance [m] and angle from a joint."""
-    return round(radius * math.cos(degrees * deg) / mm), round(
-        radius * math.sin(degrees * deg) / mm
-    )
+    angle = degrees * deg
+    return round(radius * math.cos(angle) / mm), round(radius * math.sin(angle) / mm)
 
 
 def new(name: str, links: int) -> tuple[str, str]:
@@ -154,25 +136,18 @@ def new(name: str, links: int) -> tuple[str, str]:
         ArmDesignError: a name that no machine can have, or another number of links.
     """
     if not re.match(NAME_PATTERN, name) or len(name) > NAME_LENGTH or name.endswith("\n"):
-        raise ArmDesignError(
-            "name",
-            f'"{name:.70}" is not allowed',
-            f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}",
-        )
+        remedy = f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}"
+        raise ArmDesignError("name", f'"{name:.70}" is not allowed', remedy)
     if not 1 <= links <= MOST:
-        raise ArmDesignError(
-            "--links", f"{links} is not allowed", f"give a whole number from 1 to {MOST}"
-        )
+        remedy = f"give a whole number from 1 to {MOST}"
+        raise ArmDesignError("--links", f"{links} is not allowed", remedy)
     stages = _stages(links)
     return _aligned(_machine_file(name, stages)), _urdf(name, stages)
 
 
 def _aligned(text: str) -> str:
     """The text with the comments behind its values in one column."""
-    lines = (re.fullmatch(r"(\S.*?) {2,}(# .*)", line) or line for line in text.split("\n"))
-    return "\n".join(
-        line if isinstance(line, str) else f"{line[1]:<54}  {line[2]}" for line in lines
-    )
+    return re.sub(r"(?m)^(\S.*?) {2,}(# .*)$", lambda line: f"{line[1]:<54}  {line[2]}", text)
 
 
 def _machine_file(name: str, stages: list[_BoomStage]) -> str:
