@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     )
     from armdesign.simulation.identification.ringdown import Ringdown as Ringdown
     from armdesign.simulation.identification.ringdown import identify_ringdown as identify_ringdown
-    from armdesign.simulation.identify import Identified as Identified
+    from armdesign.simulation.identified import Identified as Identified
     from armdesign.simulation.identify import identify as identify
     from armdesign.simulation.linearization import LinearModel as LinearModel
     from armdesign.simulation.linearization import linearize as linearize
@@ -98,7 +98,7 @@ _HOME = {
     "validate": "simulation.validation",
     "LinearModel": "simulation.linearization",
     "linearize": "simulation.linearization",
-    "Identified": "simulation.identify",
+    "Identified": "simulation.identified",
     "identify": "simulation.identify",
     "Ringdown": "simulation.identification.ringdown",
     "identify_ringdown": "simulation.identification.ringdown",

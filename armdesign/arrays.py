@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from typing import Any, TypeAlias, TypeVar
@@ -18,12 +18,13 @@ CHUNK = 16_384  # poses whose intermediate arrays are small beside the results o
 
 
 class ReadOnly:
-    """Base of dataclasses whose arrays cannot be written to."""
+    """Base of dataclasses whose arrays, also those in mappings, cannot be written to."""
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+            for one in value.values() if isinstance(value, Mapping) else (value,):
+                if isinstance(one, np.ndarray):
+                    one.setflags(write=False)
 
 
 def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:

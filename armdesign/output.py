@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.machine import Machine
     from armdesign.report.sheet import Sheet
-    from armdesign.simulation.identify import Identified
+    from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
 
 changed: list[Path] = []  # folders that this process has written into

@@ -36,6 +36,7 @@ from scipy.optimize import differential_evolution, minimize
 import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at, holding_rows
+from armdesign.design.program.corners import Pistons
 from armdesign.design.program.design_vector import RANGE_POSES, Geometry
 from armdesign.design.program.dynamics import lowest
 from armdesign.design.program.gradient import SteppedDesign
@@ -161,9 +162,9 @@ class Judge:
         pose, rows = dynamics.rows.pose, np.arange(len(dynamics.rows))
         mass, gravity, slope = dynamics.inertia_and_gravity(x, dynamics.rows, rows)
         forces = dynamics.static_forces(g.arm[pose], gravity, new.areas[0])
-        strokes = (new.closed[0], new.stroke[0], new.areas[0])
-        corner = dynamics.rows.corner
-        stiffness = dynamics.actuator_stiffness(corner, g[pose], *strokes, forces) + slope
+        extension = g.length[pose] - new.closed[0]
+        pistons = Pistons(extension, new.stroke[0], new.areas[0], forces)
+        stiffness = dynamics.actuator_stiffness(dynamics.rows.corner, g[pose], pistons) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
         reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
         evaluated = evaluations(new, reference, forces[None])

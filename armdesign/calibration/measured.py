@@ -29,7 +29,6 @@ comments.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,22 +37,25 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
+from armdesign.csv_rows import read_rows
 from armdesign.errors import ArmDesignError, choose
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
+from armdesign.machine.measured_poses import INCLINOMETER, inclined, joint_columns
 from armdesign.units import bar, mm
 
 DEVIATION = 0.01  # of a frequency, where none is given
 CHAMBERS = ("both", "cap", "annulus", "stuck")
-SIDES = ("cap", "annulus")
 UNUSED = ("begin_s", "end_s", "damping_ratio", "damping_deviation", "label", "signal", "amplitude")
-INCLINOMETER = "inclinometer"
+KNOWN = ("payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar")
+ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")  # of an actuator's columns
 
 Rows = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Measured:
+class Measured(ReadOnly):
     """n measurements of a machine with nq joints and nc actuators; arrays are read-only.
 
     Attributes:
@@ -82,11 +84,6 @@ class Measured:
     chambers: Array
     warnings: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-
     def __len__(self) -> int:
         return len(self.payloads)
 
@@ -97,23 +94,9 @@ def read_measured(path: str | Path, machine: Machine) -> Measured:
     Raises:
         ArmDesignError: a file that cannot be read, a missing column, or a value that cannot be.
     """
-    remedy = "give a CSV file with a line of column names"
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise ArmDesignError(str(path), f"cannot be read ({reason})", remedy) from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    reader = csv.DictReader(lines, skipinitialspace=True, strict=True)
-    try:
-        rows = [{name or "": value for name, value in row.items()} for row in reader]
-    except csv.Error as error:
-        raise ArmDesignError(str(path), f"is no CSV file ({error})", remedy) from None
-    names = list(reader.fieldnames or ())
-    for name in names:
-        if names.count(name) > 1:
-            raise ArmDesignError(str(path), f'column "{name}" is there twice', "leave one out")
-    return measured_of(rows, machine, str(path))
+    names, rows = read_rows(path)
+    table = [dict(zip(names, fields, strict=True)) for _, fields in rows]
+    return measured_of(table, machine, str(path))
 
 
 def measured_of(rows: Rows, machine: Machine, source: str = "measured") -> Measured:
@@ -138,12 +121,14 @@ class _Table:
     def measured(self) -> Measured:
         """All columns that the machine knows."""
         actuators = [actuator.name for actuator in self.machine.actuators]
-        pressures = [[self._numbers(f"{a}_{side}_bar") for side in SIDES] for a in actuators]
+        sides = [[self._numbers(f"{a}_{side}_bar") for side in SIDES] for a in actuators]
+        pressures: Array = np.moveaxis(np.array(sides), -1, 0)  # (n, nc, 2)
         frequencies = self._numbers("frequency_hz", above=0.0)
         deviations = self._numbers("deviation_hz", above=0.0)
         loads = self._numbers("pressure_deviation_bar", above=0.0)
         joints, lengths = self._poses()
-        self._refuse_empty(frequencies, np.moveaxis(np.array(pressures), -1, 0), loads)
+        self._refuse_empty(frequencies, pressures, loads)
+        pressures[np.isnan(pressures).any(axis=2)] = np.nan
         return Measured(
             source=self.source,
             payloads=tuple(self._payload(row) for row in self.rows),
@@ -152,7 +137,7 @@ class _Table:
             frequencies=frequencies,
             deviations=np.where(np.isnan(deviations), DEVIATION * frequencies, deviations),
             modes=self._modes(),
-            pressures=np.moveaxis(np.array(pressures), -1, 0) * bar,
+            pressures=pressures * bar,
             pressure_deviations=loads * bar,
             chambers=np.array([self._chambers(row, n) for n, row in enumerate(self.rows, 1)]),
             warnings=tuple(self._warnings(actuators, deviations)),
@@ -168,27 +153,18 @@ class _Table:
         machine = self.machine
         joints = np.full((len(self.rows), len(machine.joints)), np.nan)
         lengths = np.full((len(self.rows), len(machine.actuators)), np.nan)
-        for j, joint in enumerate(machine.arm.joints):
-            unit, factor = ("deg", math.radians(1)) if joint.revolute else ("mm", mm)
-            places = {
-                f"{cylinder.name}_length_mm": i
-                for i, (cylinder, linkage) in enumerate(
-                    zip(machine.cylinders, machine.linkages, strict=True)
-                )
-                if linkage.joints == (j,)
-            }
-            own = f"{joint.name}_{unit}"
-            given = [name for name in (own, *places) if name in self.columns]
+        for column in joint_columns(machine):
+            given = [name for name in column.all if name in self.columns]
             if len(given) != 1:
                 problem = " and ".join(given) or "no column"
-                problem += f" {'say' if given else 'says'} where joint {joint.name} stands"
-                remedy = f"give one column: {' or '.join((own, *places))}"
+                problem += f" {'say' if given else 'says'} where joint {column.name} stands"
+                remedy = f"give one column: {' or '.join(column.all)}"
                 raise ArmDesignError(self.source, problem, remedy)
             values = self._numbers(given[0], blank=False)
-            if given[0] == own:
-                joints[:, j] = values * factor
+            if given[0] == column.own:
+                joints[:, column.joint] = values * column.factor
             else:
-                lengths[:, places[given[0]]] = values * mm
+                lengths[:, column.lengths[given[0]]] = values * mm
         return joints, lengths
 
     def _numbers(self, column: str, above: float = -math.inf, blank: bool = True) -> Array:
@@ -244,13 +220,13 @@ class _Table:
         return words
 
     def _refuse_empty(self, frequencies: Array, pressures: Array, deviations: Array) -> None:
-        """Raise for a row without a measurement, or with one chamber of two."""
+        """Raise for a row without a measurement, or of a load with one pressure of two."""
         for n, (frequency, both, deviation) in enumerate(
             zip(frequencies, pressures, deviations, strict=True), 1
         ):
             part, known = f"{self.source}: row {n}", np.isfinite(both)
             for actuator, (cap, annulus) in zip(self.machine.actuators, known, strict=True):
-                if cap != annulus:
+                if cap != annulus and not math.isnan(deviation):
                     has, lacks = SIDES if cap else SIDES[::-1]
                     problem = f"{actuator.name}_{has}_bar without {actuator.name}_{lacks}_bar"
                     raise ArmDesignError(part, problem, "give both pressures, or neither")
@@ -258,27 +234,26 @@ class _Table:
                 remedy = "give frequency_hz, or pressures with pressure_deviation_bar"
                 raise ArmDesignError(part, "holds no measurement", remedy)
 
+    def _alone(self, actuator: str) -> bool:
+        """Whether any row holds the pressure of one of its chambers alone."""
+        cap, annulus = (np.isfinite(self._numbers(f"{actuator}_{side}_bar")) for side in SIDES)
+        return bool((cap != annulus).any())
+
     def _warnings(self, actuators: list[str], deviations: Array) -> list[str]:
         """What a reader should know: columns that are not used, inclinometers, deviations."""
-        joints = [f"{joint.name}_{unit}" for joint in self.machine.arm.joints for unit in UNITS]
-        known = {"payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar"}
-        known |= {*UNUSED, *joints, *(f"{a}_{end}" for a in actuators for end in ENDS)}
-        unknown = [name for name in self.columns if name not in known]
-        inclined = [name for name in unknown if INCLINOMETER in name]
+        joints = [name for column in joint_columns(self.machine) for name in column.all]
+        known = {*KNOWN, *UNUSED, *joints, *(f"{a}_{end}" for a in actuators for end in ENDS)}
         words = [
-            f'column "{name}" is not used: {choose(name, known)}'
-            for name in unknown
-            if name not in inclined
+            f'column "{name}" is not used: '
+            + (INCLINOMETER if inclined(name) else choose(name, known))
+            for name in self.columns
+            if name not in known
         ]
-        words += [f'column "{name}" is not used: {_INCLINED}' for name in inclined]
+        words += [
+            f"{a}: one chamber's pressure without the other's is not used"
+            for a in actuators
+            if self._alone(a)
+        ]
         if np.isnan(deviations[np.isfinite(self._numbers("frequency_hz"))]).any():
             words.append(f"frequencies without deviation_hz count as known to {DEVIATION:.0%}")
         return words
-
-
-UNITS = ("deg", "mm")
-ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")
-_INCLINED = (
-    "an inclinometer on a moving machine feels acceleration as if it were tilt, on a measured"
-    " crane nine times the true swing; take pin-to-pin lengths or encoders"
-)

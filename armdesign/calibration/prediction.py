@@ -7,7 +7,6 @@ capacity, and a stuck piston leaves 1/c of what lies in series with it.
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +18,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.oil_spring import oil_stiffness
 from armdesign.machine.machine import Machine
-from armdesign.machine.measured_lengths import at_lengths
+from armdesign.machine.measured_poses import at_lengths, joint_columns
 from armdesign.machine.poses import Poses
 from armdesign.mechanism.arm import RigidPoses
 
@@ -43,16 +42,13 @@ def positions(machine: Machine, measured: Measured) -> Array:
 
 
 def _refuse_outside(machine: Machine, measured: Measured, q: Array) -> None:
-    for j, joint in enumerate(machine.arm.joints):
-        unit, factor = ("deg", math.degrees(1)) if joint.revolute else ("mm", 1e3)
-        low, high = machine.ranges[j] * factor
-        for n, value in enumerate(q[:, j] * factor, 1):
-            if not low - 1e-6 <= value <= high + 1e-6:
-                raise ArmDesignError(
-                    f"{measured.source}: row {n}, {joint.name}_{unit}",
-                    f"{value:g} {unit} is outside the joint's range [{low:g}, {high:g}] {unit}",
-                    "strokes and limits end there: correct the pose or the machine file",
-                )
+    for column in joint_columns(machine):
+        for n, position in enumerate(q[:, column.joint], 1):
+            problem = column.outside(machine, position)
+            if problem:
+                part = f"{measured.source}: row {n}, {column.own}"
+                remedy = "strokes and limits end there: correct the pose or the machine file"
+                raise ArmDesignError(part, problem, remedy)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

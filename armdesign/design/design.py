@@ -151,17 +151,17 @@ class Design:
     @property
     def made_for(self) -> str:
         """What was to be made large: "gain" or "worst" frequency within bands, or "nominal"."""
-        if self.problem.dynamics.bands == Bands():
+        if self.problem.dynamics.corners.bands == Bands():
             return "nominal"
-        return "gain" if self.problem.dynamics.gain else "worst"
+        return "gain" if self.problem.dynamics.corners.gain else "worst"
 
     @property
     def bands(self) -> Bands:
         """Bands that it was made for; if none, the bands of the machine's file."""
         return (
             Bands.of(self.today)
-            if self.problem.dynamics.bands == Bands()
-            else self.problem.dynamics.bands
+            if self.problem.dynamics.corners.bands == Bands()
+            else self.problem.dynamics.corners.bands
         )
 
     @cached_property

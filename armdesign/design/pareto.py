@@ -61,7 +61,7 @@ class Pareto:
     @property
     def robust(self) -> bool:
         """Whether the designs were made for bands."""
-        return self.designs[0].problem.dynamics.bands != Bands()
+        return self.designs[0].problem.dynamics.corners.bands != Bands()
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -259,7 +259,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
                 "banded_hz": design.band_after.low.frequency,
                 "least_gain": design.band_after.least_gain(design.band_before),
             }
-            if design.problem.dynamics.bands != Bands()
+            if design.problem.dynamics.corners.bands != Bands()
             else {}
         ),
         "oil_share": oil,

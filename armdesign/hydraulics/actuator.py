@@ -21,6 +21,8 @@ from armdesign.hydraulics.friction import NO_FRICTION, Friction
 from armdesign.hydraulics.oil_spring import oil_stiffness, preloaded_pressures
 from armdesign.hydraulics.valve import RELIEF_SHARE, LoadHolding, Valve
 
+SIDES = ("cap", "annulus")  # chambers, in this order wherever both stand in one array
+
 
 @dataclass(frozen=True, kw_only=True)
 class Actuator(ABC):

@@ -10,8 +10,10 @@ import numpy as np
 from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.modes import lowest_frequency
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.load_case import PITCH_TOLERANCE
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units
@@ -134,7 +136,7 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
     actuator, supply = inspection.machine.actuators[load.cylinder], inspection.machine.supply
     part, holding = f"{actuator.kind}.{actuator.name}", actuator.load_holding
     relief = actuator.relief(supply)
-    for side, largest in zip(("cap", "annulus"), load.largest, strict=True):
+    for side, largest in zip(SIDES, load.largest, strict=True):
         named = f"under {load.payload} the {side.replace('annulus', 'rod')} side"
         needs = f"{named} needs {units.text(largest, 'Pa')}"
         if largest > relief:
@@ -149,7 +151,7 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
 def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
     """A load near or beyond what the supply holds."""
     machine, actuator = inspection.machine, inspection.machine.actuators[load.cylinder]
-    limit = machine.section.requirements.holding_share
+    limit = share_of(machine.section.requirements.holding_share, actuator.name)
     named = f"under {load.payload} the {'cap' if load.cap else 'rod'} side"
     needs = f"{named} needs {units.text(load.pressure, 'Pa')} to stand still"
     words = f"more than the supply's {units.text(machine.supply.pressure, 'Pa')} can hold"

@@ -10,7 +10,7 @@ from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.simulation.identification.modal_fit import ModalFit
-    from armdesign.simulation.identify import Identified, IdentifiedWindow
+    from armdesign.simulation.identified import Identified, IdentifiedWindow
 
 
 @literal

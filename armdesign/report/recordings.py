@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.identify import Identified
+    from armdesign.simulation.identified import Identified
 
-POSES = ("_length_mm", "_deg")
+POSES = ("_mm", "_deg")
 
 
 def identified_sheets(identified: Identified) -> list[Sheet | str]:

@@ -13,6 +13,7 @@ import numpy as np
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.frequency.modes import natural_modes
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
 from armdesign.simulation.controlled_plant import ENERGY
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
 SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
-SIDES = "cap", "annulus"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armdesign as ad
@@ -58,7 +59,7 @@ BAD = {
     table("lift_chambers=rod"): (
         'row 1, lift_chambers: "rod" is not known; give one of both, cap, annulus, stuck'
     ),
-    table("lift_cap_bar=72"): (
+    table("lift_cap_bar=72", "pressure_deviation_bar=1"): (
         "row 1: lift_cap_bar without lift_annulus_bar; give both pressures, or neither"
     ),
     table("mode=1", "mode=1"): 'column "mode" is there twice; leave one out',
@@ -140,6 +141,14 @@ def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
     assert '"lift_presure_bar" is not used' in words
     found = ad.calibrate(machine, rows, [BETA])
     assert any("inclinometer" in line for line in found.findings)
+
+
+def test_a_pressure_alone_is_not_used_and_said() -> None:
+    machine = crane()
+    rows = measurements(machine, poses(2), lift_cap_bar=72.0)
+    measured = measured_of(rows.to_dict("records"), machine)
+    assert np.isnan(measured.pressures).all()
+    assert "lift: one chamber's pressure without the other's is not used" in measured.warnings
 
 
 def test_frequencies_without_deviations_count_as_known_to_a_hundredth() -> None:

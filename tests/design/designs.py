@@ -135,7 +135,7 @@ def as_machine(problem: Problem, x: np.ndarray) -> Machine:
             "closed_length": float(closed[i]),
             "stroke": float(stroke[i]),
         }
-        if problem.dynamics.proportional:
+        if problem.dynamics.corners.proportional:
             old = problem.vector.areas_today[i]
             sizes["cap_dead_volume"] = cylinder.cap_dead_volume * a1 / old[0]
             sizes["annulus_dead_volume"] = cylinder.annulus_dead_volume * a2 / old[1]

@@ -114,6 +114,11 @@ def test_faults_of_recordings(tmp_path: Path) -> None:
         (spoilt(boom_cap_bar=blank), [(0, 4)], "blank at 0.07 s"),
         (spoilt(boom_cap_bar=0 * time + 5), [(0, 4)], "constant"),
         (spoilt(boom_cap_bar=np.minimum(pressure, 71)), [(0, 4)], "clipped at 71"),
+        (
+            spoilt(boom_cap_bar=np.where(time < 1, pressure, pressure[100])),
+            [(0, 4)],
+            f"boom_cap_bar is stuck at {pressure[100]:g} from 1 s; choose another",
+        ),
         (columns, [(0, 0.7)], "two periods"),
         (columns, [(9, 11)], "holds no samples"),
         (columns, [(3, 2)], "3:2 is no window"),

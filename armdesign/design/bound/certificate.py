@@ -166,7 +166,7 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
         rows: rows that may enter.
     """
     dynamics = problem.dynamics
-    if not dynamics.gain:
+    if not dynamics.corners.gain:
         return upper_bound(problem.softest, x, rows)
     corners, squared = dynamics.corners, dynamics.omega_squared(x)
     least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
@@ -188,7 +188,7 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
 
 def _alike(problem: Problem) -> bool:
     """Whether pins vary, no own masses do, and corners differ but in structure and masses."""
-    bands = problem.dynamics.bands
+    bands = problem.dynamics.corners.bands
     plain = replace(bands, structure=None, payload=Bands().payload, link_mass=Bands().link_mass)
     moving = bool(problem.vector.moving)
     return moving and problem.vector.moving_masses is None and plain == Bands()
@@ -221,7 +221,9 @@ def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
     if known is not None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     bars = bar_enclosures(problem)
-    driving = () if problem.dynamics.proportional or bars is None else sole_drives(problem, bars)
+    driving = (
+        () if problem.dynamics.corners.proportional or bars is None else sole_drives(problem, bars)
+    )
     if not driving or bars is None:
         return None
     dual = LagrangianDual.start(problem, driving, x, rows, bars)
@@ -260,14 +262,14 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
         "pins in their boxes, and requirements as the optimiser takes them",
         (
             "dead volumes in proportion to the areas"
-            if problem.dynamics.proportional
+            if problem.dynamics.corners.proportional
             else "dead volumes as they are"
         ),
         "moment arms that keep their sign between the poses looked at",
     ]
     if problem.vector.moving_masses is not None:
         words.append("own masses in proportion to areas and lengths")
-    bands, exact = problem.dynamics.bands, Bands()
+    bands, exact = problem.dynamics.corners.bands, Bands()
     if (bands.payload, bands.link_mass) != (exact.payload, exact.link_mass):
         words.append("masses as they are tried within their bands")
     if any(v.pin is not None for v in problem.vector.variables):

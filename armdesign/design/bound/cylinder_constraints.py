@@ -20,6 +20,7 @@ from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
 from armdesign.design.program.problem import Problem
+from armdesign.machine.file.schema import share_of
 
 HOLDING_ANGLES = 5  # of most push and pull today
 
@@ -180,21 +181,21 @@ def cylinder_constraints(
         return None
     # an annulus may follow its bore
     low, high = (vector.areas(end)[i] / today for end in problem.bounds)
-    high = np.minimum(high, [r.thrust_share, np.inf])
+    high = np.minimum(high, [share_of(r.thrust_share, cylinder.name), np.inf])
     bore_varies, rod_varies = vector.resized[i]
     hold = np.maximum(np.stack([torques, -torques]) * shape.sign, 0.0).max(axis=2)
     hold = np.pad(hold, ((0, 0), (2 + len(ranged), 0)))
     return CylinderConstraints(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
-        volume=r.oil_each_share * today * cylinder.stroke * more,
+        volume=share_of(r.oil_each_share, cylinder.name) * today * cylinder.stroke * more,
         rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
         dead_length=cylinder.dead_length - CONSTRAINT_TOLERANCE * cylinder.stroke,
-        arm=r.moment_arm_share * float(arms.min()) / more,
+        arm=share_of(r.moment_arm_share, cylinder.name) * float(arms.min()) / more,
         ranged=2 + len(ranged),
         buckling=buckling_factor(problem, i) / more**2,
         torque=r.digging_share * float(today[0] * arms.max()) / more if digs else 0.0,
-        hold=hold / (r.holding_share * more),
+        hold=hold / (share_of(r.holding_share, cylinder.name) * more),
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
     )

@@ -23,6 +23,7 @@ from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.problem import Problem
+from armdesign.machine.file.schema import share_of
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
@@ -243,7 +244,7 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
         weigh = {name: today.moving_masses[name] / sections[name] for name in names}
         low, high = (problem.vector.areas(end)[i] for end in problem.bounds)
         most = (
-            problem.requirements.thrust_share
+            share_of(problem.requirements.thrust_share, today.name)
             * (1 + CONSTRAINT_TOLERANCE)
             * problem.vector.areas_today[i, 0]
         )

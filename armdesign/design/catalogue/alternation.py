@@ -226,7 +226,7 @@ def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:
         problem.workspace,
         problem.requirements,
         sizes,
-        proportional=problem.dynamics.proportional,
+        proportional=problem.dynamics.corners.proportional,
         tolerance=MISSED if problem.vector.moving else TOLERANCE,
         free=problem.vector.resized,
     )

@@ -27,6 +27,7 @@ from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.machine.file.schema import share_of
 
 CONSTRAINT_TOLERANCE = 1e-5  # relative, of every requirement: what a search may miss it by
 HOLDING_POSES = 6  # per cylinder, load case and direction
@@ -104,8 +105,9 @@ def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Arr
 def buckling_factor(problem: Problem, i: int) -> float:
     """The c in rod area ≥ L √(c A1) that keeps the required share of today's Euler safety."""
     cylinder, pressure = problem.machine.cylinders[i], problem.machine.supply.pressure
+    share = share_of(problem.requirements.buckling_share, cylinder.name)
     safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
-    return rod_area_factor(cylinder.count, pressure, problem.requirements.buckling_share * safety)
+    return rod_area_factor(cylinder.count, pressure, share * safety)
 
 
 def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,20 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
+
+
+class Pistons(NamedTuple):
+    """Where the pistons of n rows stand, what they carry, and their sizes."""
+
+    extension: Array  # (…, n, nc) [m]
+    stroke: Array  # (…, nc) [m], broadcast
+    areas: Array  # of cap and annulus (…, nc, 2) [m²], broadcast
+    force: Array  # static (…, n, nc) [N, + pushes], broadcast
+
+    def of_rows(self, rows: Array) -> Pistons:
+        """Some of the rows."""
+        extension, force = np.broadcast_arrays(self.extension, self.force)
+        return self._replace(extension=extension[..., rows, :], force=force[..., rows, :])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,11 +99,11 @@ class Corners:
 
         Its worst frequency within the bands; or its least gain times today's worst frequency.
         """
-        found = [
+        frequencies = [
             scenario(machine, self.workspace, self.bands, corner, self.today).frequency
             for corner in self.all
         ]
-        return float((found / np.sqrt(self.weights)).min())
+        return float((frequencies / np.sqrt(self.weights)).min())
 
     @property
     def ends(self) -> tuple[bool, ...]:
@@ -105,44 +120,21 @@ class Corners:
         """Index into ``ends`` of each corner."""
         return np.array([self.ends.index(corner.softest) for corner in self.all])
 
-    def stiffness(
-        self,
-        corner: Array,
-        length: Array,
-        closed: Array,
-        stroke: Array,
-        areas: Array,
-        forces: Array,
-    ) -> Array:
-        """Stiffness of oil and structure (…, n, nc) [N/m, N m/rad] at lengths and static forces.
-
-        Of rows at the corners (n,). Closed lengths and strokes (…, nc) and areas (…, nc, 2) are
-        broadcast.
-        """
-        length, forces = np.broadcast_arrays(length, forces)
+    def stiffness(self, corner: Array, pistons: Pistons) -> Array:
+        """Stiffness of oil and structure (…, n, nc) [N/m, N m/rad] of rows at the corners (n,)."""
         if len(self.machines) == 1:
-            return self._at(self.machines[0], length, closed, stroke, areas, forces)
+            return self._at(self.machines[0], pistons)
         parts, end = [], self.end[corner]
         order = np.argsort(end, kind="stable")
         for k, machine in enumerate(self.machines):
-            rows = order[end[order] == k]
-            some = length[..., rows, :], closed, stroke, areas, forces[..., rows, :]
-            parts.append(self._at(machine, *some))
+            parts.append(self._at(machine, pistons.of_rows(order[end[order] == k])))
         return np.concatenate(parts, axis=-2)[..., np.argsort(order), :]
 
-    def _at(
-        self,
-        machine: Machine,
-        length: Array,
-        closed: Array,
-        stroke: Array,
-        areas: Array,
-        forces: Array,
-    ) -> Array:
+    def _at(self, machine: Machine, pistons: Pistons) -> Array:
         """As ``stiffness``, of rows at one end."""
         springs, areas_today = [], areas_of(machine.actuators)
         for i, actuator in enumerate(machine.actuators):
-            a1, a2 = areas[..., i, 0], areas[..., i, 1]
+            a1, a2 = pistons.areas[..., i, 0], pistons.areas[..., i, 1]
             if self.proportional:
                 actuator = dataclasses.replace(
                     actuator,
@@ -151,12 +143,12 @@ class Corners:
                 )
             springs.append(
                 actuator.stiffness(
-                    length[..., i] - closed[..., i],
-                    forces[..., i],
+                    pistons.extension[..., i],
+                    pistons.force[..., i],
                     machine.fluid,
                     machine.supply,
                     areas=(a1, a2),
-                    stroke=stroke[..., i],
+                    stroke=pistons.stroke[..., i],
                 )
             )
         return np.stack(springs, axis=-1)

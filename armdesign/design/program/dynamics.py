@@ -7,17 +7,17 @@ on the requirements. Derivatives are exact, see ``gradient.py``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from armdesign.arrays import Array, remembered
-from armdesign.design.program.corners import Corners
+from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
-from armdesign.frequency.bands import Bands, Corner
+from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
@@ -77,31 +77,18 @@ class Dynamics:
 
     Attributes:
         vector: what x means.
-        workspace: poses that count.
-        bands: what is not known exactly.
-        gain: whether the least gain over today's machine within the bands counts; else the worst
-            frequency.
-        proportional: whether dead volumes grow with the areas.
+        corners: corners of the bands that count, of the vector's machine.
     """
 
     vector: DesignVector
-    workspace: Workspace
-    bands: Bands = field(default_factory=Bands)
-    gain: bool = False
-    proportional: bool = False
+    corners: Corners
 
     # ---------------------------------------------------------------------------------------- rows
 
-    @cached_property
-    def corners(self) -> Corners:
-        """The corners of the bands that count."""
-        return Corners(
-            today=self.vector.machine,
-            workspace=self.workspace,
-            bands=self.bands,
-            gain=self.gain,
-            proportional=self.proportional,
-        )
+    @property
+    def workspace(self) -> Workspace:
+        """Poses that count."""
+        return self.corners.workspace
 
     @cached_property
     def rows(self) -> Rows:
@@ -119,7 +106,7 @@ class Dynamics:
         parts: list[tuple[Array, ...]] = []
         for corner, (one, weight) in enumerate(zip(corners, weights, strict=True)):
             shares = one.payload_share, one.link_share
-            springs = self.bands.at_end(self.vector.machine, one.softest).spring_stiffness
+            springs = self.corners.bands.at_end(self.vector.machine, one.softest).spring_stiffness
             added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
             for case in load_cases(self.vector.bare, self.workspace, *shares):
                 mass, gravity, slope = case.machine.loaded(case.rigid)
@@ -215,8 +202,8 @@ class Dynamics:
     def _of_rows(self, x: Array, rows: Array | slice) -> tuple[Array, Array]:
         if (fixed := self._fixed_pins) is not None:
             length, forces = fixed.length[rows], fixed.forces[rows]
-            at = length, *self.vector.strokes(x), self.vector.areas(x), forces
-            oil = self.corners.stiffness(self.rows.corner[rows], *at)
+            pistons = self._pistons(x, length, forces)
+            oil = self.corners.stiffness(self.rows.corner[rows], pistons)
             return fixed.omega_squared(rows, oil), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
         lower = self.inverse_cholesky_of(mass, rows)
@@ -293,9 +280,9 @@ class Dynamics:
         mass, gravity, slope = self.stepped_inertia_and_gravity(x, self.rows, rows)
         pull = slope - 1j * squared * mass.imag
         forces = self.static_forces(g.arm, gravity, at.areas[:, None])
-        lengths = at.closed[:, None], at.stroke[:, None]
-        corner = self.rows.corner[rows]
-        stiffness = self.actuator_stiffness(corner, g, *lengths, at.areas[:, None], forces) + pull
+        extension = g.length - at.closed[:, None]
+        pistons = Pistons(extension, at.stroke[:, None], at.areas[:, None], forces)
+        stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons) + pull
         lower = self.inverse_cholesky_of(mass[0].real, rows)
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
@@ -343,20 +330,23 @@ class Dynamics:
 
     def _stiffness_and_mass(self, x: Array, rows: Array | slice) -> tuple[Array, Array, Array]:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
-        g, areas = self._geometry(x, self.rows.pose[rows]), self.vector.areas(x)
+        g = self._geometry(x, self.rows.pose[rows])
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
-        forces = self.static_forces(g.arm, gravity, areas)
-        at = g, *self.vector.strokes(x), areas, forces
-        stiffness = self.actuator_stiffness(self.rows.corner[rows], *at)
+        forces = self.static_forces(g.arm, gravity, self.vector.areas(x))
+        pistons = self._pistons(x, g.length, forces)
+        stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons)
         return stiffness + slope, mass, forces
 
-    def actuator_stiffness(
-        self, corner: Array, g: Geometry, closed: Array, stroke: Array, areas: Array, forces: Array
-    ) -> Array:
+    def _pistons(self, x: Array, length: Array, forces: Array) -> Pistons:
+        """Pistons of rows at x with lengths [m] and static forces [N] (n, nc)."""
+        closed, stroke = self.vector.strokes(x)
+        return Pistons(length - closed, stroke, self.vector.areas(x), forces)
+
+    def actuator_stiffness(self, corner: Array, g: Geometry, pistons: Pistons) -> Array:
         """Oil's and geometric stiffness (…, n, nq, nq), without gravity's; complex-safe.
 
-        Axes in front as in ``Corners.stiffness``.
+        Axes in front as in ``Pistons``.
         """
-        oil = self.corners.stiffness(corner, g.length, closed, stroke, areas, forces)[..., None]
-        geometric = np.einsum("...c,...cij->...ij", forces, g.curve)
+        oil = self.corners.stiffness(corner, pistons)[..., None]
+        geometric = np.einsum("...c,...cij->...ij", pistons.force, g.curve)
         return np.asarray(np.swapaxes(g.arm, -1, -2) @ (g.arm * oil) - geometric)

@@ -13,12 +13,14 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import relative_areas
+from armdesign.design.program.corners import Corners
 from armdesign.design.program.design_vector import DesignVector
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
 
 LEAST_AREA, LARGEST_AREA = 0.1, 2.0  # over today's; more where the thrust allows more
@@ -72,13 +74,14 @@ class Problem:
     ) -> Problem:
         """The problem in which what ``vary`` names of today's machine varies on its workspace."""
         vector = DesignVector.of(machine, workspace, requirements, vary)
-        dynamics = Dynamics(
-            vector=vector,
+        corners = Corners(
+            today=machine,
             workspace=workspace,
             bands=bands or Bands(),
             gain=gain,
             proportional=proportional,
         )
+        dynamics = Dynamics(vector=vector, corners=corners)
         margins = Margins(tightening=tightening)
         return cls(dynamics=dynamics, requirements=requirements, margins=margins)
 
@@ -117,7 +120,8 @@ class Problem:
         if v.axis == 0 and self.vector.rod_stays[v.cylinder, 1]:  # the annulus is what is left
             cap, annulus = self.vector.areas_today[v.cylinder]
             least = 1 - (1 - LEAST_AREA) * annulus / cap
-        return least, max(LARGEST_AREA, self.requirements.thrust_share)
+        share = share_of(self.requirements.thrust_share, self.machine.cylinders[v.cylinder].name)
+        return least, max(LARGEST_AREA, share)
 
     def like(self, x: Array, other: Problem) -> Array:
         """The design ``x`` of another problem of this machine, as far as it varies here."""
@@ -160,19 +164,17 @@ class Problem:
         corner, today = corners.all[k], self.machine
         machine = corners.bands.at_end(today, corner.softest)
         payload, links = ((share, share) for share in (corner.payload_share, corner.link_share))
-        dynamics = replace(
-            self.dynamics,
-            vector=replace(self.vector, machine=machine),
-            bands=Bands(payload=payload, link_mass=links),
-            gain=False,
-        )
-        return replace(self, dynamics=dynamics)
+        return self._on(machine, Bands(payload=payload, link_mass=links))
 
     @property
     def softest(self) -> Problem:
         """The problem with the softest oil and structure: only bands of masses are left."""
-        bands, machine = self.dynamics.bands, self.dynamics.corners.machines[0]
-        masses = Bands(payload=bands.payload, link_mass=bands.link_mass)
+        corners = self.dynamics.corners
+        masses = Bands(payload=corners.bands.payload, link_mass=corners.bands.link_mass)
+        return self._on(corners.machines[0], masses)
+
+    def _on(self, machine: Machine, bands: Bands) -> Problem:
+        """The problem of the worst frequency of another machine within other bands."""
+        corners = replace(self.dynamics.corners, today=machine, bands=bands, gain=False)
         vector = replace(self.vector, machine=machine)
-        dynamics = replace(self.dynamics, vector=vector, bands=masses, gain=False)
-        return replace(self, dynamics=dynamics)
+        return replace(self, dynamics=Dynamics(vector=vector, corners=corners))

@@ -11,11 +11,11 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, unloaded
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number
+from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.hydraulics.oil_spring import holding_force
-from armdesign.machine.file.schema import LiftSection
+from armdesign.machine.file.schema import LiftSection, Shares, share_of
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
@@ -34,7 +34,7 @@ class Holding:
     """
 
     end_margin: float = number("end_margin")
-    holding_share: float = number("holding_share")
+    holding_share: float | Mapping[str, float] = shares("holding_share")
 
 
 def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:
@@ -45,8 +45,9 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
     one cylinder alone: ``bound/cylinder_constraints.py``;
     ``test_branching_against_dense_sampling`` ties them.
     """
-    share, supply = reference.requirements.holding_share, new.machine.supply
+    supply = new.machine.supply
     for i, actuator in enumerate(reference.today.actuators):
+        share = share_of(reference.requirements.holding_share, actuator.name)
         pushes = forces[0, :, i].real > 0
         held = holding_force(new.areas[:, i, None, 0], new.areas[:, i, None, 1], supply, pushes)
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
@@ -60,7 +61,7 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
             value=ratio,
             limit=share,
             reformulated=((share * held - used) / scale, share * held / scale),
-            setting="holding_share",
+            setting=f"holding_share.{actuator.name}",
         )
 
 
@@ -124,9 +125,10 @@ class Lifts:
 
 def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Mass that each cylinder could hold; for the optimiser, by the forces at the lift's mass."""
-    share, supply = reference.requirements.holding_share, new.machine.supply
+    share = holding_shares(reference.today, reference.requirements.holding_share)
+    supply = new.machine.supply
     for lift in reference.requirements.lifts:
-        pose = lift_pose(reference.today, lift, share)
+        pose = lift_pose(reference.today, lift, reference.requirements.holding_share)
         arms = new.moment_arms(pose.rigid)
         bare, per_mass = (
             static_forces(arms, load, new.areas[:, None, :, 0], len(new.machine.joints))[:, 0]
@@ -149,6 +151,11 @@ def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         )
 
 
+def holding_shares(machine: Machine, shares: Shares) -> Array:
+    """Share of what the supply gives that each actuator may use (nc,)."""
+    return np.array([share_of(shares, actuator.name) for actuator in machine.actuators])
+
+
 @dataclass(frozen=True, eq=False)
 class LiftPose:
     """A lift at its one pose, and the joint torque of a kilogram there (1, nq) [N m/kg]."""
@@ -159,7 +166,7 @@ class LiftPose:
 
 
 def liftable(
-    machine: Machine, forces: Array, per_mass: Array, areas: Array, share: float
+    machine: Machine, forces: Array, per_mass: Array, areas: Array, share: Array
 ) -> Array:
     """Mass [kg] at which each cylinder (…, nc) uses up a share of what the supply gives.
 
@@ -170,7 +177,7 @@ def liftable(
         forces: without the mass [N], pushing positive.
         per_mass: what a kilogram adds [N/kg].
         areas: bore and annulus (…, nc, 2) [m²].
-        share: of the supply's force.
+        share: of the supply's force (nc,).
     """
     pushes = per_mass.real > 0
     held = holding_force(areas[..., 0], areas[..., 1], machine.supply, pushes)
@@ -182,7 +189,7 @@ def liftable(
 
 
 @lru_cache(maxsize=64)
-def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
+def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
     """The pose of a lift on today's machine: as given, or where it brings the mass to its place.
 
     Raises:
@@ -212,7 +219,7 @@ def lift_pose(machine: Machine, lift: Lift, share: float) -> LiftPose:
         )
     rigid = machine.rigid_poses(poses)
     torque = _torque(machine, lift, rigid)
-    best = int(_capacity(machine, rigid, torque, share).argmax())
+    best = int(_capacity(machine, rigid, torque, holding_shares(machine, shares)).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])
 
 
@@ -229,7 +236,7 @@ def _torque(machine: Machine, lift: Lift, rigid: RigidPoses) -> Array:
     return GRAVITY * motion.first[:, :, 2]
 
 
-def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: float) -> Array:
+def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: Array) -> Array:
     """Mass (n,) [kg] that the weakest cylinder of a machine lifts."""
     areas = areas_of(machine.actuators)
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)

@@ -18,10 +18,11 @@ from armdesign.design.requirements.stated import (
     cylinders,
     number,
     numbers_by_cylinder,
+    shares,
     stated,
 )
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.schema import DiggingSection
+from armdesign.machine.file.schema import DiggingSection, share_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 from armdesign.units import deg, kN
@@ -46,7 +47,7 @@ class MomentArms:
         digging_share: their digging torque, at least.
     """
 
-    moment_arm_share: float = number("moment_arm_share")
+    moment_arm_share: float | Mapping[str, float] = shares("moment_arm_share")
     transmission: float = number("transmission_deg", deg)
     digging: tuple[str, ...] = stated(
         Stated(
@@ -79,10 +80,10 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             words=f"smallest moment arm of the {name} cylinder",
             unit="m/rad",
             value=arm,
-            limit=requirements.moment_arm_share * float(today.min()),
+            limit=share_of(requirements.moment_arm_share, name) * float(today.min()),
             at_least=True,
             scale=float(today.min()),
-            setting="moment_arm_share",
+            setting=f"moment_arm_share.{name}",
         )
         if name in requirements.digging:
             samples = np.arange(arm.shape[1])

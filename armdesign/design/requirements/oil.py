@@ -20,9 +20,11 @@ from armdesign.design.requirements.stated import (
     check_word,
     cylinders,
     number,
+    shares,
     stated,
 )
 from armdesign.errors import ArmDesignError
+from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
 
@@ -37,7 +39,7 @@ class Oil:
     """
 
     oil_total_share: float = number("oil_total_share")
-    oil_each_share: float = number("oil_each_share")
+    oil_each_share: float | Mapping[str, float] = shares("oil_each_share")
 
 
 def oil(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
@@ -67,9 +69,9 @@ def oil(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
                 words=f"oil of the {cylinder.name} cylinder's {label} side",
                 unit="m³",
                 value=volume[:, i],
-                limit=requirements.oil_each_share * own,
+                limit=share_of(requirements.oil_each_share, cylinder.name) * own,
                 scale=own,
-                setting="oil_each_share",
+                setting=f"oil_each_share.{cylinder.name}",
             )
 
 

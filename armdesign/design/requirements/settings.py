@@ -33,6 +33,7 @@ from armdesign.design.requirements.strength import (
     strength,
 )
 from armdesign.design.requirements.strokes_and_boxes import PinBoxes
+from armdesign.design.requirements.torque import Torques, torques
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
 
@@ -46,6 +47,7 @@ class Requirements(
     PinBoxes,
     Buckling,
     DiggingForce,
+    Torques,
     MomentArms,
     Thrust,
     Oil,
@@ -58,6 +60,8 @@ class Requirements(
     """
 
     def __post_init__(self) -> None:
+        for name, how in self._stated().items():
+            object.__setattr__(self, name, how.completed(getattr(self, name)))
         super().__post_init__()
         for name, value in vars(self).items():
             check_numbers(f"requirements.{name}", value)
@@ -91,14 +95,21 @@ class Requirements(
     def setting(self, path: str) -> float:
         """A number by its key under ``[requirements]`` of a machine file, in that key's unit.
 
-        1 for ``speed.NAME``: see ``with_setting``.
+        ``thrust_share.NAME`` is the share of one actuator, its own or that of all. 1 for
+        ``speed.NAME``: see ``with_setting``.
         """
         name, how, rest = self._field(path)
         return how.number(getattr(self, name), rest)
 
+    def stated_at(self, path: str) -> str:
+        """Key of the number at a key path: that of all actuators where one has none of its own."""
+        name, how, rest = self._field(path)
+        return how.key if rest and not how.own(getattr(self, name), rest) else path
+
     def with_setting(self, path: str, value: float) -> Requirements:
         """The requirements with a number changed by its key, in that key's unit.
 
+        ``thrust_share.NAME`` changes the share of one actuator alone.
         ``speed.NAME`` stands for all speeds of a motion; ``value`` is then a factor on them.
         """
         name, how, rest = self._field(path)
@@ -132,6 +143,7 @@ def evaluations(new: Candidate, reference: Reference, forces: Array) -> Iterator
     yield from oil(new, reference)
     yield from strength(new, reference)
     yield from leverage(new, reference)
+    yield from torques(new, reference)
     yield from transmissions(new, reference)
     yield from speeds(new, reference)
     yield from lifts(new, reference)

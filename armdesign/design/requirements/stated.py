@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.machine.file.schema import RequirementsSection
+from armdesign.machine.file.schema import DEFAULT, RequirementsSection, Shares, share_of
 from armdesign.machine.machine import Machine
 from armdesign.units import deg, mm
 
@@ -54,6 +54,8 @@ class Stated:
             key's unit.
         changed: the field with that number changed.
         names: what the field names that a machine may not have.
+        completed: the field with what it leaves to defaults.
+        own: what of the rest of a key path the field states for itself.
         check: raises for what is not allowed.
     """
 
@@ -63,6 +65,8 @@ class Stated:
     changed: Callable[[Any, str, float], Any] = lambda value, rest, number: number
     names: Callable[[Any, Machine], Names] = lambda value, machine: iter(())
     check: Callable[[Any], None] = lambda value: None
+    completed: Callable[[Any], Any] = lambda value: value
+    own: Callable[[Any, str], str] = lambda value, rest: rest
 
     def rest(self, path: str) -> str | None:
         """Rest of a key path after the key; None where the path is not below the key."""
@@ -90,6 +94,56 @@ def number(key: str, unit: float = 1.0) -> Any:
         changed=lambda value, _, new: new * unit,
     )
     return stated(how, si(RequirementsSection.model_fields[key].default))
+
+
+def shares(key: str) -> Any:
+    """A field of shares: one for all actuators, or by actuator with a default for the others.
+
+    Of actuators that stand still none; the schema has the default's default.
+    """
+    schema_default = RequirementsSection.model_fields[key].default
+
+    def read(machine: Machine) -> Shares:
+        value: Shares = getattr(machine.section.requirements, key)
+        if isinstance(value, Mapping):
+            return {name: v for name, v in value.items() if name not in machine.idle}
+        return value
+
+    def changed(value: Shares, actuator: str, new: float) -> Shares:
+        every = value if isinstance(value, Mapping) else {DEFAULT: value}
+        return completed({**every, actuator or DEFAULT: new})
+
+    def completed(value: Shares) -> Shares:
+        if not isinstance(value, Mapping):
+            return value
+        every = {DEFAULT: schema_default, **value}
+        return every if len(every) > 1 else every[DEFAULT]
+
+    how = Stated(
+        key=key,
+        read=read,
+        number=share_of,
+        changed=changed,
+        names=lambda value, machine: iter(
+            [(key, "actuator", _with_own(value), [a.name for a in machine.actuators])]
+        ),
+        check=lambda value: _refuse_negative(key, value),
+        completed=completed,
+        own=lambda value, actuator: actuator if actuator in _with_own(value) else "",
+    )
+    return stated(how)
+
+
+def _with_own(shares: Shares) -> list[str]:
+    """Names of the actuators that have a share of their own."""
+    return [name for name in shares if name != DEFAULT] if isinstance(shares, Mapping) else []
+
+
+def _refuse_negative(key: str, shares: Shares) -> None:
+    for name, share in shares.items() if isinstance(shares, Mapping) else ():
+        if share < 0:
+            where = f"requirements.{key}.{name}"
+            raise ArmDesignError(where, f"{share!r} is not allowed", "give a number ≥ 0")
 
 
 def numbers_by_cylinder(key: str, unit: float, name: str) -> Any:

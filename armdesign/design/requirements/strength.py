@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.requirements.stated import Stated, check_word, number, stated
+from armdesign.design.requirements.stated import Stated, check_word, number, shares, stated
 from armdesign.hydraulics.cylinder_build import (
     STEEL_MODULUS,
     barrel_outer,
@@ -21,6 +21,7 @@ from armdesign.hydraulics.cylinder_build import (
     second_moment,
     stepped_load,
 )
+from armdesign.machine.file.schema import share_of
 
 ROUNDING_LENGTH = 3e-4  # [m] that rounding to 0.1 mm may cost the dead length
 
@@ -33,7 +34,7 @@ class Thrust:
         thrust_share: supply pressure × bore area of each cylinder, at most.
     """
 
-    thrust_share: float = number("thrust_share")
+    thrust_share: float | Mapping[str, float] = shares("thrust_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ class Buckling:
             (Euler); "stepped", barrel and rod.
     """
 
-    buckling_share: float = number("buckling_share")
+    buckling_share: float | Mapping[str, float] = shares("buckling_share")
     buckling_factor: float | None = number("buckling_factor")
     buckling_column: Literal["rod", "stepped"] = stated(
         Stated(
@@ -74,9 +75,9 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             words=f"thrust of the {name} cylinder",
             unit="N",
             value=pressure * new.areas[:, i, 0],
-            limit=requirements.thrust_share * pressure * bore_area,
+            limit=share_of(requirements.thrust_share, name) * pressure * bore_area,
             scale=pressure * bore_area,
-            setting="thrust_share",
+            setting=f"thrust_share.{name}",
         )
         yield Evaluation(
             name=f"dead_length.{name}",
@@ -89,13 +90,10 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             tightening_factor=0.0,
             rounding_loss=ROUNDING_LENGTH / cylinder.stroke,
         )
-        if requirements.buckling_share > 0:
-            today = float(_buckling_safety(reference.old, i, pressure, "rod")[0])
-            words, least = (
-                f"Euler buckling safety of the {name} rod",
-                requirements.buckling_share * today,
-            )
-            yield _buckling("buckling_share", words, new, reference, i, "rod", least)
+        if (share := share_of(requirements.buckling_share, name)) > 0:
+            least = share * float(_buckling_safety(reference.old, i, pressure, "rod")[0])
+            words = f"Euler buckling safety of the {name} rod"
+            yield _buckling(f"buckling_share.{name}", words, new, reference, i, "rod", least)
         if requirements.buckling_factor is not None:
             column, least = requirements.buckling_column, requirements.buckling_factor
             part = "rod" if column == "rod" else "barrel and rod"
@@ -125,7 +123,7 @@ def _buckling(
     if column == "stepped":
         needed = needed * np.sqrt(_buckling_safety(new, i, pressure, "rod") / safety)
     return Evaluation(
-        name=f"{setting.removesuffix('_share')}.{reference.today.cylinders[i].name}",
+        name=f"{setting.split('.')[0].removesuffix('_share')}.{reference.today.cylinders[i].name}",
         words=words,
         unit="",
         value=safety,

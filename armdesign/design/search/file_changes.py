@@ -107,7 +107,7 @@ def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[st
         name = f"cylinder.{cylinder.name}"
         own = zip(SIZES, sizes[2 * i : 2 * i + 2], free, strict=True)
         changes |= {f"{name}.{key}": size for key, size, varies in own if varies}
-        if problem.dynamics.proportional and any(free):
+        if problem.dynamics.corners.proportional and any(free):
             today = (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
             volumes = today * problem.vector.areas(x)[i] / problem.vector.areas_today[i] / litre
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)

@@ -44,7 +44,11 @@ def prices(search: Search) -> dict[str, Price]:
     """
     optimum = replace(search).run(TRUST, 10 * FINE, looks=2)
     problem, margins = optimum.problem, marginal_prices(optimum)
-    settings = {c.name: c.setting for c in evaluations_at(problem, search.x, search.holding)}
+    settings = {
+        c.name: problem.requirements.stated_at(c.setting)
+        for c in evaluations_at(problem, search.x, search.holding)
+        if c.setting
+    }
     together: dict[str, list[str]] = {}
     for name in margins:
         together.setdefault(settings.get(name) or name, []).append(name)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from armdesign.errors import MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
 from armdesign.machine.file.schema import (
+    BY_ACTUATOR,
+    DEFAULT,
     CylinderSection,
     MachineSection,
     PayloadSection,
@@ -177,7 +179,11 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
             path = f"requirements.lift.{name}.{key}"
             yield path, "missing: a place has both", f"add {key}"
     for path, kind, names in _names_in(machine.requirements):
-        known = machine.cylinder if kind == "cylinder" else machine.joints
+        known = {
+            "cylinder": machine.cylinder,
+            "actuator": [*machine.cylinder, *machine.motor],
+            "joint": machine.joints,
+        }[kind]
         for name in names:
             if name not in known:
                 remedy = f"choose from: {', '.join(known)}"
@@ -185,7 +191,10 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
 
 
 def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Iterable[str]]]:
-    """Key path, kind and names of all cylinders and joints that requirements name."""
+    """Key path, kind and names of all actuators and joints that requirements name."""
+    for key in BY_ACTUATOR:
+        if isinstance(shares := getattr(requirements, key), Mapping):
+            yield key, "actuator", [name for name in shares if name != DEFAULT]
     if requirements.digging:
         yield "digging.cylinders", "cylinder", requirements.digging.cylinders
     yield "digging_kN", "cylinder", requirements.digging_kN

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import MachineSection, Section
+from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
@@ -85,6 +85,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "oil_each_share": "oil of each cylinder and side, at most",
     "thrust_share": "supply pressure × bore area of each cylinder, at most",
     "moment_arm_share": "smallest moment arm over the range, at least",
+    "torque_share": "largest torque of each actuator in each direction, at least",
+    "end_torque_share": (
+        "torque of each actuator in each direction at both ends of the range, at least"
+    ),
     "transmission_deg": "angle between rocker and coupler, at least",
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
@@ -142,6 +146,7 @@ def json_schema() -> str:
         for key, value in section.get("properties", {}).items():
             unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
             words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
+            words += "; or a table by actuator, with a default" if key in BY_ACTUATOR else ""
             _describe(value, f"{words} {unit and f'[{unit}]'}".strip())
     draft = "https://json-schema.org/draft/2020-12/schema"
     head = {"$schema": draft, "title": "armdesign machine file"}

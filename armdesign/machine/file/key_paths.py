@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import asdict
-from typing import Annotated, Any, Literal, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
@@ -63,11 +64,20 @@ def is_table(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, Section)
 
 
+def forms(kind: Any) -> tuple[Any, ...]:
+    """Number and table of a key that may be either; else the type alone."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
 def annotation(location: Location) -> tuple[Any, list[Any]]:
-    """Type and constraints that the schema has at a key path; KeyError where it has none."""
+    """Type and constraints that the schema has at a key path; KeyError where it has none.
+
+    Of a key that may be a number or a table, the number's.
+    """
     kind: Any = MachineSection
     constraints: list[Any] = []
     for key in location:
+        kind, _ = unwrap(forms(kind)[-1])
         if is_table(kind):
             field = kind.model_fields[key]
             kind, constraints = unwrap(field.annotation)
@@ -76,7 +86,7 @@ def annotation(location: Location) -> tuple[Any, list[Any]]:
             kind, constraints = unwrap(get_args(kind)[-1])
         else:
             raise KeyError(key)
-    return kind, constraints
+    return unwrap(forms(kind)[0]) if len(forms(kind)) > 1 else (kind, constraints)
 
 
 def allowed(location: Location) -> str:
@@ -141,6 +151,7 @@ def unit_of(location: Location) -> str:
     kind: Any = MachineSection
     unit = ""
     for key in location:
+        kind, _ = unwrap(forms(kind)[-1])
         if is_table(kind) and key in kind.model_fields:
             kind, _ = unwrap(kind.model_fields[key].annotation)
             unit = named_unit(key, kind) or unit

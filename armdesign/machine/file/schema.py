@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeVar
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
 
 NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
@@ -23,6 +32,30 @@ Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
 Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
+Least = Annotated[float, Field(ge=0, le=10)]  # share that is kept; 0: no such limit
+
+Number = TypeVar("Number")
+FORMS = NUMBER, TABLE = "[number]", "[table]"  # of a key that may be either
+DEFAULT = "default"  # of a table by actuator: the share of those that it does not name
+
+
+def _form(value: Any) -> str:
+    return TABLE if isinstance(value, Mapping) else NUMBER
+
+
+# one number for all actuators; or a table by actuator, with that of the others as its default
+ByActuator = Annotated[
+    Annotated[Number, Tag(NUMBER)] | Annotated[dict[Name, Number], Tag(TABLE)],
+    Discriminator(_form),
+]
+Shares: TypeAlias = float | Mapping[str, float]
+
+
+def share_of(shares: Shares, actuator: str) -> float:
+    """The share of one actuator: its own where a table gives it, else that of all others."""
+    if isinstance(shares, Mapping):
+        return float(shares.get(actuator, shares[DEFAULT]))
+    return shares
 
 
 class Section(BaseModel):
@@ -85,19 +118,32 @@ class ClearanceSection(Section):
     distance_mm: Distance = 0.0
 
 
+BY_ACTUATOR = (  # keys whose shares may differ from actuator to actuator
+    "holding_share",
+    "oil_each_share",
+    "thrust_share",
+    "moment_arm_share",
+    "torque_share",
+    "end_torque_share",
+    "buckling_share",
+)
+
+
 class RequirementsSection(Section):
     """What a new design must keep, relative to today's machine."""
 
     end_margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.02
-    holding_share: Share = 0.87
+    holding_share: ByActuator[Share] = 0.87
     oil_total_share: Ratio = 1.0
-    oil_each_share: Ratio = 1.1
-    thrust_share: Ratio = 1.1
-    moment_arm_share: Ratio = 0.8
+    oil_each_share: ByActuator[Ratio] = 1.1
+    thrust_share: ByActuator[Ratio] = 1.1
+    moment_arm_share: ByActuator[Ratio] = 0.8
+    torque_share: ByActuator[Least] = 0.0
+    end_torque_share: ByActuator[Least] = 0.0
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
     digging: DiggingSection | None = None
     digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
-    buckling_share: Annotated[float, Field(ge=0, le=10)] = 1.0
+    buckling_share: ByActuator[Least] = 1.0
     buckling_factor: Annotated[float, Field(gt=0, le=1_000)] | None = None
     buckling_column: Literal["rod", "stepped"] = "rod"
     pin_box_mm: Distance | None = None
@@ -107,6 +153,12 @@ class RequirementsSection(Section):
     lift: dict[Name, LiftSection] = {}
     outline: dict[Text, OutlineSection] = {}
     clearance: dict[Name, ClearanceSection] = {}
+
+    @field_validator(*BY_ACTUATOR)
+    @classmethod
+    def _with_default(cls, value: Shares, info: ValidationInfo) -> Shares:
+        default = cls.model_fields[str(info.field_name)].default
+        return {DEFAULT: default, **value} if isinstance(value, Mapping) else value
 
 
 # ----------------------------------------------------------------------------------------- machine

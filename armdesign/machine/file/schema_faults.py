@@ -21,6 +21,7 @@ from armdesign.machine.file.key_paths import (
     unit_of,
 )
 from armdesign.machine.file.likely_values import USUAL, meant, usual
+from armdesign.machine.file.schema import FORMS
 from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
 
@@ -37,7 +38,7 @@ def first_fault(error: ValidationError, source: str, key_lines: KeyLines) -> Mac
 
 def location_of(fault: Any) -> Location:
     """Key path of a fault."""
-    return tuple(part for part in fault["loc"] if part != "[key]")
+    return tuple(part for part in fault["loc"] if part not in ("[key]", *FORMS))
 
 
 def explained(fault: Any, source: str, key_lines: KeyLines, more: str = "") -> MachineFileError:

@@ -10,7 +10,9 @@ from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.key_paths import annotation, is_table
+from armdesign.machine.file.schema import BY_ACTUATOR, DEFAULT
 
+_BY_ACTUATOR = [["requirements", key] for key in BY_ACTUATOR]  # numbers that may become tables
 ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # keys of tables written in one line
 
 
@@ -35,12 +37,20 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
             if key not in node:
                 _refuse_new_table(tuple(tables[: depth + 1]), node, f"{source}: {path}")
                 node[key] = tomlkit.inline_table()
+            if tables[: depth + 1] in _BY_ACTUATOR and not hasattr(node[key], "keys"):
+                node[key] = _inline({DEFAULT: node[key]})
             node = node[key]
             if not hasattr(node, "keys"):
                 fault = f'"{key}" is a value, not a table'
                 raise MachineFileError(f"{source}: {path}", fault, "shorten the path")
         _set_leaf(node, leaf, value, f"{source}: {path}")
     return tomlkit.dumps(document)
+
+
+def _inline(values: Mapping[str, Any]) -> Any:
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
 
 
 def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:

@@ -2,7 +2,7 @@
 
 ``<cylinder>_cap_bar`` (or ``head``), ``<cylinder>_rod_bar`` (or ``annulus``)
     Chamber pressures; also in MPa, kPa, Pa, psi.
-``<cylinder>_pin_to_pin_mm``, ``<cylinder>_length_mm``, ``<joint>_deg``
+``<cylinder>_pin_to_pin_mm``, ``<cylinder>_length_mm``, ``<joint>_deg``, of a slide ``<joint>_mm``
     What tells the pose.
 ``…_deg_per_s``, ``…_mm_per_s``, ``…_m_per_s2`` and others
     Speeds and accelerations.
@@ -15,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from armdesign.errors import SimulationError
+from armdesign.hydraulics.actuator import SIDES
+from armdesign.machine.measured_poses import inclined
 from armdesign.simulation.identification.recording import Recording
 from armdesign.simulation.identification.windows import strongest
 from armdesign.units import bar
@@ -25,9 +27,9 @@ KINDS = (
     ("deg_per_s", "rad_per_s", "mm_per_s", "m_per_s", "rpm"),
     ("m_per_s2", "mm_per_s2", "g", "rad_per_s2", "deg_per_s2"),
 )
-SIDES = {"cap": "cap", "head": "cap", "rod": "annulus", "annulus": "annulus"}
+SIDE_WORDS = {**dict(zip(SIDES, SIDES, strict=True)), "head": "cap", "rod": "annulus"}
 LENGTHS = ("_pin_to_pin_mm", "_length_mm")
-INCLINED = ("inclin", "tilt_sensor", "_imu_")
+POSITIONS = ("_deg", "_mm")
 
 
 def strongest_column(recording: Recording) -> str:
@@ -62,27 +64,30 @@ def sides_of(part: Recording) -> dict[tuple[str, str], str]:
     for name in part.columns:
         unit = unit_of(name, KINDS[0])
         cylinder, _, side = name.removesuffix(f"_{unit}").rpartition("_")
-        if unit and cylinder and side in SIDES:
-            columns.setdefault((cylinder, SIDES[side]), name)
+        if unit and cylinder and side in SIDE_WORDS:
+            columns.setdefault((cylinder, SIDE_WORDS[side]), name)
     return columns
 
 
 def means_of(part: Recording) -> dict[str, float]:
-    """Means of lengths, angles and pressures, named as in a file of measurements."""
+    """Means of lengths, positions and pressures, named as in a file of measurements.
+
+    Columns that are blank throughout have none.
+    """
     names = {}
     for name in part.columns:
         length = next((end for end in LENGTHS if name.endswith(end)), "")
         if length:
             names[name] = f"{name.removesuffix(length)}_length_mm"
-        elif name.endswith("_deg") and not inclined(name):
+        elif name.endswith(POSITIONS) and not inclined(name):
             names[name] = name
-    means = {new: float(np.nanmean(part.columns[old])) for old, new in names.items()}
+    factors = dict.fromkeys(names, 1.0)
     for (cylinder, side), name in sides_of(part).items():
-        factor = PRESSURES[unit_of(name, KINDS[0])] / bar
-        means[f"{cylinder}_{side}_bar"] = float(np.nanmean(part.columns[name])) * factor
-    return means
-
-
-def inclined(name: str) -> bool:
-    """Whether a column is an inclinometer's."""
-    return any(word in name.lower() for word in INCLINED)
+        names[name] = f"{cylinder}_{side}_bar"
+        factors[name] = PRESSURES[unit_of(name, KINDS[0])] / bar
+    known = {name: values[np.isfinite(values)] for name, values in part.columns.items()}
+    return {
+        new: float(known[old].mean()) * factors[old]
+        for old, new in names.items()
+        if len(known[old])
+    }

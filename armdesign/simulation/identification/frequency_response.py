@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.simulation.identification.modal_fit import ModalFit, identify_frequency_response
 from armdesign.simulation.identification.records import signals_of
@@ -20,7 +20,7 @@ LEAST_COHERENCE = 1e-6  # of lines that count
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(ReadOnly):
     """Output over input, measured line by line; arrays are read-only.
 
     Attributes:
@@ -34,10 +34,6 @@ class FrequencyResponse:
     response: Array
     coherence: Array
     averages: float
-
-    def __post_init__(self) -> None:
-        for value in (self.frequency, self.response, self.coherence):
-            value.setflags(write=False)
 
     @property
     def deviations(self) -> Array:

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.simulation.identification.records import signals_of
 from armdesign.simulation.identification.residual_terms import (
@@ -49,7 +49,7 @@ NOISE_ROUNDS, NEGLIGIBLE_NOISE = 2, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class ModalFit:
+class ModalFit(ReadOnly):
     """Modes fitted to a frequency response; arrays are read-only.
 
     Attributes:
@@ -81,11 +81,6 @@ class ModalFit:
     fitted: Array
     curve: Array
     residual: float
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
 
 
 def identify_forced_response(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.simulation.identification.decaying_modes import (
     Noise,
     autoregression,
@@ -59,7 +60,7 @@ class PressureRatio:
     def verdict(self) -> str:
         """What the swings say of the oil, in words."""
         if not all(self.swings):
-            still, other = ("annulus", "cap") if self.swings[0] else ("cap", "annulus")
+            still, other = SIDES[::-1] if self.swings[0] else SIDES
             return (
                 f"the {still} pressure does not swing with the {other} pressure: that chamber is"
                 " open or runs empty, so its oil is no spring"

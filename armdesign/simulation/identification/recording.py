@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
+from armdesign.csv_rows import read_rows
 from armdesign.errors import SimulationError, choose
 
 TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_ms": 1e-3}
@@ -25,7 +26,7 @@ QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was c
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(ReadOnly):
     """Signals over time; arrays are read-only.
 
     Attributes:
@@ -37,10 +38,6 @@ class Recording:
     source: str
     time: Array
     columns: Mapping[str, Array]
-
-    def __post_init__(self) -> None:
-        for value in (self.time, *self.columns.values()):
-            value.setflags(write=False)
 
     def column(self, name: str) -> Array:
         """A signal (n,).
@@ -158,51 +155,23 @@ def read_recording(path: str | Path) -> Recording:
     Raises:
         SimulationError: a file that cannot be read, a field that is no number, or no time.
     """
-    import csv
-
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        remedy = "give a CSV file with a line of column names"
-        raise SimulationError(str(path), f"cannot be read ({reason})", remedy) from None
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if len(lines) < 2:
+    names, rows = read_rows(path, SimulationError)
+    if not rows:
         raise SimulationError(str(path), "holds no samples", "give names and a row per instant")
-    separator = ";" if lines[0][1].count(";") > lines[0][1].count(",") else ","
-    names = [n.strip() for n in next(csv.reader([lines[0][1]], delimiter=separator))]
-    for name in names:
-        if names.count(name) > 1:
-            raise SimulationError(str(path), f'column "{name}" is there twice', "leave one out")
-    rows = []
-    for number, fields in zip(
-        (number for number, _ in lines[1:]),
-        csv.reader([line for _, line in lines[1:]], delimiter=separator),
-        strict=True,
-    ):
-        if len(fields) != len(names):
-            problem = f"{len(fields)} fields in line {number}, {len(names)} names"
-            raise SimulationError(str(path), problem, "give one field per name")
-        rows.append(
-            [
-                _number(str(path), number, name, field, separator)
-                for name, field in zip(names, fields, strict=True)
-            ]
-        )
-    table = np.array(rows)
+    table = np.array(
+        [
+            [_number(str(path), line, *pair) for pair in zip(names, fields, strict=True)]
+            for line, fields in rows
+        ]
+    )
     return recording_of(dict(zip(names, table.T, strict=True)), str(path))
 
 
-def _number(source: str, line: int, name: str, field: str, separator: str) -> float:
-    word = field.strip().replace(",", ".") if separator == ";" else field.strip()
+def _number(source: str, line: int, name: str, word: str) -> float:
     if word == "" or word.lower() == "nan":
         return math.nan
     try:
         return float(word)
     except ValueError:
-        problem = f'"{field:.40}" in line {line} is no number ({name})'
+        problem = f'"{word:.40}" in line {line} is no number ({name})'
         raise SimulationError(source, problem, "give numbers, or leave the field blank") from None

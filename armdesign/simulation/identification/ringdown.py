@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.simulation.identification.decaying_modes import (
     NO_TREND,
@@ -54,7 +54,7 @@ STANDS_OUT = 5.0  # by how much a mode must raise the logarithm of the likelihoo
 
 
 @dataclass(frozen=True, eq=False)
-class Ringdown:
+class Ringdown(ReadOnly):
     """Modes of a free decay; arrays are read-only.
 
     Attributes:
@@ -83,11 +83,6 @@ class Ringdown:
     singular_values: Array
     fitted: Array
     residual: float
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
 
 
 def identify_ringdown(

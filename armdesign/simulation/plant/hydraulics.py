@@ -18,7 +18,7 @@ from dataclasses import fields
 import numpy as np
 
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.actuator import Actuator
+from armdesign.hydraulics.actuator import SIDES, Actuator
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.hydraulics.friction import Friction, friction_force
 from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
@@ -129,7 +129,7 @@ def _set_chambers(row: Record, actuator: Actuator, machine: Machine) -> None:
 def _set_holding(row: Record, actuator: Actuator) -> None:
     valve = actuator.load_holding
     assert valve is not None
-    row["held"] = ("cap", "annulus").index(valve.side)
+    row["held"] = SIDES.index(valve.side)
     for name in _HOLDING:
         row[name] = getattr(valve, name)
     row["holding_gain"] = valve.rated_flow / math.sqrt(valve.rated_drop)

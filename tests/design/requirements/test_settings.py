@@ -92,6 +92,10 @@ BAD_FILES = [
     ),
     ("[requirements.outline.boom]\npoints_mm = [[0, 0], [1, 0]]", r"points_mm"),
     ('buckling_column = "tube"', r"buckling_column"),
+    ("thrust_share = { spade = 1 }", r'requirements.thrust_share: no actuator "spade"; choose fr'),
+    ("thrust_share = { boom = 11 }", r"requirements.thrust_share.boom: 11 is not allowed; give a"),
+    ("thrust_share = { default = -1 }", r"requirements.thrust_share.default: -1 is not allowed"),
+    ("thrust_share = [1.0]", r"thrust_share: \[1.0\] is not allowed; give a number in \(0, 10\]"),
 ]
 
 
@@ -122,6 +126,7 @@ BAD_SETTINGS = [
     ({"digging_force": {"thumb": 1.0}}, r'digging_force: no cylinder "thumb"'),
     ({"clearances": (replace(EVERYTHING["clearances"][0], link="moon"),)},
      r'clearance.plate: no link "moon"'),
+    ({"torque_share": {"thumb": 0.9}}, r'requirements.torque_share: no actuator "thumb"; choose'),
     ({"pin_boxes": {"boom": {"lug": 0.1}}}, r'pin_boxes.boom: no pin "lug"'),
 ]  # fmt: skip
 
@@ -180,6 +185,51 @@ def test_requirements_read_the_file() -> None:
 def test_a_requirement_that_cannot_be_is_refused(setting: str, value: float) -> None:
     with pytest.raises(ArmDesignError, match=f"requirements.{setting}"):
         Requirements(**{setting: value})
+
+
+def test_shares_by_actuator() -> None:
+    """A number, or a table whose default is the schema's where it has none; in file and Python."""
+    machine = named("excavator_20t")
+    table = "[requirements.torque_share]\ndefault = 0.95\nbucket = 0.9\n"
+    for extra, wanted in (
+        ("torque_share = 0.95\n", 0.95),
+        (table, {"default": 0.95, "bucket": 0.9}),
+        ("thrust_share = { boom = 1.3 }\n", None),
+    ):
+        file = Machine.from_text(machine.text + "\n" + extra, machine.urdf_text, machine.source)
+        read = Requirements.of(file)
+        if wanted is None:
+            assert read.thrust_share == {"default": 1.1, "boom": 1.3}
+            assert read == replace(Requirements.of(machine), thrust_share={"boom": 1.3})
+        else:
+            assert read.torque_share == wanted
+            assert read == replace(Requirements.of(machine), torque_share=wanted)
+    assert hash(read) == hash(Requirements.of(file))
+    assert Requirements(torque_share={"default": 0.9}) == Requirements(torque_share=0.9)
+
+
+def test_a_share_is_set_and_asked_for_by_its_key() -> None:
+    before = Requirements(torque_share=0.95)
+    one = before.with_setting("torque_share.bucket", 0.9)
+    assert one.torque_share == {"default": 0.95, "bucket": 0.9}
+    assert [one.setting(f"torque_share{end}") for end in ("", ".boom", ".bucket")] == [
+        0.95, 0.95, 0.9
+    ]  # fmt: skip
+    assert one.with_setting("torque_share", 0.8).torque_share == {"default": 0.8, "bucket": 0.9}
+    assert one.stated_at("torque_share.boom") == "torque_share"
+    assert one.stated_at("torque_share.bucket") == "torque_share.bucket"
+    assert one.stated_at("digging_kN.boom") == "digging_kN.boom"
+    with pytest.raises(ArmDesignError, match=r"torque_share.boom: -1 is not allowed; give a num"):
+        Requirements(torque_share={"boom": -1})
+
+
+def test_a_number_of_a_file_becomes_a_table() -> None:
+    """Other actuators keep what the number said."""
+    machine = named("excavator_20t").replace({"requirements.thrust_share": 1.2})
+    changed = machine.replace({"requirements.thrust_share.boom": 1.3})
+    assert Requirements.of(changed).thrust_share == {"default": 1.2, "boom": 1.3}
+    again = changed.replace({"requirements.thrust_share.default": 1.1})
+    assert Requirements.of(again).thrust_share == {"default": 1.1, "boom": 1.3}
 
 
 def test_digging_cylinder_must_exist() -> None:

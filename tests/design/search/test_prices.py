@@ -60,6 +60,13 @@ LEAST_PRICE = {  # settings with the limit relaxed by a factor k − 1, and wher
             "outlines": (Outline(link="root", points=_square(0.1), pin_radius=0.08 * (2 - k)),)
         },
     ),
+    "torque": (("areas",), lambda k: {"torque_share": 0.95 * (2 - k)}),
+    "torque.extending.fold": (("areas",), lambda k: {"torque_share": {"fold": 1.05 * (2 - k)}}),
+    "end_torque": (("areas", "pins"), lambda k: {"end_torque_share": 1.2 * (2 - k)}),
+    "end_torque.retracting.fold": (
+        ("areas",),
+        lambda k: {"end_torque_share": {"fold": 0.95 * (2 - k)}},
+    ),
     "pin_box.lift.base": (
         ("areas", "pins"),
         lambda k: {"pin_boxes": {"lift": {"base": 0.02 * k}}},

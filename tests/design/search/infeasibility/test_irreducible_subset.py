@@ -112,7 +112,7 @@ def test_two_by_hand() -> None:
     assert digging.together / digging.limit == pytest.approx(1 - 0.971**2 / 0.99, rel=1e-4)
     assert thrust.alone == pytest.approx(thrust.limit * (0.995**2 / 0.9 - 1), rel=1e-4)
     assert digging.alone == pytest.approx(digging.limit * (1 - 0.948**2 / 0.99), rel=1e-4)
-    assert (thrust.setting, digging.setting) == ("thrust_share", "digging.share")
+    assert (thrust.setting, digging.setting) == ("thrust_share.lift", "digging.share")
     assert thrust.value == pytest.approx(0.971**2, rel=1e-6)
     assert digging.value == pytest.approx(0.971**2, rel=1e-6)
     text = str(error)
@@ -364,8 +364,8 @@ def test_no_holding_share_above_one_is_asked_for() -> None:
         ad.optimize(machine, workspace, requirements, ("areas",), starts=1)
     refuse_beyond_the_schema(error.value.conflict)
     values = {c.setting: c.value for c in error.value.conflict}
-    assert values["holding_share"] == pytest.approx(1, rel=4e-3)
-    assert 0.8 <= values["thrust_share"] <= 0.8 + 0.012 * 0.8
+    assert values["holding_share.lift"] == pytest.approx(1, rel=4e-3)
+    assert 0.8 <= values["thrust_share.lift"] <= 0.8 + 0.012 * 0.8
     granted = requirements.granting(error.value.conflict)
     ad.optimize(machine, workspace, granted, ("areas",), starts=1)
 

@@ -1,0 +1,49 @@
+"""Rows of CSV files as people write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from armdesign.csv_rows import read_rows
+from armdesign.errors import ArmDesignError, SimulationError
+
+SMALL = ["-.5e-3", ""]
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("", ([], [])),
+        ("# a comment\n", ([], [])),
+        ("a,b\n# c\n\n 1 , x\n", (["a", "b"], [(4, ["1", "x"])])),
+        ("\ufeffa;b\n1,5;x,y\n-,5e-3;\n", (["a", "b"], [(2, ["1.5", "x,y"]), (3, SMALL)])),
+        ('a,b\n"1,5",2\n', (["a", "b"], [(2, ["1,5", "2"])])),
+    ],
+)  # fmt: skip
+def test_rows(text: str, rows: object, tmp_path: Path) -> None:
+    path = tmp_path / "some.csv"
+    path.write_text(text, encoding="utf-8")
+    assert read_rows(path) == rows
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a,b,a\n1,2,3\n", 'column "a" is there twice; leave one out'),
+        ("a,b\n1,2\n\n1\n", "1 fields in line 4, 2 names; give one field per name"),
+        ("a,b\n1,2,3\n", "3 fields in line 2, 2 names"),
+        ('a,b\n"1,2\n', "is no CSV file"),
+        (None, "cannot be read (No such file or directory); give a CSV file"),
+    ],
+)
+def test_faults(text: str | None, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "some.csv"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    for kind in (ArmDesignError, SimulationError):
+        with pytest.raises(kind) as caught:
+            read_rows(path, kind)
+        assert type(caught.value) is kind
+        assert str(caught.value).startswith(f"{path}: {message}")
