@@ -49,10 +49,10 @@ class Ring(ReadOnly):
     @property
     def words(self) -> str:
         """The answer in one line."""
-        found = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
+        modes = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
         empty = f"; {'; '.join(self.cavitated)}" if self.cavitated else ""
         linear = f"{self.linear_frequencies[0]:.3f} Hz"
-        return f"{self.begin:.3g}…{self.end:.3g} s: {found}, lowest linear {linear}{empty}"
+        return f"{self.begin:.3g}…{self.end:.3g} s: {modes}, lowest linear {linear}{empty}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +178,8 @@ class Simulation(ReadOnly):
         end = float(self.time[-1]) if end is None else end
         inside = (self.time >= begin) & (self.time <= end)
         if inside.sum() < 2:
-            problem = f"{begin:g}…{end:g} s holds no two of its instants"
-            raise SimulationError(part, problem, f"stay in 0…{self.time[-1]:g} s")
+            fault = f"{begin:g}…{end:g} s holds no two of its instants"
+            raise SimulationError(part, fault, f"stay in 0…{self.time[-1]:g} s")
         fit = identify_ringdown(self.time[inside], self.velocity[inside], modes, part)
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(

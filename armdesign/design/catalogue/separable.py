@@ -250,10 +250,8 @@ def allowed_sizes(
     """
     if len(placed.actuators) > len(placed.joints):
         drives = f"{len(placed.actuators)} cylinders{' and motors' * bool(placed.motors)}"
-        fault = (
-            f"{placed.name} has {drives} on {len(placed.joints)} joints: their static forces depend"
-            " on the sizes"
-        )
+        fault = f"{placed.name} has {drives} on {len(placed.joints)} joints: their static forces"
+        fault += " depend on the sizes"
         raise ArmDesignError("catalogue", fault, "choose sizes without a catalogue")
     within = {"today": today, "workspace": workspace, "requirements": requirements}
     judge = Judge(placed=placed, **within, tolerance=tolerance)  # type: ignore[arg-type]
