@@ -19,6 +19,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.options import (
     AgainstOption,
     CatalogueOption,
+    FreeOption,
     FrequencyOption,
     Habit,
     LeastOption,
@@ -88,8 +89,7 @@ def map_command(
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
-        if model.cylinders:  # motors have no moment arm that changes
-            plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
+        plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     show(map_sheets(frequencies, units.units))
 
 
@@ -100,6 +100,7 @@ def optimize(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     least: LeastOption = "",
     frequency: FrequencyOption = 0.0,
     nominal: NominalOption = False,
@@ -121,7 +122,7 @@ def optimize(
         options: dict[str, Any] = {
             "vary": listed(vary),
             "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue),
+            "catalogue": offered_sizes(catalogue, free),
         }
         if least:
             options |= {"of": least, "frequency": frequency}
@@ -140,6 +141,7 @@ def pareto(
     points: PointsOption = "",
     vary: VaryOption = "areas,pins",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -156,7 +158,7 @@ def pareto(
     with progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace = open_workspace(machine, points, out, allow_outside)
-        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue)
+        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue, free)
         front = trade_off(
             model,
             workspace,
@@ -205,6 +207,7 @@ def design(
     out: OutOption = Path("out"),
     points: PointsOption = "",
     catalogue: CatalogueOption = "",
+    free: FreeOption = False,
     nominal: NominalOption = False,
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -224,7 +227,7 @@ def design(
         options = {
             "vary": ("areas", "pins"),
             "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue),
+            "catalogue": offered_sizes(catalogue, free),
         }
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")

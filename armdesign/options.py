@@ -55,8 +55,14 @@ CatalogueOption = Annotated[
     str,
     typer.Option(
         "--catalogue",
-        help="Sizes to choose from: iso, 5mm, or a CSV file with columns bore_mm, rod_mm.",
+        help=(
+            "Sizes to choose from: iso, 5mm, or a CSV file with columns bore_mm, rod_mm; default:"
+            " what the machine file says. Pins then lie on whole mm, strokes on 5 mm."
+        ),
     ),
+]
+FreeOption = Annotated[
+    bool, typer.Option("--free", help="Any size, pin and stroke to 0.1 mm, no catalogue.")
 ]
 NominalOption = Annotated[
     bool, typer.Option("--nominal", help="Design for the file's values alone, not its [bands].")
@@ -187,10 +193,14 @@ def stated_priors(text: str) -> dict[str, tuple[float, float]]:
     return priors
 
 
-def offered_sizes(catalogue: str) -> str | Sizes | None:
-    """Value of ``--catalogue``."""
-    from armdesign.design.catalogue.sizes import read_sizes
+def offered_sizes(catalogue: str, free: bool) -> str | Sizes | None:
+    """Sizes that ``--catalogue`` and ``--free`` ask for; None for those of the machine file."""
+    from armdesign.design.catalogue.sizes import FREE, read_sizes
 
+    if free:
+        if catalogue:
+            raise ArmDesignError("--free", "contradicts --catalogue", "give one of them")
+        return FREE
     return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
 
 

@@ -61,7 +61,10 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     pictures = {
         "map_joints.png": (over_joints, plots.before_after(design)),
         "map_reach.png": (by_place, plots.before_after(design, "reach")),
-        "moment_arms.png": ("Moment arms over the joint ranges", plots.moment_arms(design)),
+        "moment_arms.png": (
+            "Moment arms and torques over the joint ranges",
+            plots.moment_arms(design),
+        ),
     }
     return [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
 

@@ -18,12 +18,13 @@ from armdesign.arrays import Array
 from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.catalogue.sizes import Sizes, sizes_of
+from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.file_changes import with_todays_structure
 from armdesign.design.search.infeasibility.refusal import (
     design_or_proof,
     not_written,
@@ -109,8 +110,9 @@ class Design:
         if rounded is None:
             raise not_written(search)
         problem, priced = search.problem, {} if selection else prices(search)
+        machine = with_todays_structure(rounded.machine, problem.machine)
         return cls(
-            machine=documented(rounded.machine, problem.machine, problem.requirements, command),
+            machine=documented(machine, problem.machine, problem.requirements, command),
             today=problem.machine,
             requirements=problem.requirements,
             checks=rounded.checks,
@@ -157,12 +159,9 @@ class Design:
 
     @property
     def bands(self) -> Bands:
-        """Bands that it was made for; if none, the bands of the machine's file."""
-        return (
-            Bands.of(self.today)
-            if self.problem.dynamics.corners.bands == Bands()
-            else self.problem.dynamics.corners.bands
-        )
+        """Bands that it was made for; if none, the file's; if that has none, assumed structure."""
+        bands = self.problem.dynamics.corners.bands
+        return Bands.shown(self.today) if bands == Bands() else bands
 
     @cached_property
     def band_before(self) -> FrequencyBand:
@@ -173,6 +172,11 @@ class Design:
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
         return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
+
+    @property
+    def least_gain(self) -> float:
+        """Least relative gain over today's machine anywhere within the bands; a sample."""
+        return self.band_after.least_gain(self.band_before)
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""
@@ -298,8 +302,10 @@ def optimize(
             series with a cylinder stays as it is [m/N], whatever the new cylinder.
         objective: what rises within bands: "gain", the least of f_new/f_today over their corners,
             or "worst", the worst frequency within them.
-        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; None:
-            any size on the 0.1 mm grid. From the best free sizes one cylinder after the other
+        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; pins
+            then lie on whole millimetres and strokes on 5 mm. None: as ``requirements.catalogue``
+            of the machine's file says. "free", or where the file says nothing: any size, pin and
+            stroke on the 0.1 mm grid. From the best free sizes one cylinder after the other
             takes a size of the catalogue while the rest follows; then the best sizes for the pins
             and the best pins for the sizes are found in turn, and one size after the other is
             chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
@@ -312,7 +318,12 @@ def optimize(
         InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
             gives one: that was tried.
     """
-    problem = formulate(machine, workspace, requirements, vary, bands=bands, objective=objective)
+    sizes, grid = sizes_and_grid(machine, catalogue)
+    problem = formulate(
+        machine, workspace, requirements, vary, bands=bands, objective=objective, grid=grid
+    )
+    if catalogue is None and not problem.vector.any_size_varies:
+        sizes = None  # those of the machine stay, whatever its file would choose from
     if start is not None and _names(start.today) != _names(machine):
         raise ArmDesignError(
             "start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it"
@@ -322,7 +333,6 @@ def optimize(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
         objective=None if objective == "gain" else objective, catalogue=catalogue,
     )  # fmt: skip
-    sizes = None if catalogue is None else sizes_of(catalogue)
 
     def under(problem: Problem) -> Design:
         if sizes is None:
@@ -333,7 +343,7 @@ def optimize(
             return _of_catalogue(problem, sizes, command)
         return Design.of(*outcome, command=command)
 
-    return design_or_proof(problem, under, catalogue is not None)
+    return design_or_proof(problem, under, sizes is not None)
 
 
 def size_cylinders(
@@ -354,9 +364,9 @@ def size_cylinders(
     "fixed" each step replaces the convex stiffness by its tangent, so frequencies rise from step
     to step; ``bound`` comes from its chord over all areas that are allowed.
 
-    With a ``catalogue`` ("iso", "5mm" or pairs of bore and rod [m]) every cylinder has one of its
-    sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that is
-    proved, and lies above it by the gap that is left where the combinations are too many.
+    With a ``catalogue`` (as in ``optimize``, that of the file by default) every cylinder has one
+    of its sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that
+    is proved, and lies above it by the gap that is left where the combinations are too many.
 
     ``bands`` and ``objective`` count as in ``optimize``, for the bound too.
 
@@ -368,14 +378,14 @@ def size_cylinders(
             "dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"'
         )
     proportional = dead_volume == "proportional"
+    sizes, grid = sizes_and_grid(machine, catalogue)
     problem = formulate(
-        machine, workspace, requirements, ("areas",), proportional, bands, objective
+        machine, workspace, requirements, ("areas",), proportional, bands, objective, grid
     )
     command = call(
         "size_cylinders", dead_volume=dead_volume, bands=bands,
         objective=None if objective == "gain" else objective, catalogue=catalogue,
     )  # fmt: skip
-    sizes = None if catalogue is None else sizes_of(catalogue)
 
     def under(problem: Problem) -> Design:
         if sizes is not None:
@@ -383,7 +393,7 @@ def size_cylinders(
         search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
         return Design.of(search, Starts((hertz(search.squared),)), command=command)
 
-    return design_or_proof(problem, under, catalogue is not None)
+    return design_or_proof(problem, under, sizes is not None)
 
 
 def _names(machine: Machine) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from armdesign.design.catalogue.alternation import (
     with_sizes,
 )
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.catalogue.sizes import Sizes, sizes_of
+from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
@@ -101,7 +101,12 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    problem = formulate(machine, workspace, requirements, vary, bands=bands, objective="worst")
+    sizes, grid = sizes_and_grid(machine, catalogue)
+    problem = formulate(
+        machine, workspace, requirements, vary, bands=bands, objective="worst", grid=grid
+    )
+    if catalogue is None and not problem.vector.any_size_varies:
+        sizes = None
     command = call(
         "least",
         frequency=frequency,
@@ -113,15 +118,15 @@ def least(
         catalogue=catalogue,
     )
     least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
-    if catalogue is not None:
+    if sizes is not None:
         refuse_fixed_sizes(problem)
         if not problem.vector.moving:
-            search, selection = least_amount.with_given_pins(sizes_of(catalogue))
+            search, selection = least_amount.with_given_pins(sizes)
             return Design.of(search, Starts((selection.frequency,)), selection, command=command)
     search, outcomes = least_amount.under_today(starts, seed, workers)
     search = least_amount.search(search)
-    if catalogue is not None:
-        search = least_amount.with_sizes(search, sizes_of(catalogue))
+    if sizes is not None:
+        search = least_amount.with_sizes(search, sizes)
     return least_amount.rounded(search, outcomes, command)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.design.catalogue.sizes import sizes_of
+from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design, optimize
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -145,7 +145,7 @@ def pareto(
         raise ArmDesignError(
             "against", "no cylinder's digging force counts", "name some in requirements.digging"
         )
-    sizes = None if catalogue is None else sizes_of(catalogue)
+    sizes_and_grid(machine, catalogue)  # refused before anything is searched
     designs: dict[float, Design] = {}
     left_out: dict[float, str] = {}
     tighter: Design | None = None
@@ -155,7 +155,7 @@ def pareto(
             tighter = optimize(
                 machine, workspace, limited, vary,
                 starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
-                objective=objective, catalogue=sizes,
+                objective=objective, catalogue=catalogue,
             )  # fmt: skip
             designs[limit] = tighter
         except InfeasibleError as error:
@@ -255,10 +255,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "unrounded_hz": design.unrounded,
         "gain": after / before - 1 if before > 0 else math.inf,
         **(
-            {
-                "banded_hz": design.band_after.low.frequency,
-                "least_gain": design.band_after.least_gain(design.band_before),
-            }
+            {"banded_hz": design.band_after.low.frequency, "least_gain": design.least_gain}
             if design.problem.dynamics.corners.bands != Bands()
             else {}
         ),

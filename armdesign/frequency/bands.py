@@ -11,28 +11,34 @@ a structure that gives way lets the piston stand elsewhere, so for them the corn
 add inertia but also static load, and both of their ends are tried. With air the static pressure
 stiffens the oil, λ is no longer quasi-concave in the masses, and values between their ends are
 tried too: a sample, no proof.
+
+The gain of one machine over another has no such law: it may be least amid the bands. Designs are
+made for their corners, and judged at places spread between them too.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import worst_frequency
+from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
+BETWEEN = 15  # places between the corners at which gains are judged: one band's sixteenths
 EXACT = (1.0, 1.0)
-ENDS = {"air": (0.0, 0.5), "structure": (0.0, 10.0)}  # allowed, of bands that may begin at zero
+ASSUMED = (0.0, 1.0)  # structure of a file that states none: rigid, and as soft as the oil
+# allowed, of bands that may begin at zero; a share of a new cylinder's oil may be any
+ENDS = {"air": (0.0, 0.5), "structure": (0.0, 10.0), "structures": (0.0, 100.0)}
 VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
 
@@ -50,6 +56,7 @@ class Bands:
         air: entrained air itself, volume share at atmospheric pressure; None: the machine's.
         structure: compliance in series with each actuator, over that of its oil at mid stroke,
             0 where the structure is rigid; None: the machine's own.
+        structures: the same of single actuators, by name, before ``structure``.
         spring_stiffness: of all springs, on which the machine's passive joints yield.
     """
 
@@ -59,6 +66,7 @@ class Bands:
     link_mass: tuple[float, float] = EXACT
     air: tuple[float, float] | None = None
     structure: tuple[float, float] | None = None
+    structures: Mapping[str, tuple[float, float]] | None = None
     spring_stiffness: tuple[float, float] = EXACT
 
     def __repr__(self) -> str:
@@ -67,11 +75,8 @@ class Bands:
         return f"Bands({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in stated)})"
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            band = getattr(self, field.name)
-            least, most = ENDS.get(field.name, (0.1, 10.0))
-            if band is None:
-                continue
+        for path, band in self._stated:
+            least, most = ENDS.get(path.split(".")[0], (0.1, 10.0))
             numbers = (
                 isinstance(band, Sequence | np.ndarray)
                 and len(band) == 2
@@ -79,7 +84,17 @@ class Bands:
             )
             if not (numbers and least <= band[0] <= band[1] <= most):
                 remedy = f"give (lower, upper) within [{least:g}, {most:g}]"
-                raise ArmDesignError(f"bands.{field.name}", f"{band!r} is not allowed", remedy)
+                raise ArmDesignError(f"bands.{path}", f"{band!r} is not allowed", remedy)
+
+    @property
+    def _stated(self) -> Iterator[tuple[str, tuple[float, float]]]:
+        """Every band that there is, with its path."""
+        for field in fields(self):
+            band = getattr(self, field.name)
+            if field.name == "structures":
+                yield from ((f"structures.{name}", one) for name, one in (band or {}).items())
+            elif band is not None:
+                yield field.name, band
 
     @classmethod
     def of(cls, machine: Machine) -> Bands:
@@ -93,8 +108,15 @@ class Bands:
             link_mass=_pair(section.link_mass_share),
             air=(air[0] / 100, air[1] / 100) if air else None,
             structure=_pair(section.structure) if section.structure else None,
+            structures=({name: _pair(band) for name, band in section.structures.items()} or None),
             spring_stiffness=_pair(section.spring_stiffness_share),
         )
+
+    @classmethod
+    def shown(cls, machine: Machine) -> Bands:
+        """The bands that its file states; if none, ``ASSUMED`` structure."""
+        stated = cls.of(machine)
+        return cls(structure=ASSUMED) if stated == cls() else stated
 
     def at_end(self, machine: Machine, softest: bool, today: Machine | None = None) -> Machine:
         """The machine with oil, dead volumes, structure and springs at their soft or stiff ends.
@@ -122,13 +144,17 @@ class Bands:
 
         Those of one name have the structure that ``today``'s machine has there.
         """
-        volume, yielding = self.dead_volume[softest], {}
-        if self.structure is not None:
-            yielding = {
-                one.name: self.structure[softest] * one.oil_compliance(today.fluid, today.supply)
-                for one in (*today.cylinders, *today.motors)
-            }
-
+        volume, named = self.dead_volume[softest], {one.name: one for one in today.actuators}
+        for name in self.structures or ():
+            if name not in named and name not in today.idle:
+                fault = f"{today.name} has no such actuator"
+                remedy = f"choose from: {', '.join(named)}"
+                raise ArmDesignError(f"bands.structures.{name}", fault, remedy)
+        yielding = {
+            name: shares[softest] * one.oil_compliance(today.fluid, today.supply)
+            for name, one in named.items()
+            if (shares := self.structure_of(name)) is not None
+        }
         if volume == 1.0 and not yielding:
             return tuple(actuators)
 
@@ -139,17 +165,32 @@ class Bands:
 
         return tuple(map(at_end, actuators))
 
+    def structure_of(self, actuator: str) -> tuple[float, float] | None:
+        """Band of the compliance in series with an actuator; None: its own in the file."""
+        return (self.structures or {}).get(actuator, self.structure)
+
     @property
     def ends(self) -> tuple[bool, ...]:
         """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
-        bands = (
-            self.bulk_modulus,
-            self.dead_volume,
-            self.air,
-            self.structure,
-            self.spring_stiffness,
+        masses = "payload", "link_mass"
+        wide = any(path not in masses and low < high for path, (low, high) in self._stated)
+        return (True, False) if wide else (True,)
+
+    @property
+    def between(self) -> list[Bands]:
+        """Values at places spread between the corners, each as bands of no width; Sobol's."""
+        from scipy.stats import qmc
+
+        wide = list(
+            dict.fromkeys(p.split(".")[0] for p, (low, high) in self._stated if low < high)
         )
-        return (True, False) if any(band and band[0] < band[1] for band in bands) else (True,)
+        if not wide:
+            return []
+        places = qmc.Sobol(len(wide), scramble=False).fast_forward(1).random(BETWEEN)
+        return [
+            replace(self, **{name: _exactly(getattr(self, name), at) for name, at in pairs})
+            for pairs in (zip(wide, place.tolist(), strict=True) for place in places)
+        ]
 
     def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:
         """All corners of the bands at some ends of oil and structure."""
@@ -202,10 +243,12 @@ class FrequencyBand:
     Attributes:
         scenarios: at all corners of the bands, in one order for all machines.
         nominal: with the file's values [Hz].
+        between: at places spread between the corners [Hz], the same for all machines.
     """
 
     scenarios: tuple[Scenario, ...]
     nominal: float
+    between: tuple[float, ...] = ()
 
     @property
     def low(self) -> Scenario:
@@ -218,12 +261,13 @@ class FrequencyBand:
         return max(self.scenarios, key=_frequency)
 
     def least_gain(self, today: FrequencyBand) -> float:
-        """Least relative gain over today's machine, at the corners and with the file's values."""
-        pairs = zip(self.scenarios, today.scenarios, strict=True)
-        gains = [new.frequency / old.frequency for new, old in pairs if old.frequency > 0]
-        if today.nominal > 0:
-            gains.append(self.nominal / today.nominal)
-        return min(gains, default=math.inf) - 1
+        """Least relative gain over today's machine: corners, between them, the file's values."""
+        pairs = zip(self._frequencies, today._frequencies, strict=True)
+        return min((new / old for new, old in pairs if old > 0), default=math.inf) - 1
+
+    @property
+    def _frequencies(self) -> list[float]:
+        return [*map(_frequency, self.scenarios), *self.between, self.nominal]
 
 
 def frequency_band(
@@ -242,13 +286,46 @@ def frequency_band(
         today: the machine that this one was made from, whose structure it keeps; None: itself.
     """
     bands = bands or Bands.of(machine)
+    scenarios, lowest = [], []
+    for corner in bands.corners(machine, bands.ends):
+        at_end = bands.at_end(machine, corner.softest, today)
+        shares = corner.payload_share, corner.link_share
+        lowest.append(lowest_of_poses(at_end, workspace, *shares))
+        scenarios.append(_scenario(Worst.of(machine, workspace, *lowest[-1]), corner))
+    floor = np.min([frequency for frequency, _ in lowest], axis=0)
+    seeds = np.unique([frequency.argmin() for frequency, _ in lowest])
     return FrequencyBand(
-        scenarios=tuple(
-            scenario(machine, workspace, bands, corner, today)
-            for corner in bands.corners(machine, bands.ends)
-        ),
+        scenarios=tuple(scenarios),
         nominal=worst_frequency(machine, workspace).frequency,
+        between=tuple(
+            _between(machine, workspace, exact, (floor, seeds), today) for exact in bands.between
+        ),
     )
+
+
+def _between(
+    machine: Machine,
+    workspace: Workspace,
+    exact: Bands,
+    known: tuple[Array, Array],
+    today: Machine | None,
+) -> float:
+    """The worst frequency [Hz] at one place between the corners of the bands.
+
+    No pose is lower there than at all corners; so it is looked for among the poses that are lower
+    at one of them than some chosen poses are at this place.
+
+    Args:
+        machine: the machine.
+        workspace: poses that count.
+        exact: the place, as bands of no width.
+        known: the lowest frequency of each pose over the corners (n,) [Hz]; rows that are chosen.
+        today: as in ``frequency_band``.
+    """
+    (floor, seeds), corner = known, Corner(True, exact.payload[0], exact.link_mass[0])
+    least = scenario(machine, workspace.subset(seeds), exact, corner, today).frequency
+    rows = np.flatnonzero(floor <= least)
+    return scenario(machine, workspace.subset(rows), exact, corner, today).frequency
 
 
 def worst_within(
@@ -271,6 +348,10 @@ def scenario(
     """The worst frequency of a machine at one corner of the bands; as in ``frequency_band``."""
     at_end = bands.at_end(machine, corner.softest, today)
     worst = worst_frequency(at_end, workspace, corner.payload_share, corner.link_share)
+    return _scenario(worst, corner)
+
+
+def _scenario(worst: Worst, corner: Corner) -> Scenario:
     return Scenario(frequency=worst.frequency, payload=worst.payload, q=worst.q, corner=corner)
 
 
@@ -280,3 +361,11 @@ def _frequency(scenario: Scenario) -> float:
 
 def _pair(band: list[float] | None) -> tuple[float, float]:
     return (band[0], band[1]) if band else EXACT
+
+
+def _exactly(band: Any, share: float) -> Any:
+    """A band, or several by name, at one place between their ends, which then are alike."""
+    if isinstance(band, Mapping):
+        return {name: _exactly(one, share) for name, one in band.items()}
+    value = band[0] + share * (band[1] - band[0])
+    return value, value

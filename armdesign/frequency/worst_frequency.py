@@ -28,6 +28,13 @@ class Worst(NamedTuple):
     payload: str
     q: Array
 
+    @classmethod
+    def of(cls, machine: Machine, workspace: Workspace, frequency: Array, case: Array) -> Worst:
+        """The worst of frequencies and load cases that ``lowest_of_poses`` gives."""
+        worst = int(frequency.argmin())
+        name = machine.payloads[case[worst]].name
+        return cls(float(frequency[worst]), name, workspace.q[worst])
+
 
 @dataclass(frozen=True, eq=False)
 class WorstPose:
@@ -60,15 +67,25 @@ def worst_frequency(
     Raises:
         PoseError: a pose that this machine cannot take.
     """
-    lowest_of_chunks = []
+    lowest = lowest_of_poses(machine, workspace, payload_share, link_share)
+    return Worst.of(machine, workspace, *lowest)
+
+
+def lowest_of_poses(
+    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
+) -> tuple[Array, Array]:
+    """The lowest frequency at each pose over its load cases (n,) [Hz], and whose it is (n,).
+
+    inf where no load case exists. Arguments and errors as of ``worst_frequency``.
+    """
     cases = list(load_cases(machine, workspace, payload_share, link_share))
+    lowest, whose = np.full(len(workspace), np.inf), np.zeros(len(workspace), dtype=int)
     for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
         if len(indices) > 0:
             frequency = lowest_frequency(case.machine.at(rigid))
-            lowest = int(frequency.argmin())
-            q = workspace.q[indices[lowest]]
-            lowest_of_chunks.append(Worst(float(frequency[lowest]), case.name, q))
-    return min(lowest_of_chunks, key=lambda worst: worst.frequency)
+            lower = frequency < lowest[indices]
+            lowest[indices[lower]], whose[indices[lower]] = frequency[lower], cases.index(case)
+    return lowest, whose
 
 
 def refined(case: CasePoses, frequency: Array) -> WorstPose:

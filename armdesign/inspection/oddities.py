@@ -9,6 +9,7 @@ import numpy as np
 
 from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
+from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
@@ -20,6 +21,7 @@ from armdesign.units import Units
 
 if TYPE_CHECKING:
     from armdesign.inspection.inspection import Inspection, StaticLoad
+    from armdesign.machine.machine import Machine
 
 # head, piston, gland and two eyes of a real cylinder take at least about this, over its bore
 DEAD_LENGTH_PER_BORE = 2.2
@@ -28,7 +30,11 @@ STROKE_USED = 0.6
 RANGE_TOLERANCE = {"rad": 0.01, "m": 0.005}  # by which URDF limit and stroke may differ
 PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the workspace
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
+BAND_TOLERANCE = 0.01  # of a value at the end of its band
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
+
+# bands in shares of the file's own value
+SHARES = "bulk_modulus", "dead_volume", "payload", "link_mass", "spring_stiffness"
 
 Oddity = tuple[str, str]  # part, words
 
@@ -43,7 +49,7 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
         odd += _of_load_case(inspection, case.name, units)
-    odd += [*_of_idle(inspection), *_of_oil_and_loads(inspection)]
+    odd += [*_of_idle(inspection), *_of_oil_and_loads(inspection), *_of_bands(machine)]
     return [Finding(part=part, words=words) for part, words in odd]
 
 
@@ -198,3 +204,26 @@ def _of_oil_and_loads(inspection: Inspection) -> Iterator[Oddity]:
         yield "fluid.bulk_modulus_MPa", f"{modulus / 1e6:g} MPa is outside {band}, {why}"
     if all(case.mass == 0 for case in inspection.machine.payloads):
         yield "payload", "every load case is empty: the worst pose of work is not looked at"
+
+
+def _of_bands(machine: Machine) -> Iterator[Oddity]:
+    """Bands that the file's own value is not within."""
+    bands, section = Bands.of(machine), machine.section.bands
+    own = {f"{name}_share": (getattr(bands, name), 1.0) for name in SHARES}
+    if bands.air:
+        air = tuple(100 * end for end in bands.air)
+        own["entrained_air_percent"] = (air, 100 * machine.fluid.air)
+    for actuator in machine.actuators:
+        if band := bands.structure_of(actuator.name):
+            share = actuator.compliance / actuator.oil_compliance(machine.fluid, machine.supply)
+            own[f"structures.{actuator.name}"] = band, share
+    for key, ((low, high), value) in own.items():
+        if not (1 - BAND_TOLERANCE) * low <= value <= (1 + BAND_TOLERANCE) * high:
+            name = key.removeprefix("structures.")
+            stated = key if name in section.structures or name == key else "structure"
+            whose = f" of {name}" if name != key else ""
+            yield (
+                f"bands.{stated}",
+                f"the file's own value{whose}, {value:.3g}, is not within [{low:.4g}, {high:.4g}]:"
+                " what holds at the file's values is outside of what designs are made for",
+            )

@@ -30,8 +30,10 @@ CYLINDER = "#f5a524"
 STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # one machine each
 
 
-def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[Any, Any]:
-    """Figure with one row of axes, drawn without a display.
+def figure(
+    columns: int = 1, width: float = 7.0, height: float = 5.2, rows: int = 1
+) -> tuple[Any, Any]:
+    """Figure drawn without a display, and its axes, row by row; ``width``, ``height`` are of one.
 
     Raises:
         ArmDesignError: no folder can be written, and matplotlib needs one for its fonts.
@@ -40,9 +42,9 @@ def figure(columns: int = 1, width: float = 7.0, height: float = 5.2) -> tuple[A
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    fig = Figure(figsize=(width * columns, height), layout="constrained")
+    fig = Figure(figsize=(width * columns, height * rows), layout="constrained")
     FigureCanvasAgg(fig)
-    return fig, fig.subplots(1, columns, squeeze=False)[0]
+    return fig, fig.subplots(rows, columns, squeeze=False).ravel()
 
 
 def choose_font_cache() -> None:

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array
-from armdesign.mechanism.joint_ranges import over
 from armdesign.plots.canvas import (
     COMPUTED,
     INK,
@@ -25,6 +23,7 @@ from armdesign.plots.maps import side_by_side
 if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
+    from armdesign.design.requirements.performance import Performance
     from armdesign.machine.machine import Machine
 
 TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today's value
@@ -44,54 +43,54 @@ def before_after(design: Design, plane: str = "joints") -> Any:
 
 
 def moment_arms(design: Design) -> Any:
-    """Figure of every cylinder's moment arm over its joint, today and new."""
+    """Figure of every actuator's moment arm and torques over its joint, today and new."""
     return moment_arm_curves({"today": design.today, "new": design.machine})
 
 
 @literal
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
-    """Figure of every cylinder's moment arm about every joint that it spans, over its range.
+    """Figure of every actuator's moment arm and torques about every joint, over its range.
 
-    A cylinder across several joints is drawn with the others in the middle of their ranges. The
-    first machine says which cylinders and joints; the other machines are drawn beside it where
-    they have cylinders and joints of these names.
+    A cylinder across several joints is drawn with the others in the middle of their ranges; the
+    moment arm of a motor is 1. The first machine says which actuators and joints; the other
+    machines are drawn beside it where they have actuators and joints of these names.
     """
+    curves = {label: _curves(machine) for label, machine in machines.items()}
     first = next(iter(machines.values()))
-    spans = [
-        (cylinder.name, first.arm.joints[j], len(linkage.joints))
-        for cylinder, linkage in zip(first.cylinders, first.linkages, strict=True)
-        for j in linkage.joints
-    ]
-    fig, axes = figure(len(spans), 4.4, 3.6)
-    for ax, (name, joint, spanned) in zip(axes, spans, strict=True):
+    spans = list(next(iter(curves.values())))
+    fig, axes = figure(len(spans), 4.4, 3.2, rows=2)
+    for (name, joint), arms, torques in zip(spans, axes, axes[len(spans) :], strict=False):
         styles = cycle(STYLES) if len(machines) > 1 else [("-", INK)]
-        for (label, machine), (style, colour) in zip(machines.items(), styles, strict=False):
-            if (curve := _moment_arm(machine, name, joint.name)) is not None:
-                ax.plot(*curve, style, color=colour, label=label)
-        ylabel = "moment arm [mm]" if joint.revolute else "cylinder per joint [m/m]"
-        ax.set(xlabel=joint_label(joint), ylabel=ylabel)
-        ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
-        about = f" about {joint.name}" if spanned > 1 else ""
-        ax.set_title(f"{name} cylinder{about}", fontsize=10)
-        ax.grid(alpha=0.3)
+        known = first.arm.joints[first.joints.index(joint)]
+        for (label, of), (style, colour) in zip(curves.items(), styles, strict=False):
+            if (at := of.get((name, joint))) is None:
+                continue
+            q, unit = joint_values(known, at.q), 1000 if known.revolute else 1
+            arms.plot(q, unit * at.arm, style, color=colour, label=label)
+            for side, width in enumerate((1.8, 0.9)):
+                torques.plot(q, at.torque[side] / 1000, style, color=colour, lw=width)
+        actuator = next(a for a in first.actuators if a.name == name)
+        arms.set_ylabel("moment arm [mm]" if known.revolute else "cylinder per joint [m/m]")
+        torques.set_ylabel("torque [kN m]" if known.revolute else "force [kN]")
+        torques.set_xlabel(f"{joint_label(known)}; thin: retracting")
+        about = f" about {joint}" if sum(name == other for other, _ in spans) > 1 else ""
+        for ax in (arms, torques):
+            ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
+            ax.grid(alpha=0.3)
+        arms.set_title(f"{name} {actuator.kind}{about}", fontsize=10)
     if len(machines) > 1:
         axes[0].legend(frameon=False)
     return fig
 
 
-def _moment_arm(machine: Machine, cylinder: str, joint: str) -> tuple[Array, Array] | None:
-    """Joint positions and sizes of a cylinder's moment arm in axes' units; None without it."""
-    names = [c.name for c in machine.cylinders]
-    if cylinder not in names or joint not in machine.joints:
-        return None
-    linkage, j = machine.linkages[names.index(cylinder)], machine.joints.index(joint)
-    if j not in linkage.joints:
-        return None
-    q = np.tile(machine.ranges.mean(axis=1), (121, 1))
-    q[:, j] = over(machine.ranges[j], len(q))
-    size = np.abs(linkage.actuation(machine.arm.kinematics(q)).moment_arm[:, j])
-    unit = 1000 if machine.arm.joints[j].revolute else 1
-    return joint_values(machine.arm.joints[j], q[:, j]), size * unit
+def _curves(machine: Machine) -> dict[tuple[str, str], Performance]:
+    """Performance by the names of actuator and joint."""
+    from armdesign.design.requirements.performance import performances
+
+    return {
+        (machine.actuators[at.actuator].name, machine.joints[at.joint]): at
+        for at in performances(machine)
+    }
 
 
 @literal

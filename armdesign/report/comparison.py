@@ -15,6 +15,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.parts import coordinates
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
+from armdesign.report.performance import figures, performance_sheet
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
 
@@ -73,6 +74,7 @@ class Comparison:
             self._limiting(),
             self._differing(),
             loads_sheet(pairs, digging, units),
+            performance_sheet({label: m.machine for label, m in self.maps.items()}, units),
         ]
 
     def _worst(self, units: Units) -> Sheet:
@@ -158,8 +160,6 @@ def _labels(first: Machine, second: Machine) -> tuple[str, str]:
 
 def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     """Value and SI unit of everything that the comparison writes, by name."""
-    from armdesign.design.requirements.check import digging_forces
-
     machine = frequencies.machine
     values: dict[str, tuple[Any, str]] = {}
     spread = frequencies.percentiles((5, 50, 95))
@@ -172,13 +172,13 @@ def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
             values[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():
         values[f"limiting.{name}"] = (float(share), "")
-    forces = digging_forces(machine)
     for c in machine.cylinders:
         values[f"{c.name}.oil_cap"] = (c.bore_area * c.stroke, "m³")
         values[f"{c.name}.oil_annulus"] = (c.annulus_area * c.stroke, "m³")
         values[f"{c.name}.thrust"] = (machine.supply.pressure * c.bore_area, "N")
-        if c.name in forces:
-            values[f"{c.name}.tool_force"] = (forces[c.name], "N")
+    for figure in figures(machine):
+        for key, value in zip(figure.keys, figure.values or (None,), strict=False):
+            values[f"{figure.part}.{key}"] = (value, figure.unit)
     return values
 
 

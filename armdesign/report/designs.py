@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from armdesign.frequency.bands import EXACT, Bands
+import numpy as np
+
+from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
+from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -24,10 +27,11 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     both = {"today": (design.today, design.workspace), "new": (design.machine, design.workspace)}
     return [
         _gain(design, units),
-        *([] if design.bands == Bands() else [_bands(design)]),
+        _bands(design),
         _sizes(design, units),
         _binding(design, units),
         loads_sheet(both, design.requirements.digging, units),
+        performance_sheet({"today": design.today, "new": design.machine}, units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 
@@ -115,51 +119,21 @@ def _reached(design: Design, *frequencies: float) -> str:
 
 
 def _bands(design: Design) -> Sheet:
-    before, after = design.band_before, design.band_after
-    ends = ((band.low.frequency, band.nominal, band.high.frequency) for band in (before, after))
-    columns = list(zip(*ends, strict=True))
-    gains = [f"{100 * (new / old - 1):+.1f} %" if old > 0 else "" for old, new in columns]
-    aims = {"worst": "the lowest", "gain": "the least gain", "nominal": "the file's values alone"}
-    rigid = design.bands.structure is not None and design.bands.structure[0] == 0
-    return Sheet(
-        title="Worst frequency within the bands of what is not known exactly",
-        columns=("", "softest", "at file values", "rigid" if rigid else "stiffest"),
-        rows=(
-            ("today", *(f"{today:.3f} Hz" for today, _ in columns)),
-            ("new", *(f"{new:.3f} Hz" for _, new in columns)),
-            ("gain", *gains),
-        ),
-        note=(
-            f"{_widths(design.bands)}; at the poses of the workspace; the new machine was designed"
-            f" for {aims[design.made_for]}"
-        ),
-        bold=(2,),
-    )
-
-
-def _widths(bands: Bands) -> str:
-    """The ends of all bands, in words."""
-    shares = {"oil": bands.bulk_modulus, "dead volume": bands.dead_volume}
-    shares |= {"payload": bands.payload, "links": bands.link_mass}
-    notes = [f"{name} {low:g} to {high:g} ×" for name, (low, high) in shares.items() if low < high]
-    if bands.spring_stiffness != EXACT:
-        low, high = bands.spring_stiffness
-        notes.insert(0, f"springs {low:g} to {high:g} × as stiff")
-    if bands.air:
-        low, high = (100 * air for air in bands.air)
-        notes.append(f"entrained air {low:g} to {high:g} %")
-    if bands.structure:
-        low, high = bands.structure
-        notes.insert(0, f"structure {low:g} to {high:g} × as soft as today's oil")
-    return ", ".join(notes)
+    made_for = {
+        "worst": "; the new machine was designed for the lowest",
+        "gain": "; the new machine was designed for the least gain",
+        "nominal": "; the new machine was designed for the file's values alone",
+    }
+    rows = {"today": design.band_before, "new": design.band_after}
+    least = f"; least gain within the bands {100 * design.least_gain:+.1f} %"
+    return bands_sheet(design.today, design.bands, rows, f"{made_for[design.made_for]}{least}")
 
 
 def _vanishing(design: Design) -> str:
-    """Where within the bands the new machine gains nothing; empty if nowhere."""
-    if design.bands == Bands():
+    """What the new machine loses somewhere within the bands; empty if nothing."""
+    if design.least_gain > 0:
         return ""
-    least = design.band_after.least_gain(design.band_before)
-    return "" if least > 0 else f"the gain vanishes within the bands: {100 * least:+.1f} % there; "
+    return f"the gain vanishes within the bands: {100 * design.least_gain:+.1f} % there; "
 
 
 def _sizes(design: Design, units: Units) -> Sheet:
@@ -256,18 +230,27 @@ def summary(design: Design) -> str:
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits{limiting}.{_throughout(design)}"
+        f" limits; {_torques(design)}{limiting}.{_throughout(design)}"
     )
 
 
+def _torques(design: Design) -> str:
+    """What the largest torques of all actuators are, both ways, over today's."""
+    from armdesign.design.requirements.performance import performances
+
+    new, today = (performances(machine) for machine in (design.machine, design.today))
+    shares = [100 * a.largest / b.largest for a, b in zip(new, today, strict=True)]
+    low, high = np.min(shares), np.max(shares)
+    return f"the actuators' largest torques are {low:.0f} to {high:.0f} % of today's"
+
+
 def _throughout(design: Design) -> str:
-    """What the new machine gains within the bands at least; empty where nothing is uncertain."""
-    if design.bands == Bands():
-        return ""
-    least = design.band_after.least_gain(design.band_before)
-    low, high = (design.band_after.low.frequency, design.band_after.high.frequency)
+    """What the new machine gains within the bands at least."""
+    least = design.least_gain
+    low, high = design.band_after.low.frequency, design.band_after.high.frequency
     what = "it gains at least" if least > 0 else "the gain vanishes there:"
+    assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
-        f" Within the bands of what is not known exactly, {low:.3f} to {high:.3f} Hz, {what}"
-        f" {100 * least:+.1f} %."
+        f" Within the bands of what is not known exactly{assumed}, {low:.3f} to {high:.3f} Hz,"
+        f" {what} {100 * least:+.1f} %."
     )

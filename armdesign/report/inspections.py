@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions
 from armdesign.units import WORKSHOP, Units
 
@@ -22,6 +23,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         *([_motors(inspection, units)] if inspection.machine.motors else []),
         *([_springs(inspection, units)] if inspection.machine.springs else []),
         _levers(inspection, units),
+        performance_sheet({"value": inspection.machine}, units),
         _static_loads(inspection, units),
     ]
     return [*implausible, *sheets] if inspection.suspicions else [*sheets, *implausible]

@@ -1,11 +1,13 @@
-"""Sheets of a frequency map: worst pose, percentiles, limiting cylinders, stiffness."""
+"""Sheets of a frequency map: worst pose, bands, percentiles, limiting cylinders, stiffness."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
-from armdesign.errors import SimulationError
+from armdesign.errors import PoseError, SimulationError
+from armdesign.frequency.bands import Bands, frequency_band
+from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.sheet import Sheet, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -19,7 +21,7 @@ UNSTABLE = (
 
 
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
-    """Worst pose, percentiles, limiting cylinders and origin of the stiffness, of one map."""
+    """Worst pose, bands, percentiles, limiting cylinders and origin of the stiffness."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
@@ -36,8 +38,18 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         note="; ".join(filter(None, (springs, reliefs, _rest_note(frequencies)))),
         bold=(0,),
     )
-    tables = spread_sheet({"": frequencies}), _limiting_sheet(frequencies)
-    return [head, *tables, _stiffness_sheet(frequencies)]
+    tables = _bands_sheet(frequencies), spread_sheet({"": frequencies})
+    return [head, *tables, _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+
+
+def _bands_sheet(frequencies: FrequencyMap) -> Sheet:
+    """The worst frequency within the file's bands, or why there is none at their soft end."""
+    machine, bands = frequencies.machine, Bands.shown(frequencies.machine)
+    try:
+        band = frequency_band(machine, frequencies.workspace, bands)
+    except PoseError as error:
+        return Sheet(title=BANDS_TITLE, rows=(("softest", "unstable"),), note=str(error))
+    return bands_sheet(machine, bands, {"worst": band})
 
 
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -186,6 +187,21 @@ def test_a_gain_that_vanishes_is_said_first() -> None:
     assert sheets[1].columns == ("", "softest", "at file values", "rigid")
     assert f"the gain vanishes there: {100 * least:+.1f} %" in summary(poorer)
     assert "vanishes" not in design_sheets(design)[0].note
+
+
+def test_a_saved_design_keeps_the_steel(tmp_path: Path) -> None:
+    """Bands of its file are shares of its own oil: at both ends the compliance in m/N is that of
+    today's machine.
+    """
+    stated = machine_with(MACHINES["double"](), "structure = [0.2, 1.0]")
+    design = ad.size_cylinders(stated, Workspace.grid(stated, points=(5, 5)))
+    saved = ad.load(design.machine.save(tmp_path / "new.toml"))
+    assert [c.bore for c in saved.cylinders] != [c.bore for c in stated.cylinders]
+    for softest in (True, False):
+        own, today = (ad.Bands.of(m).at_end(m, softest).cylinders for m in (saved, stated))
+        for new, old in zip(own, today, strict=True):
+            assert new.compliance == pytest.approx(old.compliance, rel=1e-5)  # six digits
+    assert own[0].compliance > 0
 
 
 @pytest.mark.parametrize("name", ["odd", "excavator"])
@@ -380,7 +396,7 @@ def test_no_sample_within_the_bands_is_worse() -> None:
 
 @pytest.mark.slow
 def test_the_report_shows_the_bands_of_the_file() -> None:
-    """Whatever the design was made for; without bands there is no such sheet."""
+    """Whatever the design was made for; without bands rigid and soft structure are assumed."""
     stated = machine_with(machines.rigid("excavator_20t"), "bulk_modulus_share = [0.7, 1.1]")
     workspace = workspace_of("excavator")
     given: dict[str, Any] = {"nominal": {"bands": ad.Bands()}, "worst": {"objective": "worst"}}
@@ -407,6 +423,13 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
         )
         gain = 100 * (found.unrounded / found.band_before.nominal - 1)
         assert (f"before rounding {gain:+.1f} %" in first.note) == (made_for == "gain")
-    plain = ad.size_cylinders(machines.rigid("excavator_20t"), workspace)
-    assert "bands" not in design_sheets(plain)[1].title
-    assert "bands" not in summary(plain)
+    plain = machine_with(stated, "")
+    assumed = ad.size_cylinders(plain, workspace)
+    assert assumed.made_for == "nominal"
+    sheet = design_sheets(assumed)[1]
+    assert sheet.columns == ("", "softest", "at file values", "rigid")
+    soft = ad.frequency_band(plain, workspace, ad.Bands(structure=(1.0, 1.0))).low.frequency
+    assert sheet.rows[0] == ("today", f"{soft:.3f} Hz", *2 * (sheet.rows[0][3],))
+    words = "structure 0 to 1 × as soft as today's oil, assumed: the file states none; "
+    assert sheet.note.startswith(words)
+    assert "Within the bands of what is not known exactly, assumed, " in summary(assumed)

@@ -153,6 +153,48 @@ def test_structure_of_the_20_t_machine(rigid_excavator: ad.Machine) -> None:
         assert band.high.frequency == pytest.approx(frequency, abs=5e-4)
 
 
+def test_structure_of_single_actuators() -> None:
+    """A share by name comes before the common one; without a common one the others stay."""
+    machine = machines.named("excavator_20t")
+    oil = [c.oil_compliance(machine.fluid, machine.supply) for c in machine.cylinders]
+    common = ad.Bands(structure=(0.0, 0.5), structures={"stick": (0.1, 2.0)})
+    of_soft, of_stiff = (common.at_end(machine, softest).cylinders for softest in (True, False))
+    assert_allclose([c.compliance for c in of_soft], np.array([0.5, 2.0, 0.5]) * oil)
+    assert_allclose([c.compliance for c in of_stiff], np.array([0.0, 0.1, 0.0]) * oil)
+    single = ad.Bands(structures={"stick": (0.1, 2.0)})
+    boom, stick, bucket = single.at_end(machine, True).cylinders
+    assert (boom, bucket) == (machine.cylinders[0], machine.cylinders[2])
+    assert stick.compliance == pytest.approx(2.0 * oil[1])
+    with pytest.raises(ad.ArmDesignError, match=r"structures\.stik: excavator_20t has no such ac"):
+        ad.Bands(structures={"stik": (0, 1)}).at_end(machine, True)
+
+
+def test_the_bands_of_the_crane_are_of_what_was_measured() -> None:
+    """Tilt and extension, of which nothing is known, stay as their file has them."""
+    crane = ad.load("loader_crane")
+    soft = ad.Bands.of(crane).at_end(crane, True)
+    assert soft.cylinders[0].compliance > crane.cylinders[0].compliance
+    assert [c.compliance for c in soft.cylinders[1:]] == [0.0, 0.0]
+
+
+def test_places_between_the_corners_are_found_as_whole_machines_are(
+    excavator: ad.Machine, workspace: ad.Workspace
+) -> None:
+    """One band's places are its sixteenths; two bands are met at the same fifteen shares each,
+    but not together; the worst there is that of all poses.
+    """
+    bands = ad.Bands(structure=(0.0, 1.0), payload=(0.8, 1.2))
+    shares = np.arange(1, 16) / 16
+    for name, low, width in (("structure", 0.0, 1.0), ("payload", 0.8, 0.4)):
+        own = sorted(getattr(exact, name)[0] for exact in bands.between)
+        assert_allclose(own, low + shares * width)
+    band = ad.frequency_band(excavator, workspace, bands)
+    for exact, frequency in list(zip(bands.between, band.between, strict=True))[::5]:
+        whole = ad.frequency_band(excavator, workspace, exact)
+        assert frequency == pytest.approx(whole.low.frequency, rel=1e-12)
+    assert ad.Bands().between == []
+
+
 def test_a_new_machine_keeps_the_structure_of_todays() -> None:
     """In m/N: larger cylinders have stiffer oil, but brackets and pins are those of today."""
     today = machines.named("excavator_20t")
@@ -166,7 +208,7 @@ def test_a_new_machine_keeps_the_structure_of_todays() -> None:
 
 
 def test_least_gain_is_that_of_the_poorest_corner() -> None:
-    """By hand: gains of 0.6/0.5, 0.9/1 and at the file's values 0.8/0.7."""
+    """By hand: gains of 0.6/0.5, 0.9/1 and at the file's values 0.8/0.7; a place between."""
     today, new = (
         FrequencyBand(
             scenarios=tuple(
@@ -179,6 +221,8 @@ def test_least_gain_is_that_of_the_poorest_corner() -> None:
     )
     assert new.least_gain(today) == pytest.approx(-0.1)
     assert today.least_gain(today) == 0
+    amid = replace(new, between=(0.7, 0.6)), replace(today, between=(0.75, 0.75))
+    assert amid[0].least_gain(amid[1]) == pytest.approx(-0.2)
 
 
 def test_bands_are_read_from_the_file(excavator: ad.Machine) -> None:
@@ -199,6 +243,14 @@ FAULTS = [
     (
         "structure = [0.5, 0.2]",
         r"bands\.structure: \[0\.5, 0\.2\] is in the wrong order; give \[lower, upper\]",
+    ),
+    (
+        "structures = { boom = [0.5, 0.2] }",
+        r"bands\.structures\.boom: \[0\.5, 0\.2\] is in the wrong order; give \[lower, upper\]",
+    ),
+    (
+        "structures = { bom = [0.2, 0.5] }",
+        r'bands\.structures\.bom: no actuator "bom"; choose from: boom, stick, bucket',
     ),
     (
         "structure = [-0.1, 1]",

@@ -62,6 +62,26 @@ CASES = [
     ({"fluid.bulk_modulus_MPa": 100}, "fluid.bulk_modulus_MPa", "outside"),
     ({"payload.full.mass_kg": 0}, "payload", "every load case is empty"),
     (
+        {"bands.structure": [1.5, 3.0]},
+        "bands.structure",
+        r"own value of bucket, 0\.4, is not within \[1\.5, 3\]: what holds",
+    ),
+    (
+        {"bands.structures.boom": [0.0, 0.3]},
+        "bands.structures.boom",
+        r"own value of boom, 0\.4, is not within \[0, 0\.3\]",
+    ),
+    (
+        {"bands.bulk_modulus_share": [0.5, 0.8]},
+        "bands.bulk_modulus_share",
+        r"own value, 1, is not within \[0\.5, 0\.8\]",
+    ),
+    (
+        {"bands.entrained_air_percent": [0.5, 1.5]},
+        "bands.entrained_air_percent",
+        r"own value, 0, is not within \[0\.5, 1\.5\]",
+    ),
+    (
         {"cylinder.stick.stroke_mm": 1000},
         "joint stick",
         r"the URDF allows \[-155\.5, -33\.2\]°, the strokes cover only",

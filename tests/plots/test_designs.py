@@ -19,7 +19,12 @@ def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
     poses = machine.at(np.array([[machine.ranges[0, 0], *machine.ranges.mean(axis=1)[1:]]]))
     assert line.get_xdata()[0] == pytest.approx(np.rad2deg(machine.ranges[0, 0]))
     assert line.get_ydata()[0] == pytest.approx(1000 * abs(poses.moment_arms[0, 0, 0]))
-    assert [len(ax.lines) for ax in fig.axes] == [2, 2, 2]
+    assert [len(ax.lines) for ax in fig.axes] == [2, 2, 2, 4, 4, 4]
+    arm, pressure = abs(poses.moment_arms[0, 0, 0]), machine.supply.pressure
+    boom = machine.cylinders[0]
+    assert [line.get_ydata()[0] for line in fig.axes[3].lines[:2]] == pytest.approx(
+        [pressure * area * arm / 1000 for area in (boom.bore_area, boom.annulus_area)]
+    )
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
@@ -28,8 +33,19 @@ def test_curves_of_a_cylinder_across_two_joints() -> None:
     machine = machines.named("crossing")  # lift about the boom, long about both
     fig = plots.moment_arm_curves({"odd": machine})
     titles = [ax.get_title() for ax in fig.axes]
-    assert titles == ["lift cylinder", "long cylinder about stick", "long cylinder about boom"]
+    assert titles[:3] == ["lift cylinder", "long cylinder about stick", "long cylinder about boom"]
     q = machine.ranges.mean(axis=1)
     q[1] = machine.ranges[1, 1]
     arm = machine.evaluate(machine.arm.kinematics(q[None])).moment_arms[0, 1, 1]
     assert fig.axes[2].lines[0].get_ydata()[-1] == pytest.approx(1000 * abs(arm))
+
+
+def test_curves_of_a_motor() -> None:
+    """Its torque is the same over the range: pressure × displacement at the joint, both ways."""
+    machine = machines.named("rotator")
+    fig = plots.moment_arm_curves({"rotator": machine})
+    titles = [ax.get_title() for ax in fig.axes]
+    torques = fig.axes[titles.index("turn motor") + len(machine.actuators)]
+    wanted = machine.supply.pressure * machine.motors[0].bore_area / 1000
+    for line in torques.lines:
+        assert line.get_ydata() == pytest.approx(np.full(len(line.get_ydata()), wanted))

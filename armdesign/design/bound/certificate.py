@@ -189,7 +189,8 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
 def _alike(problem: Problem) -> bool:
     """Whether pins vary, no own masses do, and corners differ but in structure and masses."""
     bands = problem.dynamics.corners.bands
-    plain = replace(bands, structure=None, payload=Bands().payload, link_mass=Bands().link_mass)
+    masses = {"payload": Bands().payload, "link_mass": Bands().link_mass}
+    plain = replace(bands, structure=None, structures=None, **masses)
     moving = bool(problem.vector.moving)
     return moving and problem.vector.moving_masses is None and plain == Bands()
 

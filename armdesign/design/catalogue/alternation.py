@@ -122,7 +122,7 @@ def improve_in_turn(search: Search, sizes: Sizes) -> Search:
 
 def refuse_fixed_sizes(problem: Problem) -> None:
     """Raise where no size varies."""
-    if not any(bore or rod for bore, rod in problem.vector.resized):
+    if not problem.vector.any_size_varies:
         fault = "has no use where sizes stay as they are"
         raise ArmDesignError("catalogue", fault, 'add "areas" to what varies')
 

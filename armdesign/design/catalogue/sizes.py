@@ -1,14 +1,15 @@
-"""Bores and rods that can be bought: ISO 3320, a maker's 5 mm grid, or the user's own list."""
+"""Sizes that can be built: bores and rods that can be bought, and the grid of drawn lengths."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Cylinder
+from armdesign.machine.machine import Machine
 from armdesign.units import mm
 
 # bore and rod [m], of each cylinder or of each entry of a catalogue
@@ -20,6 +21,44 @@ ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 8
 GRID_MM = 5  # of makers of excavators
 SAME = 1e-9  # [m]
 LARGEST = 2.0  # [m] a bore beyond it was meant in mm
+FREE = "free"  # in place of a catalogue: real numbers, to 0.1 mm
+
+
+@dataclass(frozen=True)
+class DrawingGrid:
+    """Steps of a drawing's lengths [mm].
+
+    Attributes:
+        lengths: of pin coordinates, bars and closed lengths.
+        strokes: of strokes.
+    """
+
+    lengths: float
+    strokes: float
+
+
+FINE = DrawingGrid(lengths=0.1, strokes=0.1)
+BUILDABLE = DrawingGrid(lengths=1.0, strokes=5.0)
+
+
+def sizes_and_grid(
+    machine: Machine, catalogue: str | Iterable[Sequence[float]] | None
+) -> tuple[Sizes | None, DrawingGrid]:
+    """Sizes to choose from, None for any on the 0.1 mm grid, and what lengths are rounded to.
+
+    Args:
+        machine: today's.
+        catalogue: as in ``sizes_of``; None: ``requirements.catalogue`` of the machine's file;
+            "free": none.
+
+    Raises:
+        ArmDesignError: an unknown name, or a pair that is no cylinder.
+    """
+    if catalogue is None:
+        catalogue = machine.section.requirements.catalogue
+    if catalogue is None or (isinstance(catalogue, str) and catalogue == FREE):
+        return None, FINE
+    return sizes_of(catalogue), BUILDABLE
 
 
 def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.design_vector import RANGE_POSES
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
@@ -25,6 +26,7 @@ from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
+from armdesign.design.requirements.strokes_and_boxes import open_length
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.machine.file.schema import share_of
@@ -67,7 +69,8 @@ def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
     if not tightening:
         return 0.0
     factor, moved = evaluation.tightening_factor, evaluation.constraint.imag != 0
-    whole = tightening * factor * evaluation.limit_sensitivity + evaluation.rounding_loss
+    rounding = evaluation.rounding_loss * problem.grid.lengths / FINE.lengths
+    whole = tightening * factor * evaluation.limit_sensitivity + rounding
     return np.where(np.any(moved, axis=0), whole, 0.0)
 
 
@@ -81,7 +84,10 @@ def evaluations_at(
     arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
     forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
-    return evaluations(new, reference, forces)
+    yield from evaluations(new, reference, forces)
+    for i, stroke in enumerate(problem.vector.chosen_strokes):
+        if stroke is not None:
+            yield open_length(new, reference, i)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:

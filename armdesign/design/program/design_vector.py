@@ -54,11 +54,14 @@ class DesignVector:
         machine: today's machine, x = ``start``.
         vary: words and key paths of ``variables.py``.
         boxes: for each cylinder how far the coordinates of a place of its linkage may move [m].
+        chosen_strokes: strokes [m] of cylinders for which they are chosen; None, or no entry,
+            where the stroke is what the joint's range takes.
     """
 
     machine: Machine
     vary: tuple[str, ...]
     boxes: tuple[Mapping[str, float], ...]
+    chosen_strokes: tuple[float | None, ...] = ()
 
     @classmethod
     def of(
@@ -124,6 +127,11 @@ class DesignVector:
         """For each actuator, whether its bore and whether its rod may change."""
         free = [v.free for v in self.variables[: 2 * len(self.machine.actuators)]]
         return tuple(zip(free[::2], free[1::2], strict=True))
+
+    @property
+    def any_size_varies(self) -> bool:
+        """Whether a bore or rod may change."""
+        return any(bore or rod for bore, rod in self.resized)
 
     @cached_property
     def start(self) -> Array:
@@ -200,7 +208,7 @@ class DesignVector:
 
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
-        """Closed length and stroke (nc,) [m] that cover joint ranges; today's if pins stay."""
+        """Closed length and stroke (nc,) [m]: today's if pins stay, as chosen, or just enough."""
         actuators = self.machine.actuators
         closed, stroke = (
             np.array([getattr(f, key) for f in actuators]) for key in ("closed_length", "stroke")
@@ -211,6 +219,8 @@ class DesignVector:
                 with np.errstate(invalid="ignore"):
                     length = linkages[i].length(poses)
                 closed[i], stroke[i] = length.min(), np.ptp(length)
+        for i, chosen in enumerate(self.chosen_strokes):
+            stroke[i] = stroke[i] if chosen is None else chosen
         return closed, stroke
 
     # -------------------------------------------------------------------------------------- masses

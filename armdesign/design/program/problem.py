@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import relative_areas
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid, relative_areas
 from armdesign.design.program.corners import Corners
 from armdesign.design.program.design_vector import DesignVector
 from armdesign.design.program.dynamics import Dynamics
@@ -52,12 +52,14 @@ class Problem:
         requirements: limits of a design.
         sizes: bore and rod [m] of cylinders for which they are chosen, None of the others.
         margins: by how much constraints are moved.
+        grid: what lengths are rounded to in the end.
     """
 
     dynamics: Dynamics
     requirements: Requirements
     sizes: ChosenSizes = ()
     margins: Margins = field(default_factory=Margins)
+    grid: DrawingGrid = FINE
 
     @classmethod
     def of(
@@ -138,6 +140,11 @@ class Problem:
         ]
         areas = other.vector.areas(x) / self.vector.areas_today
         return np.clip(np.concatenate([areas.ravel(), coordinates]), *self.bounds)
+
+    def with_strokes(self, strokes: tuple[float | None, ...]) -> Problem:
+        """The same problem with strokes [m] that are chosen."""
+        vector = replace(self.vector, chosen_strokes=strokes)
+        return replace(self, dynamics=replace(self.dynamics, vector=vector))
 
     def tightened(self, share: float) -> Problem:
         """The same problem with limits drawn in by a share."""

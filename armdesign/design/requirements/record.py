@@ -65,7 +65,7 @@ class Evaluation(Requirement):
         reformulated: for the optimiser a smoother form of the constraint (b, k), and what it gains
             per 100 % of the limit; None: the distance to the limit over ``scale``.
         tightening_factor: how many times a share of tightening this constraint is drawn in.
-        rounding_loss: of the constraint, by pins on the grid, besides.
+        rounding_loss: of the constraint, by pins on the 0.1 mm grid, besides.
         curved: whether the constraint bends in the areas so that no tangent bounds it.
     """
 

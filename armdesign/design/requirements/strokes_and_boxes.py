@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from armdesign.design.requirements.candidate import MachineCandidate, Reference
+from armdesign.design.requirements.candidate import Candidate, MachineCandidate, Reference
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Names, Stated, at_work, cylinders, number, stated
 from armdesign.frequency.workspace import Workspace
@@ -28,6 +28,9 @@ def _names(boxes: Mapping[str, Mapping[str, float]], machine: Machine) -> Names:
     yield "pin_boxes", "cylinder", boxes, cylinders(machine)
     for name, box in boxes.items():
         yield f"pin_boxes.{name}", "pin", box, ("base", "rod_end")
+
+
+ROUNDING_OPEN = 2e-4  # [m] that rounding to 0.1 mm may add to the travel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,26 +71,21 @@ def strokes_and_boxes(
 ) -> Iterator[Evaluation]:
     """Strokes that cover their joint's range, places within their boxes; ``box`` is common [m].
 
-    The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``;
-    ``test_constraints_of_the_optimiser_are_the_requirements`` ties them.
+    The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``, but for strokes
+    that are chosen; ``test_constraints_of_the_optimiser_are_the_requirements`` ties them.
     """
     for i, cylinder in enumerate(reference.today.cylinders):
         name, swept, linkage = cylinder.name, new.sweeps[i], new.machine.linkages[i]
         if swept is not None:
-            open_length, length = new.closed[:, i] + new.stroke[:, i], swept[0]
-            for end, value, limit, at_least in (
-                ("open", open_length, float(length.max()), True),
-                ("closed", new.closed[:, i], float(length.min()), False),
-            ):
-                yield Evaluation(
-                    name=f"range.{end}.{name}",
-                    words=f"stroke covers {reference.today.joints[linkage.joints[0]]}",
-                    unit="m",
-                    value=value,
-                    limit=limit,
-                    at_least=at_least,
-                    slack_scale=cylinder.stroke,
-                )
+            yield open_length(new, reference, i)
+            yield Evaluation(
+                name=f"range.closed.{name}",
+                words=f"stroke covers {reference.today.joints[linkage.joints[0]]}",
+                unit="m",
+                value=new.closed[:, i],
+                limit=float(swept[0].min()),
+                slack_scale=cylinder.stroke,
+            )
         for place in linkage.places:
             now, before = new.place(i, place), reference.old.place(i, place)
             if now is None or before is None:
@@ -104,3 +102,23 @@ def strokes_and_boxes(
                 limit=own,
                 slack_scale=own or 1.0,
             )
+
+
+def open_length(new: Candidate, reference: Reference, i: int) -> Evaluation:
+    """The open length of a cylinder that moves one joint reaches the far end of its range."""
+    swept, today = new.sweeps[i], reference.today
+    assert swept is not None
+    lengths = swept[0]
+    longest = lengths[:, int(lengths[0].real.argmax())]
+    reached, stroke = new.closed[:, i] + new.stroke[:, i], today.cylinders[i].stroke
+    return Evaluation(
+        name=f"range.open.{today.cylinders[i].name}",
+        words=f"stroke covers {today.joints[today.linkages[i].joints[0]]}",
+        unit="m",
+        value=reached,
+        limit=float(longest[0].real),
+        at_least=True,
+        slack_scale=stroke,
+        reformulated=(((reached - longest) / stroke)[:, None], np.zeros((len(longest), 1))),
+        rounding_loss=ROUNDING_OPEN / stroke,
+    )

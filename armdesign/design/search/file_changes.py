@@ -10,9 +10,12 @@ from armdesign.arrays import Array
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import SIZES
+from armdesign.frequency.bands import Bands
+from armdesign.machine.machine import Machine
 from armdesign.units import litre, mm
 
-GRID = 0.1  # [mm] what a drawing can say
+GRID = 0.1  # [mm] of bores and rods where no catalogue has them
+DIGITS = 6  # of shares
 
 
 def neighbours(value: float) -> list[float]:
@@ -25,6 +28,12 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     """Bore and rod of a cylinder at x [mm]."""
     (a1, a2), count = problem.vector.areas(x)[i], problem.machine.cylinders[i].count
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
+
+
+def grid_strokes(problem: Problem, stroke: float) -> list[float]:
+    """The strokes of the drawing grid below and above a stroke [m]."""
+    grid = problem.grid.strokes * mm
+    return [k * grid for k in sorted({math.floor(stroke / grid), math.ceil(stroke / grid)})]
 
 
 def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
@@ -58,6 +67,7 @@ def changes_of(
 def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     """Rounded pins and bars, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
+    grid = problem.grid.lengths
     linkages = list(problem.vector.linkages(x))
     today, requirements = problem.machine, problem.requirements
     common = requirements.box(today, problem.workspace)
@@ -67,27 +77,27 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
             limit = requirements.box_of(today.cylinders[i].name, place, common) / mm
             both = (linkage.place(place) or () for linkage in (linkages[i], today.linkages[i]))
             pairs = zip(*both, strict=True)
-            at = [_rounded(value / mm, before / mm, limit) for value, before in pairs]
+            at = [_rounded(value / mm, before / mm, limit, grid) for value, before in pairs]
             changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
         poses = problem.vector.range_poses[i]
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
-        closed = math.floor(length.min() / GRID + 1e-9) * GRID
-        stroke = math.ceil((length.max() - closed) / GRID - 1e-9) * GRID
+        closed = math.floor(length.min() / grid + 1e-9) * grid
+        steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
         changes[f"{name}.closed_length_mm"] = round(closed, 1)
-        changes[f"{name}.stroke_mm"] = round(stroke, 1)
+        changes[f"{name}.stroke_mm"] = round(steps * problem.grid.strokes, 1)
     return changes
 
 
-def _rounded(value: float, before: float, limit: float) -> float:
+def _rounded(value: float, before: float, limit: float, grid: float) -> float:
     """A pin coordinate on the grid and within the box [mm]; as it was where it did not move."""
     if abs(value - before) < 1e-9:
         return before
-    low = math.ceil((before - limit) / GRID - 1e-6) * GRID
-    high = math.floor((before + limit) / GRID + 1e-6) * GRID
-    return round(min(max(round(value / GRID) * GRID, low), high), 1)
+    low = math.ceil((before - limit) / grid - 1e-6) * grid
+    high = math.floor((before + limit) / grid + 1e-6) * grid
+    return round(min(max(round(value / grid) * grid, low), high), 1)
 
 
 def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[str, Any]:
@@ -104,6 +114,19 @@ def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[st
             changes[f"{name}.dead_volume_l.cap"] = round(float(volumes[0]), 4)
             changes[f"{name}.dead_volume_l.annulus"] = round(float(volumes[1]), 4)
     return changes
+
+
+def with_todays_structure(machine: Machine, today: Machine) -> Machine:
+    """The new machine with bands of structure as shares of its own oil: the steel is the same."""
+    bands, changes = Bands.of(today), {}
+    for old, new in zip(today.cylinders, machine.cylinders, strict=True):
+        band = bands.structure_of(new.name)
+        of_oil = new.oil_compliance(machine.fluid, machine.supply)
+        share = old.oil_compliance(today.fluid, today.supply) / of_oil
+        if band is not None and share != 1.0:
+            own = [float(f"{share * end:.{DIGITS}g}") for end in band]
+            changes[f"bands.structures.{new.name}"] = own
+    return machine.replace(changes)
 
 
 def _with_masses(problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.settings import Requirements
@@ -46,6 +47,7 @@ def formulate(
     proportional: bool = False,
     bands: Bands | None = None,
     objective: str = "gain",
+    grid: DrawingGrid = FINE,
 ) -> Problem:
     """The design problem; with the default grid and the file's requirements where none are given.
 
@@ -64,7 +66,7 @@ def formulate(
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    return Problem.of(
+    problem = Problem.of(
         machine=machine,
         workspace=workspace,
         requirements=requirements,
@@ -73,6 +75,7 @@ def formulate(
         bands=bands,
         gain=objective == "gain" and bands != Bands(),
     )
+    return replace(problem, grid=grid)
 
 
 @dataclass(frozen=True)

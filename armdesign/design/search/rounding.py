@@ -14,15 +14,22 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import size_in_mm
+from armdesign.design.catalogue.sizes import FINE, size_in_mm
+from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
+from armdesign.design.search.file_changes import (
+    changes_of,
+    diameters,
+    grid_strokes,
+    neighbours,
+    pin_changes,
+)
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
-from armdesign.design.search.sequential_sdp import Search
+from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
@@ -30,6 +37,7 @@ from armdesign.units import mm
 
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
+STROKES = 4  # combinations of strokes that pins are tuned for
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
@@ -72,6 +80,7 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
+    search = with_strokes_on_grid(search)
     problem, judged = search.problem, search.problem.dynamics.corners.judged
     tuned = [CheckedMachine.of(machine, problem) for machine in _retuned(search)]
     allowed = [one for one in tuned if one.allowed]
@@ -90,11 +99,46 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     return best if new > old else today
 
 
+def with_strokes_on_grid(search: Search) -> Search:
+    """The search with strokes in the steps of its drawing grid; the same where these are fine.
+
+    Of the strokes around its own, the nearest that miss no requirement which pins cannot help are
+    tried while pins follow, and the best are taken.
+    """
+    problem = search.problem
+    moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
+    if problem.grid == FINE or problem.vector.chosen_strokes or not moving:
+        return search
+    own = problem.vector.strokes(search.x)[1]
+    options = [grid_strokes(problem, own[i]) if i in moving else [None] for i in range(len(own))]
+    near = sorted(
+        itertools.product(*options),
+        key=lambda strokes: sum(abs(strokes[i] - own[i]) for i in moving),
+    )
+    inside = problem.tightened(TIGHTENING)
+    tried = [search.of(inside.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
+    tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
+    best = max(
+        (one.look().refine(TRUST, PROMISED) for one in tried),
+        key=lambda one: (one.violation <= MISSED, one.merit),
+    )
+    return search.of(replace(problem, dynamics=best.problem.dynamics), best.x).look()
+
+
+def _may_follow(search: Search) -> bool:
+    """Whether no requirement is missed that nothing free has an influence on."""
+    at = constraints_at(search.problem, search.x, search.holding)
+    low, high = search.bounds
+    fixed = (at.jacobian[:, high > low] == 0).all(axis=1)
+    return bool((at.values[fixed] >= -MISSED).all())
+
+
 def inmost_machine(search: Search) -> CheckedMachine | None:
     """A machine near a search as far inside all limits as can be, sizes on the grid.
 
     None if it misses one even so.
     """
+    search = with_strokes_on_grid(search)
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)

@@ -49,10 +49,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     yield from _of_springs(machine)
-    for key, band in machine.bands:
-        if band and not band[0] <= band[1]:
-            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
-            yield f"bands.{key}", fault, "give [lower, upper]"
+    yield from _of_bands(machine)
     yield from _of_requirements(machine)
 
 
@@ -68,6 +65,20 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_bands(machine: MachineSection) -> Iterator[Fault]:
+    """Bands run from their lower end to their upper end, those of structures at actuators."""
+    several, actuators = machine.bands.structures, (*machine.cylinder, *machine.motor)
+    bands = {key: band for key, band in machine.bands if key != "structures"}
+    for key, band in (bands | {f"structures.{name}": several[name] for name in several}).items():
+        if band and not band[0] <= band[1]:
+            fault = f"[{band[0]:g}, {band[1]:g}] is in the wrong order"
+            yield f"bands.{key}", fault, "give [lower, upper]"
+    for name in several:
+        if name not in actuators:
+            remedy = f"choose from: {', '.join(actuators)}"
+            yield f"bands.structures.{name}", f'no actuator "{name}"', remedy
 
 
 def _of_springs(machine: MachineSection) -> Iterator[Fault]:

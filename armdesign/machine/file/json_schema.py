@@ -77,6 +77,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "structure": "compliance in series with each actuator over that of its oil at mid stroke: 0"
     " rigid, 1 as soft as the oil",
+    "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
@@ -101,6 +102,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "buckling_column": "what buckles: rod, all of the open cylinder as thick as the rod; stepped,"
     " barrel and rod",
     "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
+    "catalogue": "bores and rods of a new design; pins then on whole mm, strokes on 5 mm",
     "barrel_wall_mm": "thickness of the barrel's wall; default: what the supply pressure needs"
     " (Lamé)",
     "speed": "motions at pump flow by name: what one entry names moves together",

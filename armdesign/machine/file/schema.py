@@ -149,6 +149,7 @@ class RequirementsSection(Section):
     pin_box_mm: Distance | None = None
     pin_boxes_mm: dict[Name, PinBoxSection] = {}
     cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
+    catalogue: Literal["iso", "5mm"] | None = None
     speed: dict[Name, SpeedSection] = {}
     lift: dict[Name, LiftSection] = {}
     outline: dict[Text, OutlineSection] = {}
@@ -356,10 +357,12 @@ ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 class BandsSection(Section):
     """What is not known exactly: lower and upper end, as shares of this file's values.
 
-    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke.
+    ``structure``: compliance in series with each actuator, over that of its oil at mid stroke;
+    ``structures``: the same of single actuators.
     """
 
     structure: Pair[Annotated[float, Field(ge=0, le=10)]] | None = None
+    structures: dict[Name, Pair[Annotated[float, Field(ge=0, le=100)]]] = {}
     spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -44,7 +45,9 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
                 fault = f'"{key}" is a value, not a table'
                 raise MachineFileError(f"{source}: {path}", fault, "shorten the path")
         _set_leaf(node, leaf, value, f"{source}: {path}")
-    return tomlkit.dumps(document)
+    new = tomlkit.dumps(document)
+    windows = "\n" in text and text.count("\n") == text.count("\r\n")
+    return re.sub("(?<!\r)\n", "\r\n", new) if windows else new  # new keys have \n alone
 
 
 def _inline(values: Mapping[str, Any]) -> Any:

@@ -10,6 +10,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
+from armdesign.arrays import Array
 from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import sized, sizes_of
 from armdesign.design.requirements.check import slacks, static_loads
@@ -57,6 +58,56 @@ def test_no_size_of_one_cylinder_is_better() -> None:
                 tried += 1
                 assert hertz(search.squared) <= both.unrounded * (1 + 1e-4)
     assert tried >= 2
+
+
+def test_pins_on_whole_millimetres_and_strokes_on_five() -> None:
+    """A catalogue is for what is built; "free" is not, and what does not move stays."""
+    machine, space = double(), workspace_of("double")
+    built, free = (
+        ad.optimize(machine, space, catalogue=catalogue, starts=1) for catalogue in ("5mm", "free")
+    )
+    steps = {
+        (design.catalogue, where): np.abs(np.array(values) / step - np.rint(values / step)).max()
+        for design in (built, free)
+        for where, step, values in (
+            ("strokes", 5 * mm, np.array([c.stroke for c in design.machine.cylinders])),
+            ("closed", 1 * mm, np.array([c.closed_length for c in design.machine.cylinders])),
+            ("pins", 1 * mm, _moved_coordinates(design)),
+        )
+    }
+    for where in ("strokes", "closed", "pins"):
+        assert steps[True, where] < 1e-6
+        assert steps[False, where] > 0.05
+    assert min(built.slacks.values()) >= 0
+    assert built.problem.dynamics.corners.judged(built.machine) > 0.97 * built.unrounded
+    unstated = ad.optimize(machine, space, starts=1)  # the file names no catalogue
+    assert unstated.machine.cylinders == free.machine.cylinders
+
+
+def _moved_coordinates(design: ad.Design) -> Array:
+    """Coordinates of the pins that moved [m]."""
+    new, old = (
+        np.array([[k.base.at, k.pin("rod_end").at] for k in machine.linkages])
+        for machine in (design.machine, design.today)
+    )
+    return np.asarray(new[new != old])
+
+
+def test_the_catalogue_of_the_file_is_the_default() -> None:
+    """With sizes that vary; where none does, its grid of lengths alone."""
+    machine = double().replace({"requirements.catalogue": "iso"})
+    space = Workspace.grid(machine, points=3)
+    iso = {(round(bore, 9), round(rod, 9)) for bore, rod in sizes_of("iso")}
+    sized = ad.size_cylinders(machine, space)
+    assert {(round(c.bore, 9), round(c.rod, 9)) for c in sized.machine.cylinders} <= iso
+    pins = ad.optimize(machine, space, vary=("pins",), starts=1)
+    assert not pins.catalogue
+    assert [(c.bore, c.rod) for c in pins.machine.cylinders] == [
+        (c.bore, c.rod) for c in machine.cylinders
+    ]
+    strokes = np.array([c.stroke for c in pins.machine.cylinders]) / (5 * mm)
+    assert strokes == pytest.approx(np.rint(strokes), abs=1e-6)
+    assert not ad.size_cylinders(machine, space, catalogue="free").catalogue
 
 
 def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:

@@ -37,7 +37,6 @@ from armdesign.errors import InfeasibleError
 DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
-GRID = "on the 0.1 mm grid"
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
 OTHER_SIZES = " or offer other sizes"
 
@@ -126,14 +125,17 @@ def not_written(search: Search) -> InfeasibleError:
     for share in DRAWN_IN if search.problem.vector.moving else ():
         conflict = _Conflict.near(search, share)
         if conflict.exists:
-            return conflict.error(f"no sizes and pins {GRID} meet")
+            return conflict.error(f"no sizes and pins {_grid(search.problem)} meet")
     missed = nearest_misses(search)
     names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
     amounts = {c.name: abs(c.value - c.limit) for c in missed}
     given = _enough(search, (names,), of, amounts, {}, search.x)
-    return nearest_error(
-        search.problem.machine.name, f"no sizes {GRID} meet all requirements", given
-    )
+    none_meets = f"no sizes {_grid(search.problem)} meet all requirements"
+    return nearest_error(search.problem.machine.name, none_meets, given)
+
+
+def _grid(problem: Problem) -> str:
+    return f"on the {problem.grid.lengths:g} mm grid"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,52 @@
+"""The sheet of the bands: which ends it names, and that no machine is without one."""
+
+from __future__ import annotations
+
+import pytest
+
+import armdesign as ad
+from armdesign.report.maps import map_sheets
+from tests import machines
+from tests.machines import machine_with
+from tests.sprung import rocking
+
+CASES = [
+    ("structure = [0.0, 1.0]", ("softest", "rigid"), "structure 0 to 1 × as soft"),
+    ("structure = [0.3, 1.0]", ("softest", "stiffest"), "structure 0.3 to 1 × as soft"),
+    (
+        "structures = { boom = [0.0, 1.0] }",
+        ("softest", "stiffest"),
+        "structure of boom 0 to 1 × as soft",
+    ),
+    ("payload_share = [0.8, 1.2]", ("lowest", "highest"), "payload 0.8 to 1.2 ×"),
+    ("structure = [0.4, 0.4]", ("lowest", "highest"), "structure 0.4 × as soft"),
+    ("", ("softest", "rigid"), "structure 0 to 1 × as soft as today's oil, assumed: the file"),
+]
+
+
+@pytest.mark.parametrize(("bands", "ends", "words"), CASES)
+def test_a_map_shows_the_ends_of_the_bands(bands: str, ends: tuple[str, str], words: str) -> None:
+    machine = machine_with(ad.load("excavator_20t"), bands)
+    workspace = ad.Workspace.grid(machine, points=4)
+    sheet = map_sheets(ad.frequency_map(machine, workspace))[1]
+    band = ad.frequency_band(machine, workspace, ad.Bands.shown(machine))
+    assert sheet.columns == ("", ends[0], "at file values", ends[1])
+    frequencies = band.low.frequency, band.nominal, band.high.frequency
+    assert sheet.rows == (("worst", *(f"{frequency:.3f} Hz" for frequency in frequencies)),)
+    assert sheet.note.startswith(words)
+
+
+def test_a_machine_that_topples_at_the_soft_end_has_a_map() -> None:
+    """A rocking carriage with a tenth of its stiffness falls over; the reason is said."""
+    stated = machine_with(rocking(stiffness=4e6), "spring_stiffness_share = [0.1, 1.0]")
+    frequencies = ad.frequency_map(stated, ad.Workspace.grid(stated, points=3))
+    sheet = map_sheets(frequencies)[1]
+    assert sheet.rows == (("softest", "unstable"),)
+    assert "0.1 of it, within the bands) does not hold the machine upright" in sheet.note
+
+
+def test_rigid_machines_on_springs_are_not_called_rigid() -> None:
+    machine = machine_with(rocking(), "structure = [0.0, 1.0]")
+    sheet = map_sheets(ad.frequency_map(machine, ad.Workspace.grid(machine, points=3)))[1]
+    assert sheet.columns[-1] == "stiffest"
+    assert machines.rigid("excavator_20t").section.bands.structure is None

@@ -1,0 +1,45 @@
+"""The sheet of torques, stroke times and reach."""
+
+from __future__ import annotations
+
+from armdesign.report.performance import figures, performance_sheet
+from armdesign.units import SI
+from tests import machines
+
+EXCAVATOR = machines.named("excavator_20t")
+
+
+def test_a_wider_bore_has_its_ratio() -> None:
+    """Torque and time extending grow with the bore's area, the reach not at all."""
+    wider = EXCAVATOR.replace({"cylinder.boom.bore_mm": 126})
+    sheet = performance_sheet({"today": EXCAVATOR, "new": wider})
+    assert sheet.columns == ("part", "figure", "today", "new", "ratio")
+    ratios = {(row[0], row[1]): row[-1] for row in sheet.rows}
+    out, back = (126 / 120) ** 2, (126**2 - 85**2) / (120**2 - 85**2)
+    assert ratios["boom", "largest torque [kN m]"] == f"{out:.3f}, {back:.3f}"
+    assert ratios["", "stroke time [s]"] == "1.000, 1.000"  # of the last cylinder
+    assert ratios["tool", "largest reach [mm]"] == "1.000"
+    boom = [row[1:] for row in sheet.rows[:7]]
+    assert boom[3] == ("stroke time [s]", "4.0, 2.0", "4.4, 2.4", f"{out:.3f}, {back:.3f}")
+
+
+def test_figures_that_one_machine_has_not() -> None:
+    crane = machines.named("patu_boom")
+    sheet = performance_sheet({"a": EXCAVATOR, "b": crane}, SI)
+    rows = {row[1]: row[2:] for row in sheet.rows[-5:]}
+    assert rows["largest reach at height 0 [m]"] == ("9.7493", "–", "–")
+    assert rows["largest reach [m]"][1] == "2.7850"
+    assert all(len(row) == len(sheet.columns) for row in sheet.rows)
+
+
+def test_keys_of_numbers_are_those_of_a_csv_file() -> None:
+    keys = {f"{f.part}.{key}" for f in figures(EXCAVATOR) for key in f.keys}
+    assert {
+        "boom.torque_largest_extending",
+        "bucket.stroke_time_retracting",
+        "stick.tool_force",
+        "tool.depth",
+    } <= keys
+    numbers = [value for f in figures(EXCAVATOR) for value in f.values or ()]
+    assert len(keys) == len(numbers) == 3 * 13 + 5
+    assert min(numbers) > 0
