@@ -6,7 +6,7 @@ the real parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -23,6 +23,7 @@ from armdesign.machine.file.schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
+from armdesign.mechanism.linkage.base import Pin
 from armdesign.units import mm
 
 
@@ -109,6 +110,7 @@ Points: TypeAlias = tuple[tuple[float, float], ...]  # corners (x, z) of a polyg
 # values of each joint between a barrel and the link it keeps clear of, by their number
 MESH = {1: 121, 2: 25, 3: 11}
 NEAREST = 12  # poses of least clearance that count
+HELD = 1e-8  # [m] by which an outline may miss today's pin
 ROUNDING = 7.1e-5  # [m] that a pin on the 0.1 mm grid may lie beside its place
 
 
@@ -197,17 +199,44 @@ class PinPlaces:
     )
 
 
+def pins_on(machine: Machine, link: str) -> Iterator[tuple[int, str, Pin]]:
+    """Cylinders with a pin on a link: index, the pin's name, the pin."""
+    for i, linkage in enumerate(machine.linkages):
+        for name in linkage.pin_names:
+            if (pin := linkage.pin(name)) is not None and pin.link == link:
+                yield i, name, pin
+
+
+def refuse_pins_outside(machine: Machine, outlines: Iterable[Outline]) -> None:
+    """Raise where an outline does not hold a pin of a machine by its radius.
+
+    Raises:
+        ArmDesignError: such a pin, with the distance that lacks.
+    """
+    for outline in outlines:
+        for i, name, pin in pins_on(machine, outline.link):
+            x, z = pin.at[0] / mm, pin.at[2] / mm
+            within = float(depth(np.array([x, z]) * mm, np.array(outline.points)).min()) / mm
+            radius, cylinder = outline.pin_radius / mm, machine.cylinders[i].name
+            if within < radius - HELD / mm:
+                raise ArmDesignError(
+                    f"requirements.outline.{outline.link}",
+                    f"does not hold today's {name} pin of the {cylinder} cylinder at x {x:.1f},"
+                    f" z {z:.1f} mm: it is {abs(within):.1f} mm"
+                    f" {'outside' if within < 0 else 'within'} it, pin_radius_mm is {radius:g}",
+                    f"move the edge there out by {radius - within:.1f} mm"
+                    f"{' or lower pin_radius_mm' if within > 0 else ''}",
+                )
+
+
 def outlines(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Every pin on an outlined link, as far within the outline as its radius."""
     for outline in reference.requirements.outlines:
         polygon = np.array(outline.points)
         size = float(np.ptp(polygon, axis=0).max()) or 1.0
-        for i, linkage in enumerate(reference.today.linkages):
-            cylinder = reference.today.cylinders[i].name
-            for name in linkage.pin_names:
-                pin, place = linkage.pin(name), new.place(i, name)
-                if pin is None or place is None or pin.link != outline.link:
-                    continue
+        for i, name, _ in pins_on(reference.today, outline.link):
+            cylinder, place = reference.today.cylinders[i].name, new.place(i, name)
+            if place is not None:
                 yield Evaluation(
                     name=f"outline.{cylinder}.{name}",
                     words=f"{name} pin of the {cylinder} cylinder within the"

@@ -12,6 +12,7 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, DrawingGrid
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
+from armdesign.design.requirements.places import refuse_pins_outside
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
@@ -55,7 +56,8 @@ def formulate(
 
     Raises:
         ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a requirement
-            on what is not there; an objective that there is not.
+            on what is not there; an outline that does not hold today's pins; an objective that
+            there is not.
     """
     if objective not in OBJECTIVES:
         raise ArmDesignError(
@@ -65,6 +67,7 @@ def formulate(
     chosen(machine, vary)
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
+    refuse_pins_outside(machine, requirements.outlines)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     problem = Problem.of(
         machine=machine,

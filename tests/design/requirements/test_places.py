@@ -7,8 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import armdesign as ad
+from armdesign import ArmDesignError, Requirements
 from armdesign.design.requirements.places import Outline
 from armdesign.hydraulics.cylinder_build import barrel_ratio
+from tests.design.designs import MACHINES, workspace_of
 from tests.design.requirements.shared import EVERYTHING, PRESSURE, STICK_PLATE, own, reference
 
 
@@ -25,6 +28,26 @@ def test_pins_within_the_outline() -> None:
     assert found["outline.stick.base"].value == pytest.approx(0.1525, rel=1e-12)
     assert found["outline.stick.base"].slack == pytest.approx((0.1525 - 0.16) / 5.0, rel=1e-9)
     assert found["outline.boom.rod_end"].value == pytest.approx(1.3 - 0.9505, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lid", "radius", "words"),
+    [
+        (1.1, 0.0, "is 47.5 mm outside it, pin_radius_mm is 0; .* out by 47.5 mm$"),
+        (1.2, 0.11, "is 52.5 mm within it, pin_radius_mm is 110; .* out by 57.5 mm or lower"),
+    ],
+)
+def test_an_outline_must_hold_todays_pins(lid: float, radius: float, words: str) -> None:
+    """Stick base pin at z = 1147.5 in the boom, under lids at 1100 and 1200."""
+    machine = MACHINES["excavator"]()
+    box = ((-1.0, -1.0), (6.0, -1.0), (6.0, lid), (-1.0, lid))
+    asked = Requirements(outlines=(Outline(link="boom", points=box, pin_radius=radius),))
+    message = (
+        r"requirements.outline.boom: does not hold today's base pin of the stick cylinder at x"
+        rf" 3416.5, z 1147.5 mm: it {words}"
+    )
+    with pytest.raises(ArmDesignError, match=message):
+        ad.optimize(machine, workspace_of("excavator"), asked, starts=1)
 
 
 def test_clearance_against_the_reference() -> None:
