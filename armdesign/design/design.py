@@ -152,7 +152,7 @@ class Design:
 
     @property
     def made_for(self) -> str:
-        """What was to be made large: "gain" or "worst" frequency within bands, or "nominal"."""
+        """Aim of the search: "gain" or "worst" frequency within bands, or "nominal"."""
         if self.problem.dynamics.corners.bands == Bands():
             return "nominal"
         return "gain" if self.problem.dynamics.corners.gain else "worst"

@@ -69,15 +69,15 @@ def supply(section: SupplySection) -> Supply:
 
 
 def coordinates(section: MachineSection) -> tuple[Any, ...]:
-    """What of a machine file an arm depends on: joints, and where others stand."""
+    """Keys of a machine file on which an arm depends: joints, and where others stand."""
     standing = [(spring.joint, spring.at) for spring in springs_of(section)]
     return section.joints, section.frozen, standing
 
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:
     """Springs in the order of the file."""
-    made = (_spring(name, table) for name, table in section.spring.items())
-    return tuple(made if section.damped else (replace(one, damping_ratio=0.0) for one in made))
+    springs = (_spring(name, table) for name, table in section.spring.items())
+    return tuple(springs if section.damped else (replace(s, damping_ratio=0.0) for s in springs))
 
 
 def _spring(name: str, section: SpringSection) -> Spring:
@@ -162,8 +162,8 @@ def _load_holding(section: LoadHoldingSection) -> LoadHolding:
 
 def cylinders(tables: Mapping[str, CylinderSection], damped: bool) -> tuple[Cylinder, ...]:
     """The hydraulics of cylinders, with valves; friction and leakage too if ``damped``."""
-    made = (_cylinder(name, table) for name, table in tables.items())
-    return tuple(made if damped else map(_without_losses, made))
+    given = (_cylinder(name, table) for name, table in tables.items())
+    return tuple(given if damped else map(_without_losses, given))
 
 
 def _without_losses(actuator: A) -> A:
@@ -219,8 +219,8 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
     """Motors of the joints that are coordinates; motors of frozen joints stand still."""
-    made = (_motor(name, motor) for name, motor in section.motor.items())
-    at_work = (motor for motor in made if motor.joint in section.joints)
+    given = (_motor(name, motor) for name, motor in section.motor.items())
+    at_work = (motor for motor in given if motor.joint in section.joints)
     return tuple(at_work if section.damped else map(_without_losses, at_work))
 
 

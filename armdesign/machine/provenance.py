@@ -48,8 +48,8 @@ def retold(
     changes = _changes(machine, today)
     changes["name"] = f"{today.name[: NAME_LENGTH - len(word) - 1]}_{word}"
     changes["title"] = f"{today.section.title or today.name}, {word}"
-    told = _without_stories(today.text) if saving.is_made(today.text) else today.text
-    text = _with_old_values(edit(told, changes, today.source.name), told, changes, notes or {})
+    plain = _without_stories(today.text) if saving.is_made(today.text) else today.text
+    text = _with_old_values(edit(plain, changes, today.source.name), plain, changes, notes or {})
     source = today.source.with_name(f"{changes['name']}.toml")
     signed = Machine.from_text(
         _with_head(text, _head(today, story)), today.urdf_text, source, arm=machine.arm
@@ -160,9 +160,11 @@ def _with_head(text: str, head: list[str]) -> str:
 def _head(today: Machine, story: Sequence[str]) -> list[str]:
     """Lines of the new head."""
     source = today.source.name
-    made = f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on {date.today().isoformat()}"
+    origin = (
+        f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on {date.today().isoformat()}"
+    )
     paragraphs = [
-        f"{made} from {source}: {today.section.title or today.name}.",
+        f"{origin} from {source}: {today.section.title or today.name}.",
         *story,
         f"Changed lines say what they were. Where all other numbers are from: {source}.",
     ]

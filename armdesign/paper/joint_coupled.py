@@ -183,7 +183,7 @@ def _coefficients(gravity: Callable[..., Any], **arguments: Any) -> TransferFunc
 
 
 def _printed_gravity(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
-    """What the paper has in its place [N m/rad]."""
+    """The term that the paper has in its place [N m/rad]."""
     return m2 * GRAVITY * l2
 
 

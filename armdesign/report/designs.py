@@ -130,7 +130,7 @@ def _bands(design: Design) -> Sheet:
 
 
 def _vanishing(design: Design) -> str:
-    """What the new machine loses somewhere within the bands; empty if nothing."""
+    """Loss of the new machine somewhere within the bands; empty if nothing."""
     if design.least_gain > 0:
         return ""
     return f"the gain vanishes within the bands: {100 * design.least_gain:+.1f} % there; "
@@ -235,7 +235,7 @@ def summary(design: Design) -> str:
 
 
 def _torques(design: Design) -> str:
-    """What the largest torques of all actuators are, both ways, over today's."""
+    """Largest torques of all actuators, both ways, over today's."""
     from armdesign.design.requirements.performance import performances
 
     new, today = (performances(machine) for machine in (design.machine, design.today))
@@ -245,7 +245,7 @@ def _torques(design: Design) -> str:
 
 
 def _throughout(design: Design) -> str:
-    """What the new machine gains within the bands at least."""
+    """Least gain of the new machine within the bands."""
     least = design.least_gain
     low, high = design.band_after.low.frequency, design.band_after.high.frequency
     what = "it gains at least" if least > 0 else "the gain vanishes there:"

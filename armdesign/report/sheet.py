@@ -63,7 +63,7 @@ def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> st
 
 
 def spring_note(machine: Machine, limiting: str) -> str:
-    """What it means that a spring limits; empty where ``limiting`` is an actuator."""
+    """Note that a spring limits; empty where ``limiting`` is an actuator."""
     springs = [spring.name for spring in machine.springs]
     return f"the {limiting} limits there, no cylinder can help" if limiting in springs else ""
 

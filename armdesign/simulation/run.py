@@ -29,7 +29,7 @@ SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ring(ReadOnly):
-    """What a run rings with while its spools rest; arrays are read-only.
+    """Ring of a run while its spools rest; arrays are read-only.
 
     Attributes:
         begin: first instant of the window [s].
