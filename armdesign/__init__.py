@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap as ReachMap
     from armdesign.frequency.workspace import Workspace as Workspace
     from armdesign.frequency.worst_frequency import WorstPose as WorstPose
+    from armdesign.machine.lift_chart import LiftChart as LiftChart
+    from armdesign.machine.lift_chart import lift_chart as lift_chart
     from armdesign.machine.loading import load as load
     from armdesign.machine.machine import Machine as Machine
     from armdesign.machine.poses import Poses as Poses
@@ -73,6 +75,7 @@ _NAMES = {  # public names by the module that has them
     "machine.loading": "load",
     "frequency.modes": "Modes natural_modes",
     "machine.poses": "Poses",
+    "machine.lift_chart": "LiftChart lift_chart",
     "frequency.workspace": "Workspace",
     "frequency.maps": "FrequencyMap frequency_map",
     "frequency.reach_map": "ReachMap",

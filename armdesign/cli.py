@@ -75,11 +75,12 @@ def map_command(
     """Find the worst pose of a machine.
 
     Prints the lowest natural frequency and its pose, percentiles, the limiting cylinder, and the
-    origin of the stiffness. Writes map.csv, stiffness.csv, and pictures of frequencies, static
-    pressures and moment arms.
+    origin of the stiffness, and the lift chart. Writes map.csv, stiffness.csv, lift_chart.csv, and
+    pictures of frequencies, static pressures, moment arms and lift.
     """
     from armdesign import plots
     from armdesign.frequency.maps import frequency_map
+    from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
 
     with progress("mapping the workspace"):
@@ -89,6 +90,7 @@ def map_command(
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
+        output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
     show(map_sheets(frequencies, units.units))
 
@@ -282,8 +284,8 @@ def compare(
 ) -> None:
     """Compare two machines, or two versions of one.
 
-    Prints worst poses, percentiles, limiting cylinders and the differences of the files. Writes
-    compare.csv and maps on one colour scale.
+    Prints worst poses, percentiles, limiting cylinders, lift charts and the differences of the
+    files. Writes compare.csv, lift_chart.csv, maps and lift charts on one colour scale.
     """
     from armdesign import plots
     from armdesign.machine.loading import load
@@ -298,6 +300,7 @@ def compare(
         write_csv(compared.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
+        output.write_lift_charts(compared.lift_charts, folder)
     show(compared.sheets(units.units))
 
 

@@ -6,7 +6,7 @@ import os
 import shlex
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration
     from armdesign.design.design import Design
     from armdesign.frequency.maps import FrequencyMap
+    from armdesign.machine.lift_chart import LiftChart
     from armdesign.machine.machine import Machine
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.identified import Identified
@@ -47,9 +48,21 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
         plots.save(fig, folder / f"map_{name}.png")
 
 
+def write_lift_charts(charts: Mapping[str, LiftChart], folder: Path) -> Path | None:
+    """Write lift charts as CSV and picture, of which the path; nothing where there are none."""
+    from armdesign import plots
+    from armdesign.report.lift_charts import lift_frame
+
+    if not charts:
+        return None
+    write_csv(lift_frame(charts), folder / "lift_chart.csv")
+    return plots.save(plots.lift_charts(charts), folder / "lift_chart.png")
+
+
 def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     """Write machine file, maps and pictures of a design; returns captions and pictures."""
     from armdesign import plots
+    from armdesign.report.lift_charts import lift_charts
 
     design.written_by(command_line()).save(folder / made_of(design.today))
     write_csv(design.before.frame, folder / "map_before.csv")
@@ -66,7 +79,10 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
             plots.moment_arms(design),
         ),
     }
-    return [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
+    saved = [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
+    charts = lift_charts({"today": design.today, "new": design.machine})
+    chart = write_lift_charts(charts, folder)
+    return [*saved, *([("Lift charts (ISO 10567)", chart)] if chart else [])]
 
 
 def write_calibration(calibration: Calibration, folder: Path) -> None:

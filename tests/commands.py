@@ -27,6 +27,8 @@ QUICK = {  # what each writes for the one-joint machine
         "map_reach.png",
         "map_holding.png",
         "moment_arms.png",
+        "lift_chart.csv",
+        "lift_chart.png",
     }
 }
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.errors import TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
@@ -79,6 +80,35 @@ def in_chunks(
         for case in cases:
             chosen = np.flatnonzero(case.exists[rows])
             yield case, rows.start + chosen, scaled_links(rigid[chosen], case.link_share)
+
+
+def poses_of(cases: Sequence[CasePoses], case: CasePoses, rigid: RigidPoses) -> Poses:
+    """A load case at a chunk of its poses; springs too soft there are told what all poses need.
+
+    Raises:
+        PoseError: as ``Machine.at`` does.
+    """
+    try:
+        return case.machine.at(rigid)
+    except TopplingError:
+        refuse_toppling_anywhere(cases)
+        raise
+
+
+def refuse_toppling_anywhere(cases: Sequence[CasePoses]) -> None:
+    """Raise for the pose, of all load cases at all of theirs, that asks most of a spring.
+
+    Raises:
+        PoseError: as ``Machine.at`` does.
+    """
+    errors = []
+    for case, _, rigid in in_chunks(cases, f"{cases[0].machine.name}: springs"):
+        try:
+            case.machine.at(rigid)
+        except TopplingError as error:
+            errors.append(error)
+    if errors:
+        raise max(errors, key=lambda error: error.factor)
 
 
 def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:

@@ -10,7 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
 from armdesign.frequency.workspace import Workspace
@@ -205,7 +205,7 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     limiting = np.empty(ends[-1], dtype=int)
     filled = dict(zip(cases, ends[:-1], strict=True))
     for case, _, rigid in in_chunks(cases, f"{machine.name}: frequencies"):
-        poses = case.machine.at(rigid)
+        poses = poses_of(cases, case, rigid)
         modes = _modes(case.machine, poses)
         rows = slice(filled[case], filled[case] + len(poses))
         values[:, rows] = _values(machine, poses, modes)

@@ -14,6 +14,7 @@ from armdesign.arrays import Array, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import Axes, steps_along
 from armdesign.frequency.spread import edge_poses, wrapped
+from armdesign.machine import reaching
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -154,10 +155,4 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
 
 def place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:
     """Reach and height of the tool (n, 2) [m] and their slopes by the joints (n, 2, nq)."""
-    arm, joints, at = machine.arm, tuple(range(q.shape[1])), np.array(machine.tool.at)
-    parts = []
-    for rows in chunks(len(q)):
-        tool = arm.motion(arm.kinematics(q[rows]), machine.tool.link, at, arm.root, joints)
-        parts.append(arm.reach_and_height(q[rows], tool))
-    places, slopes = zip(*parts, strict=True)
-    return np.concatenate(places), np.concatenate(slopes)
+    return reaching.place_and_slopes(machine, machine.tool, tuple(range(q.shape[1])), q)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
@@ -82,7 +82,7 @@ def lowest_of_poses(
     lowest, whose = np.full(len(workspace), np.inf), np.zeros(len(workspace), dtype=int)
     for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
         if len(indices) > 0:
-            frequency = lowest_frequency(case.machine.at(rigid))
+            frequency = lowest_frequency(poses_of(cases, case, rigid))
             lower = frequency < lowest[indices]
             lowest[indices[lower]], whose[indices[lower]] = frequency[lower], cases.index(case)
     return lowest, whose

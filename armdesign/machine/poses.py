@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly
-from armdesign.errors import PoseError
+from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import deg, outward
@@ -253,7 +253,7 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
             raise _too_soft(machine, poses.q[worst], factors[worst]) from None
 
 
-def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
+def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
     """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
     chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
     spring = machine.springs[min(chosen, len(machine.springs) - 1)]
@@ -271,7 +271,9 @@ def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
         f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
     )
     place = f"{machine.source.name}: {path}"
-    return PoseError(place, fault, remedy, machine.line_of(path))
+    error = TopplingError(place, fault, remedy, machine.line_of(path))
+    error.factor = float(factors.min())
+    return error
 
 
 def refuse_unheld(machine: Machine, q: ArrayLike) -> None:

@@ -362,6 +362,14 @@ class Arm:
         pick = np.ix_(np.arange(n), index, index)
         return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
 
+    def bodies(self, poses: RigidPoses) -> tuple[Array, Array]:
+        """Mass (k,) [kg] that each joint moves before the next, and its centre (n, k, 3) [m]."""
+        model, _, _ = self._pinocchio
+        bodies = [model.inertias[model.getJointId(joint.name)] for joint in self.coordinates]
+        lever = np.array([body.lever for body in bodies])
+        centre = poses.translation + (poses.rotation @ lever[:, :, None])[..., 0]
+        return np.array([body.mass for body in bodies]), centre
+
     @property
     def root(self) -> str:
         """Name of the root link: the world."""

@@ -3,6 +3,7 @@
 from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
 from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
+from armdesign.plots.lift_charts import lift_chart, lift_charts
 from armdesign.plots.maps import (
     drawn_joints,
     frequency_map,
@@ -26,6 +27,8 @@ __all__ = [
     "holding_pressure",
     "identified_figure",
     "joint_plane",
+    "lift_chart",
+    "lift_charts",
     "moment_arm_curves",
     "moment_arms",
     "save",

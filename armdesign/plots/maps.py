@@ -75,6 +75,11 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
         ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
     meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
     ends = [mesh.get_clim() for mesh in meshes]
+    if plane == "reach":  # to one scale, and so of one size
+        spans = [(*ax.get_xlim(), *ax.get_ylim()) for ax in axes]
+        (left, _, low, _), (_, right, _, high) = np.min(spans, axis=0), np.max(spans, axis=0)
+        for ax in axes:
+            ax.set(xlim=(left, right), ylim=(low, high))
     for mesh in meshes:  # a machine with one joint has curves instead
         mesh.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
     return fig

@@ -13,6 +13,7 @@ from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
 from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import coordinates
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import figures, performance_sheet
@@ -21,6 +22,8 @@ from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from armdesign.machine.lift_chart import LiftChart
 
 SHOWN = 40  # differing keys that are printed; the CSV has them all
 
@@ -75,7 +78,13 @@ class Comparison:
             self._differing(),
             loads_sheet(pairs, digging, units),
             performance_sheet({label: m.machine for label, m in self.maps.items()}, units),
+            lift_sheet(self.lift_charts, units),
         ]
+
+    @cached_property
+    def lift_charts(self) -> dict[str, LiftChart]:
+        """Lift charts of both on the grid of the first, without a machine that has none."""
+        return lift_charts({label: m.machine for label, m in self.maps.items()})
 
     def _worst(self, units: Units) -> Sheet:
         rows: list[tuple[str, ...]] = []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.report.bands import bands_sheet, is_assumed
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
@@ -32,6 +33,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _binding(design, units),
         loads_sheet(both, design.requirements.digging, units),
         performance_sheet({"today": design.today, "new": design.machine}, units),
+        lift_sheet(lift_charts({"today": design.today, "new": design.machine}), units),
         spread_sheet({"today": design.before, "new": design.after}),
     ]
 

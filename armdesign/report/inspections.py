@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions
 from armdesign.units import WORKSHOP, Units
@@ -25,6 +26,7 @@ def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]
         _levers(inspection, units),
         performance_sheet({"value": inspection.machine}, units),
         _static_loads(inspection, units),
+        lift_sheet(lift_charts({inspection.machine.name: inspection.machine}), units),
     ]
     return [*implausible, *sheets] if inspection.suspicions else [*sheets, *implausible]
 

@@ -8,6 +8,7 @@ from armdesign.arrays import percentiles
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands, frequency_band
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
+from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, pose_text, spring_note
 from armdesign.units import WORKSHOP, Units
 
@@ -39,7 +40,8 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         bold=(0,),
     )
     tables = _bands_sheet(frequencies), spread_sheet({"": frequencies})
-    return [head, *tables, _limiting_sheet(frequencies), _stiffness_sheet(frequencies)]
+    shares = _limiting_sheet(frequencies), _stiffness_sheet(frequencies)
+    return [head, *tables, *shares, lift_sheet(lift_charts({machine.name: machine}), units)]
 
 
 def _bands_sheet(frequencies: FrequencyMap) -> Sheet:

@@ -35,6 +35,7 @@ from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import Case
+from armdesign.simulation.sweeps import AGREES
 from armdesign.units import bar, mm
 
 BAND = (0.5, 1.6)  # of the sweep, relative to the mode
@@ -42,7 +43,9 @@ NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much
 CYCLES = 16.0  # of the mode in a sweep
 SHARE = 0.5  # of what pressures and strokes leave
 LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
-DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
+# Relative change of the linear frequency at the ends of the swing. A sine that begins at zero
+# moves the piston to one side, so that its mean stands off by up to half of the swing.
+DETUNING = 2 * AGREES
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
 BARELY = 0.5 * bar  # above return pressure, or below a relief
 LARGEST_OPENING = 0.5

@@ -18,7 +18,7 @@ from armdesign.machine.machine import Machine
 from armdesign.simulation.controlled_plant import ENERGY
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
-from armdesign.units import bar, mm
+from armdesign.units import bar, deg, mm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,13 +132,17 @@ class Simulation(ReadOnly):
     def frame(self) -> pd.DataFrame:
         """One row per instant, with the columns of a recording, which ``identify`` reads.
 
-        time_s; joints [rad or m]; of every actuator <name>_cap_bar, <name>_annulus_bar and
-        <name>_spool, of a cylinder <name>_pin_to_pin_mm, too.
+        time_s; of every joint, springs' last, <joint>_deg, of a slide <joint>_mm; of every
+        actuator <name>_cap_bar, <name>_annulus_bar and <name>_spool, of a cylinder
+        <name>_pin_to_pin_mm, too.
         """
         import pandas as pd
 
         columns: dict[str, Array] = {"time_s": self.time}
-        columns |= dict(zip(self.joints, self.q.T, strict=True))
+        positions = np.concatenate([self.q, self.springs], axis=1).T
+        for joint, position in zip(self.machine.arm.coordinates, positions, strict=True):
+            unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+            columns[f"{joint.name}_{unit}"] = position / factor
         rigid = self.machine.rigid_poses(self.q)
         for i, (name, drive) in enumerate(zip(self.cylinders, self.machine.drives, strict=True)):
             for k, side in enumerate(SIDES):

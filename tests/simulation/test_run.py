@@ -49,8 +49,9 @@ def test_the_window_begins_when_the_spools_rest() -> None:
     assert (given.begin, given.end) == (2.0, 6.0)
     frame = run.frame
     assert list(frame.columns[:6]) == [
-        "time_s", "boom", "stick", "bucket", "boom_cap_bar", "boom_annulus_bar",
+        "time_s", "boom_deg", "stick_deg", "bucket_deg", "boom_cap_bar", "boom_annulus_bar",
     ]  # fmt: skip
+    np.testing.assert_allclose(np.radians(frame["stick_deg"]), run.q[:, 1], rtol=1e-14)
     np.testing.assert_array_equal(frame["boom_cap_bar"], run.pressures[:, 0, 0] / bar)
     boom = run.machine.cylinders[0]
     force = run.pressures[:, 0] @ (boom.bore_area, -boom.annulus_area)

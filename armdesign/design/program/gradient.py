@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
-from armdesign.design.requirements.candidate import unloaded
+from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Actuation, Linkage

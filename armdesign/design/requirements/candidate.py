@@ -9,7 +9,7 @@ complex-safe, so the imaginary part of a stepped candidate is its exact derivati
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Protocol
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import areas_of
-from armdesign.machine.load_case import LoadCase
+from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
@@ -171,11 +171,6 @@ class SizeCandidates(MachineCandidate):
         """∂ℓ/∂q at some poses (b, n, nc, nq)."""
         arms = super().moment_arms(rigid)
         return np.broadcast_to(arms, (len(self.sizes), *arms.shape[1:]))
-
-
-def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
-    """Gravity torque (n, nq) of links, cylinders and four-bars without a load [N m]."""
-    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
 
 
 @lru_cache(maxsize=64)

@@ -9,18 +9,19 @@ from functools import lru_cache
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, unloaded
+from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
 from armdesign.errors import ArmDesignError
-from armdesign.hydraulics.actuator import areas_of
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.machine.file.schema import LiftSection, Shares, share_of
+from armdesign.machine.lifting import liftable, liftable_masses, torque_per_mass
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
+from armdesign.machine.reaching import poses_reaching, within_reach
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.joint_ranges import over
-from armdesign.units import GRAVITY, mm
+from armdesign.mechanism.linkage.base import Pin
+from armdesign.units import mm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +66,6 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
         )
 
 
-LATTICE = 41  # values of each free joint from which a place is sought
-TOLERANCE = 1e-9  # [m] by which the place may be missed, [rad, m] by which a range may be left
-
-
 @dataclass(frozen=True, kw_only=True)
 class Lift(Frozen):
     """A mass that every cylinder must hold at one pose, within ``holding_share`` of the supply.
@@ -92,6 +89,12 @@ class Lift(Frozen):
     joints: Mapping[str, float] = field(default_factory=dict)
     reach: float | None = None
     height: float | None = None
+
+    def point(self, machine: Machine) -> Pin:
+        """The point that carries the mass."""
+        if self.link is None and self.at is None:
+            return machine.tool
+        return Pin(link=self.link or machine.tool.link, at=self.at or (0.0, 0.0, 0.0))
 
 
 def _read(machine: Machine, name: str, section: LiftSection) -> Lift:
@@ -125,34 +128,57 @@ class Lifts:
 
 def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Mass that each cylinder could hold; for the optimiser, by the forces at the lift's mass."""
-    share = holding_shares(reference.today, reference.requirements.holding_share)
-    supply = new.machine.supply
+    share = every_share(reference.today, reference.requirements.holding_share)
     for lift in reference.requirements.lifts:
         pose = lift_pose(reference.today, lift, reference.requirements.holding_share)
-        arms = new.moment_arms(pose.rigid)
-        bare, per_mass = (
-            static_forces(arms, load, new.areas[:, None, :, 0], len(new.machine.joints))[:, 0]
-            for load in (new.bare_gravity(pose.rigid), pose.torque[None])
+        mass, per_mass = masses_held(new, pose.rigid, pose.torque, share)
+        constraint, per_limit = spare_force(
+            reference, mass[:, 0], per_mass[:, 0], np.array(lift.mass)
         )
-        mass = liftable(new.machine, bare, per_mass, new.areas, share)
-        loaded = np.isfinite(mass[0].real)
-        thrust = supply.pressure * reference.old.areas[0, :, 0]
-        per_kg = np.where(loaded, per_mass * np.sign(per_mass[0].real) / thrust, 0.0)
-        spare = np.where(loaded, mass, 0.0) - lift.mass
         yield Evaluation(
             name=f"lift.{lift.name}",
             words=f"mass that the lift {lift.name} could be",
             unit="kg",
-            value=mass,
+            value=mass[:, 0],
             limit=lift.mass,
             at_least=True,
-            reformulated=(np.where(loaded, spare * per_kg, 1.0), lift.mass * per_kg),
+            reformulated=(constraint, per_limit),
             setting=f"lift.{lift.name}.mass_kg",
         )
 
 
-def holding_shares(machine: Machine, shares: Shares) -> Array:
-    """Share of what the supply gives that each actuator may use (nc,)."""
+def masses_held(
+    new: Candidate, rigid: RigidPoses, torque: Array, share: Array | float
+) -> tuple[Array, Array]:
+    """Mass [kg] that each actuator of a candidate lifts at n poses, and force per mass [N/kg].
+
+    Both (b, n, nc); ``torque`` (n, nq) is that of a kilogram [N m/kg].
+    """
+    arms = new.moment_arms(rigid)
+    bare, per_mass = (
+        static_forces(arms, load, new.areas[:, None, :, 0], len(new.machine.joints))
+        for load in (new.bare_gravity(rigid), torque[None])
+    )
+    return liftable(new.machine, bare, per_mass, new.areas[:, None], share), per_mass
+
+
+def spare_force(
+    reference: Reference, mass: Array, per_mass: Array, limit: Array
+) -> tuple[Array, Array]:
+    """Force (…, nc) that actuators have left at a ``limit`` of the mass, over today's thrust.
+
+    It is linear in the areas, and an actuator that is not loaded has enough. Beside it what it
+    gains per 100 % of the limit.
+    """
+    loaded = np.isfinite(mass.real)
+    thrust = reference.today.supply.pressure * reference.old.areas[0, :, 0]
+    per_kg = np.where(loaded, per_mass * np.sign(per_mass.real) / thrust, 0.0)
+    spare = np.where(loaded, mass, 0.0) - limit
+    return np.where(loaded, spare * per_kg, 1.0), limit * per_kg
+
+
+def every_share(machine: Machine, shares: Shares) -> Array:
+    """Shares of all actuators (nc,), from one for all or by name."""
     return np.array([share_of(shares, actuator.name) for actuator in machine.actuators])
 
 
@@ -163,29 +189,6 @@ class LiftPose:
     lift: Lift
     rigid: RigidPoses
     torque: Array
-
-
-def liftable(
-    machine: Machine, forces: Array, per_mass: Array, areas: Array, share: Array
-) -> Array:
-    """Mass [kg] at which each cylinder (…, nc) uses up a share of what the supply gives.
-
-    Infinite for a cylinder that the mass does not load.
-
-    Args:
-        machine: supply.
-        forces: without the mass [N], pushing positive.
-        per_mass: what a kilogram adds [N/kg].
-        areas: bore and annulus (…, nc, 2) [m²].
-        share: of the supply's force (nc,).
-    """
-    pushes = per_mass.real > 0
-    held = holding_force(areas[..., 0], areas[..., 1], machine.supply, pushes)
-    loads = np.abs(per_mass.real) > 1e-12
-    used = np.where(pushes, 1.0, -1.0)
-    return np.where(
-        loads, (share * held - used * forces) / np.where(loads, used * per_mass, 1.0), np.inf
-    )
 
 
 @lru_cache(maxsize=64)
@@ -206,62 +209,19 @@ def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
         raise ArmDesignError(
             part, f"leaves these joints free: {names}", f"give joints so that {wanted}"
         )
-    q = np.array([[lift.joints.get(joint, 0.0) for joint in machine.joints]])
-    poses = _reaching(machine, lift, q, free) if placed else q
-    low, high = machine.ranges.T
-    inside = np.all((poses >= low - TOLERANCE) & (poses <= high + TOLERANCE), axis=1)
-    poses = (
-        poses[inside & (machine.margins(poses).min(axis=1) >= -TOLERANCE)] if len(poses) else poses
-    )
+    q = np.array([lift.joints.get(joint, 0.0) for joint in machine.joints])
+    point = lift.point(machine)
+    if placed:
+        place = np.array([[lift.reach, lift.height]])
+        poses, _ = poses_reaching(machine, point, tuple(map(int, free)), q, place)
+    else:
+        poses = q[None][within_reach(machine, q[None])]
     if len(poses) == 0:
         raise ArmDesignError(
             part, "no pose in the joint ranges does that", "ask for another pose or place"
         )
     rigid = machine.rigid_poses(poses)
-    torque = _torque(machine, lift, rigid)
-    best = int(_capacity(machine, rigid, torque, holding_shares(machine, shares)).argmax())
+    torque = torque_per_mass(machine, rigid, point)
+    masses = liftable_masses(machine, rigid, torque, every_share(machine, shares))
+    best = int(masses.min(axis=1).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])
-
-
-def _point(machine: Machine, lift: Lift) -> tuple[str, Array]:
-    at = machine.tool.at if lift.at is None and lift.link is None else lift.at or (0.0, 0.0, 0.0)
-    return lift.link or machine.tool.link, np.array(at)
-
-
-def _torque(machine: Machine, lift: Lift, rigid: RigidPoses) -> Array:
-    """Joint torque of a kilogram at the lift's point (n, nq) [N m/kg]."""
-    motion = machine.arm.motion(
-        rigid, *_point(machine, lift), machine.arm.root, tuple(range(len(machine.joints)))
-    )
-    return GRAVITY * motion.first[:, :, 2]
-
-
-def _capacity(machine: Machine, rigid: RigidPoses, torque: Array, share: Array) -> Array:
-    """Mass (n,) [kg] that the weakest cylinder of a machine lifts."""
-    areas = areas_of(machine.actuators)
-    arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
-    bare, per_mass = (
-        static_forces(arms, load, areas[:, 0], len(machine.joints))
-        for load in (unloaded(machine, rigid), torque)
-    )
-    return np.asarray(liftable(machine, bare, per_mass, areas, share).min(axis=1))
-
-
-def _reaching(machine: Machine, lift: Lift, q: Array, free: Array) -> Array:
-    """Poses that bring the mass to its place (n, nq), by Newton's method from a lattice."""
-    first, second = (over(machine.ranges[j], LATTICE) for j in free)
-    poses = np.repeat(q, LATTICE**2, axis=0)
-    poses[:, free] = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-    joints, span = tuple(int(j) for j in free), np.ptp(machine.ranges[free], axis=1)
-    wanted = np.array([lift.reach or 0.0, lift.height or 0.0])
-    for _ in range(30):
-        point = machine.arm.motion(
-            machine.arm.kinematics(poses), *_point(machine, lift), machine.arm.root, joints
-        )
-        place, slope = machine.arm.reach_and_height(poses, point)
-        missed = place - wanted
-        step = (np.linalg.pinv(slope * span, rcond=1e-6) @ missed[..., None])[..., 0]
-        poses[:, free] -= span * np.clip(step, -0.2, 0.2)
-    met = poses[np.abs(missed).max(axis=1) < TOLERANCE]
-    _, first_of_each = np.unique(np.rint(met * 1e6), axis=0, return_index=True)
-    return np.asarray(met[first_of_each])

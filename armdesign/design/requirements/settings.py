@@ -21,6 +21,7 @@ from armdesign.design.requirements.leverage import (
     leverage,
     transmissions,
 )
+from armdesign.design.requirements.lift_share import LiftShare, lift_share
 from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
 from armdesign.design.requirements.places import PinPlaces, clearances, outlines
 from armdesign.design.requirements.record import Concession, Evaluation
@@ -47,6 +48,7 @@ class Requirements(
     PinBoxes,
     Buckling,
     DiggingForce,
+    LiftShare,
     Torques,
     MomentArms,
     Thrust,
@@ -147,6 +149,7 @@ def evaluations(new: Candidate, reference: Reference, forces: Array) -> Iterator
     yield from transmissions(new, reference)
     yield from speeds(new, reference)
     yield from lifts(new, reference)
+    yield from lift_share(new, reference)
     yield from digging_force(new, reference)
     yield from outlines(new, reference)
     yield from clearances(new, reference)

@@ -24,6 +24,7 @@ from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
 COLUMNS = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
+COLUMNS |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
 COLUMNS |= {f"tool_{axis}_m" for axis in "xyz"}  # of the CSV files, beside the joints'
 Fault = tuple[str, str, str]  # key path, words, remedy
 
@@ -49,6 +50,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
         for name, actuator in actuators.items():
             yield from _of_preload(f"{kind}.{name}.valve", actuator.valve, machine.supply)
     yield from _of_springs(machine)
+    yield from _of_lift_chart(machine)
     yield from _of_bands(machine)
     yield from _of_requirements(machine)
 
@@ -65,6 +67,17 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+
+
+def _of_lift_chart(machine: MachineSection) -> Iterator[Fault]:
+    """Joints that bring the point to its place are coordinates, each named once."""
+    joints = machine.lift_chart.joints or [] if machine.lift_chart else []
+    for name in joints:
+        if name not in machine.joints:
+            remedy = f"choose from: {', '.join(machine.joints)}"
+            yield "lift_chart.joints", f'no joint "{name}"', remedy
+    if len(set(joints)) < len(joints):
+        yield "lift_chart.joints", "a joint is named twice", "name each joint once"
 
 
 def _of_bands(machine: MachineSection) -> Iterator[Fault]:
@@ -239,6 +252,8 @@ def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
     for name, case in section.payload.items():
         yield f"payload.{name}.link", case.link
     yield "tool.link", section.tool.link
+    if section.lift_chart is not None:
+        yield "lift_chart.link", section.lift_chart.link
     for name, lift in requirements.lift.items():
         yield f"requirements.lift.{name}.link", lift.link
     for name, clearance in requirements.clearance.items():

@@ -79,6 +79,13 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     " rigid, 1 as soft as the oil",
     "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
+    "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
+    "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round",
+    "from_m": "least reach of the grid; default: two steps",
+    "stability": "what stands still while the arm moves, and where the machine tips over",
+    "front_mm": "tipping line ahead of the slew axis, from it",
+    "rear_mm": "tipping line behind the slew axis, from it",
+    "lift_share": "of today's lift at every point of the lift chart, at least; 0: not asked",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
     "holding_share": "static force over what supply against return pressure gives",
@@ -123,6 +130,17 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "distance_mm": "distance between barrel and part, at least",
 }
 IN_SECTION = {  # where a key means something else than in most tables
+    "LiftChartSection": {
+        "link": "that carries the load; default: by the pin of the tool's link, or the tool",
+        "joints": (
+            "the two that bring the point to its place, others stand at the middle of their range;"
+            " default: the first two that move its height"
+        ),
+    },
+    "StabilitySection": {
+        "mass_kg": "of all that the arm's joints do not move, upper structure included",
+        "at_mm": "centre of that mass in the root link's frame, arm forward",
+    },
     "MotorSection": {
         "count": "equal motors in parallel on one joint",
         "hose": "the share of the trapped volume that lies in hoses",

@@ -15,7 +15,13 @@ from pydantic import ValidationError
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_faults import explained, first_fault, location_of, mend
+from armdesign.machine.file.schema_faults import (
+    explained,
+    first_fault,
+    location_of,
+    mend,
+    unnamed_tables,
+)
 from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
 
 MENDING = 8  # passes in which tables that stand in for others are filled
@@ -90,6 +96,8 @@ def parse(text: str, source: str) -> MachineSection:
     """
     data = read_toml(text, source)
     with lines_of(text, source):
+        for unnamed in unnamed_tables(data, source):
+            raise unnamed
         try:
             section = MachineSection.model_validate(data)
         except ValidationError as error:
@@ -111,17 +119,19 @@ def faults(
         data = read_toml(text, source)
     except MachineFileError as error:
         return None, [error], set()
-    all_faults: list[MachineFileError] = []
-    wrong: set[str] = set()
-    key_lines = KeyLines(text)
+    all_faults: list[MachineFileError] = list(unnamed_tables(data, source))
+    wrong = {fault.part.removeprefix(f"{source}: ") for fault in all_faults}
+    unnamed, key_lines, stand_ins = frozenset(wrong), KeyLines(text), False
     for _ in range(MENDING):
         try:
             section = MachineSection.model_validate(data)
             break
         except ValidationError as error:
             invalid = error.errors(include_url=False)
-            if not all_faults:  # later ones are faults of stand-ins
-                all_faults += [explained(fault, source, key_lines) for fault in invalid]
+            if not stand_ins:  # later ones are faults of stand-ins
+                named = [fault for fault in invalid if fault["loc"][0] not in unnamed]
+                all_faults += [explained(fault, source, key_lines) for fault in named]
+            stand_ins = True
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))
                 mend(data, location)

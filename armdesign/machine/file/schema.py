@@ -123,6 +123,7 @@ BY_ACTUATOR = (  # keys whose shares may differ from actuator to actuator
     "oil_each_share",
     "thrust_share",
     "moment_arm_share",
+    "lift_share",
     "torque_share",
     "end_torque_share",
     "buckling_share",
@@ -138,6 +139,7 @@ class RequirementsSection(Section):
     oil_each_share: ByActuator[Ratio] = 1.1
     thrust_share: ByActuator[Ratio] = 1.1
     moment_arm_share: ByActuator[Ratio] = 0.8
+    lift_share: ByActuator[Least] = 0.0
     torque_share: ByActuator[Least] = 0.0
     end_torque_share: ByActuator[Least] = 0.0
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
@@ -371,6 +373,25 @@ class BandsSection(Section):
     entrained_air_percent: Pair[Annotated[float, Field(ge=0, lt=50)]] | None = None
 
 
+class LiftChartSection(Section):
+    """The grid of reach and height on which the lift chart says what the machine lifts."""
+
+    link: Text | None = None
+    at_mm: Point | None = None
+    joints: Annotated[list[Text], Field(min_length=1, max_length=2)] | None = None
+    step_m: Annotated[float, Field(gt=0, le=100)] | None = None
+    from_m: Annotated[float, Field(ge=0, le=1_000)] | None = None
+
+
+class StabilitySection(Section):
+    """What stands still while the arm moves, and the lines about which the machine tips."""
+
+    mass_kg: Mass
+    at_mm: Point
+    front_mm: Distance
+    rear_mm: Distance
+
+
 class MachineSection(Section):
     """The whole file."""
 
@@ -387,5 +408,7 @@ class MachineSection(Section):
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]
     motor: dict[Name, MotorSection] = {}
     spring: dict[Name, SpringSection] = {}
+    lift_chart: LiftChartSection | None = None
+    stability: StabilitySection | None = None
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()

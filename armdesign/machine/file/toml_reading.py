@@ -18,6 +18,7 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.machine.file.key_paths import UNIT_END, UNITS
+from armdesign.machine.file.schema import BY_ACTUATOR
 
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 
@@ -82,10 +83,14 @@ def without_groups(written: str) -> str:
 
 
 def fault_of_line(line: str, column: int) -> tuple[str, int, str] | None:
-    """Fault of a number in a line that is no TOML, its column, and the remedy.
+    """Fault of a number or share in a line that is no TOML, its column, and the remedy.
 
     ``column`` is where the parser stopped, counted from 1.
     """
+    share = re.match(r"\s*([\w-]+)\.([\w-]+)\s*=\s*([\d.]+)", line)
+    if share and share[1] in BY_ACTUATOR:
+        remedy = f"write {share[1]} = {{ default = …, {share[2]} = {share[3]} }} for both"
+        return f"{share[1]} is a number before", column, remedy
     if point := _bare_point(line):
         return "no digit on one side of a point", column, point
     if number := re.search(rf"(?<==)\s*({_GROUPED.pattern})", line):

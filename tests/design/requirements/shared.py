@@ -36,6 +36,7 @@ EVERYTHING: dict[str, Any] = dict(
         Speed(name="all", joints={"boom": 0.1, "stick": -0.1}, cylinders={"bucket": -0.05}),
     ),
     lifts=(FRONT, POSED),
+    lift_share=0.9,
     digging_force={"stick": 100e3, "bucket": 125e3},
     buckling_factor=1.9,
     buckling_column="stepped",
@@ -55,6 +56,7 @@ EVERYTHING: dict[str, Any] = dict(
 NEW = (
     "speed",
     "lift",
+    "lift_share",
     "digging_force",
     "buckling_factor",
     "cylinder_mass",

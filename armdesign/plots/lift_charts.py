@@ -1,0 +1,80 @@
+"""Lift charts by reach and height: what a machine lifts, of two machines and their ratio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.plots.canvas import COLOURS, INK, figure, literal
+
+if TYPE_CHECKING:
+    from armdesign.machine.lift_chart import LiftChart
+
+KILOGRAMS = "lift capacity [kg]"
+
+
+@literal
+def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
+    """Capacity at every point, and what limits it there.
+
+    Args:
+        chart: the lift chart.
+        ax: axes to draw into; new ones if None.
+        limits: ``vmin`` and ``vmax`` [kg] of the colours, so that two charts share one scale.
+
+    Returns:
+        The axes.
+    """
+    ax = figure()[1][0] if ax is None else ax
+    both = zip(chart.capacity, chart.limiting, strict=True)
+    words = [f"{mass:.0f}\n{name}" for mass, name in both]
+    _points(ax, (chart.reach, chart.height), chart.capacity, words, KILOGRAMS, COLOURS, limits)
+    ax.set_title("87 % hydraulic, or 75 % of tipping (ISO 10567)", fontsize=10)
+    return ax
+
+
+@literal
+def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
+    """Figure of one chart, or of two on one colour scale with their ratio beside them."""
+    fig, axes = figure(1 if len(charts) == 1 else 3, 6.4, 6.0)
+    most = max(float(chart.capacity.max()) for chart in charts.values())
+    for ax, (label, chart) in zip(axes, charts.items(), strict=False):
+        lift_chart(chart, ax, vmin=0.0, vmax=most)
+        ax.set_title(label, fontsize=11)
+    if len(charts) > 1:
+        places = [
+            {(x, z): mass for x, z, mass in zip(c.reach, c.height, c.capacity, strict=True)}
+            for c in charts.values()
+        ]
+        both = [place for place in places[0] if places[0][place] > 0 and place in places[1]]
+        ratio = np.array([places[1][place] / places[0][place] for place in both])
+        words = [f"{value:.2f}" for value in ratio]
+        at = np.array(both).reshape(-1, 2).T
+        _points(axes[2], (at[0], at[1]), ratio, words, "ratio", "RdBu", {"vmin": 0.5, "vmax": 1.5})
+        axes[2].set_title(" over ".join(reversed(list(charts))), fontsize=11)
+    return fig
+
+
+def _points(
+    ax: Any,
+    at: tuple[Array, Array],
+    values: Array,
+    words: list[str],
+    label: str,
+    colours: str,
+    limits: Mapping[str, float],
+) -> None:
+    """Coloured points with words below them."""
+    drawn = ax.scatter(*at, c=values, s=260, cmap=colours, edgecolors=INK, zorder=3, **limits)
+    bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    for x, z, text in zip(*at, words, strict=True):
+        style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
+        ax.annotate(text, (x, z), (0, -10), textcoords="offset points", **style)
+    ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
+    ax.margins(0.12)
+    ax.grid(alpha=0.3)

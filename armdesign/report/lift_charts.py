@@ -1,0 +1,123 @@
+"""Lift charts as sheets and columns: of one machine as a grid, of several as a list."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING_SHARE, LiftChart
+from armdesign.machine.lift_chart import lift_chart_if_any as chart_if_any
+from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from armdesign.machine.machine import Machine
+
+TITLE = "Lift chart"
+
+
+def lift_charts(machines: Mapping[str, Machine]) -> dict[str, LiftChart]:
+    """Lift charts by label, all on the grid of the first; without machines that have none."""
+    charts: dict[str, LiftChart] = {}
+    for label, machine in machines.items():
+        chart = chart_if_any(machine, next(iter(charts.values()), None))
+        if chart is None and not charts:
+            break
+        if chart is not None:
+            charts[label] = chart
+    return charts
+
+
+def lift_frame(charts: Mapping[str, LiftChart]) -> pd.DataFrame:
+    """A row for each point that any machine reaches, from the highest down.
+
+    Columns are place [m], capacities [kg], for two machines their ratio, and what limits each.
+    """
+    import pandas as pd
+
+    if len(charts) == 1:
+        return next(iter(charts.values())).frame
+    columns: dict[str, pd.Series] = {}
+    for kind in ("kg", "limiting"):
+        for label, chart in charts.items():
+            places = pd.MultiIndex.from_arrays([chart.height, chart.reach])
+            values = chart.capacity if kind == "kg" else np.array(chart.limiting)
+            columns[f"{label}_{kind}"] = pd.Series(values, index=places)
+    frame = pd.DataFrame(columns)
+    one, other = (f"{label}_kg" for label in charts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        frame.insert(2, "ratio", frame[other] / frame[one])
+    frame.index.names = ["height_m", "reach_m"]
+    frame = frame.sort_index(ascending=[False, True]).reset_index()
+    return frame[["reach_m", "height_m", *frame.columns[2:]]]
+
+
+def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
+    """What machines lift, by reach and height."""
+    if not charts:
+        return Sheet(title=TITLE, rows=(), note="none: no two joints bring the tool onto a grid")
+    first = next(iter(charts.values()))
+    return _grid(first, units) if len(charts) == 1 else _list(charts, units)
+
+
+def _grid(chart: LiftChart, units: Units) -> Sheet:
+    """Rows by height, from the highest down, columns by reach."""
+    usual = Counter(chart.limiting).most_common(1)[0][0]
+    cells = {
+        (height, reach): f"{capacity:.0f}" + ("" if limiting == usual else f" {limiting}")
+        for height, reach, capacity, limiting in zip(
+            chart.height, chart.reach, chart.capacity, chart.limiting, strict=True
+        )
+    }
+    heights, reaches = (sorted({place[k] for place in cells}) for k in (0, 1))
+    return Sheet(
+        title=f"{TITLE} [kg]: height down, reach across",
+        columns=("[m]", *(f"{reach:.3g}" for reach in reaches)),
+        rows=tuple(
+            (f"{height:.3g}", *(cells.get((height, reach), "") for reach in reaches))
+            for height in reversed(heights)
+        ),
+        note=f"{_note(chart, units)}; limited by the {usual} where nothing else is said",
+    )
+
+
+def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
+    """A row for each point."""
+    one, other = charts
+    rows = []
+    for row in lift_frame(charts).to_dict("records"):
+        masses = [row[f"{label}_kg"] for label in charts]
+        limits = [row[f"{label}_limiting"] for label in charts]
+        limits = [name if isinstance(name, str) else "out of reach" for name in limits]
+        rows.append(
+            (
+                f"{row['height_m']:.3g}",
+                f"{row['reach_m']:.3g}",
+                *("" if np.isnan(mass) else f"{mass:.0f}" for mass in masses),
+                f"{row['ratio']:.2f}" if np.isfinite(row["ratio"]) else "",
+                " → ".join(dict.fromkeys(limits)),
+            )
+        )
+    return Sheet(
+        title=f"{TITLE} [kg]",
+        columns=("height [m]", "reach [m]", one, other, "ratio", "limited by"),
+        rows=tuple(rows),
+        note=_note(charts[one], units),
+        words=("limited by",),
+    )
+
+
+def _note(chart: LiftChart, units: Units) -> str:
+    """What the chart says, and of which point."""
+    point, share = chart.poses.point, f"{100 * HYDRAULIC_SHARE:.0f} %"
+    x, _, z = (units.text(value, "m") for value in point.at)
+    tips = f", or {100 * TIPPING_SHARE:.0f} % of what tips it"
+    return (
+        f"at x {x}, z {z} of the {point.link}: {share} of the actuators' force less the arm's"
+        f" own weight{tips if chart.machine.section.stability else ''} (ISO 10567)"
+    )
