@@ -23,8 +23,8 @@ comments.
     What holds the piston: ``both`` chambers (if not given), ``cap`` or ``annulus`` where the other
     is open, ``stuck`` where friction holds it and only what lies in series with the oil yields.
 
-``begin_s``, ``end_s``, ``signal``, ``amplitude``, ``damping_ratio``, ``damping_deviation`` and
-``label`` are known, but not used.
+``begin_s``, ``end_s``, ``signal``, ``amplitude``, ``damping_ratio``, ``damping_deviation``,
+``remark`` and ``label`` are known, but not used.
 """
 
 from __future__ import annotations
@@ -47,7 +47,16 @@ from armdesign.units import bar, mm
 
 DEVIATION = 0.01  # of a frequency, where none is given
 CHAMBERS = ("both", "cap", "annulus", "stuck")
-UNUSED = ("begin_s", "end_s", "damping_ratio", "damping_deviation", "label", "signal", "amplitude")
+UNUSED = (
+    "begin_s",
+    "end_s",
+    "damping_ratio",
+    "damping_deviation",
+    "label",
+    "signal",
+    "amplitude",
+    "remark",
+)
 KNOWN = ("payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar")
 ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")  # of an actuator's columns
 

@@ -38,6 +38,8 @@ def identified_figure(identified: Identified) -> Any:
     top.set(ylabel=identified.signal, title=whole.source)
     below.set(xlabel="time [s]", ylabel="residual")
     last.set(xlabel=f"swing of {identified.signal}, half of peak to peak", ylabel="frequency [Hz]")
+    motion = identified.motion(*decays)
+    last.set_title(motion and f"{motion}, too", fontsize="small")
     for ax in (top, below, last):
         ax.grid(alpha=0.3)
     top.legend(frameon=False)

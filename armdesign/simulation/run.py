@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
+STILL = 1e-5  # [rad/s, m/s] peak to peak: within some 10 µm at the tool, as creep and rounding
 SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
 
 
@@ -161,8 +162,8 @@ class Simulation(ReadOnly):
             modes: how many are asked for, the strongest.
 
         Raises:
-            SimulationError: spools move to the end, there is no such window, or see
-                ``identify_ringdown``.
+            SimulationError: spools move to the end, there is no such window, nothing rings, or
+                see ``identify_ringdown``.
 
         Example:
             >>> import armdesign as ad
@@ -184,6 +185,10 @@ class Simulation(ReadOnly):
         if inside.sum() < 2:
             fault = f"{begin:g}…{end:g} s holds no two of its instants"
             raise SimulationError(part, fault, f"stay in 0…{self.time[-1]:g} s")
+        swing = float(np.ptp(np.hstack([self.velocity, self.spring_speeds])[inside], axis=0).max())
+        if swing < STILL:
+            fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
+            raise SimulationError(part, fault, "move the machine first, or begin earlier")
         fit = identify_ringdown(self.time[inside], self.velocity[inside], modes, part)
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(

@@ -60,6 +60,15 @@ def test_the_window_begins_when_the_spools_rest() -> None:
     np.testing.assert_allclose(length, yields, atol=1e-4)  # dry friction: 1e-5 m
 
 
+@pytest.mark.parametrize("name", ["excavator_20t", "loader_crane"])
+def test_a_machine_at_rest_rings_with_nothing(name: str) -> None:
+    """Before, it answered with 0.978 and 36.2 Hz from creep and rounding."""
+    machine = ad.load(name)
+    run = simulate(machine, machine.ranges.mean(axis=1), {}, duration=2.0)
+    with pytest.raises(SimulationError, match=r"ring: nothing rings: speeds swing by .*; move"):
+        run.ring()
+
+
 def test_faults_of_rings() -> None:
     machine = ad.load("paper_1dof")
     run = simulate(machine, [0.0], {"lift": lambda _: 0.01}, duration=2e-3, rate=5000)
