@@ -27,6 +27,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
     concessions,
     conflict_error,
+    largest_share,
     nearest_error,
 )
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
@@ -72,24 +73,28 @@ class SlackSums:
         meets = np.flatnonzero(np.all(reached >= 0, axis=1))
         return chosen[meets[0]] if len(meets) > 0 else None
 
-    def nearest(self, give: Array, keep: Array) -> Array | None:
-        """The combination that meets ``keep`` and misses ``give`` least in order, or None."""
+    def nearest(self, give: Array, keep: Array, most: Array) -> Array | None:
+        """The combination that meets ``keep`` and misses ``give`` least in order, or None.
+
+        Of all combinations, so the largest share is proved least, then each share in turn. Nothing
+        gives more than the share ``most`` (m,).
+        """
         shares, every = np.zeros(len(self.slack)), np.union1d(keep, give)
-        shares[give] = 2 * LOST
+        shares[give] = most[give]
         best = self.eased(shares).combination(every)
         if best is None:
             return None
         for some in (give, *give[:, None]):
             low, trial, high = 0.0, 0.0, self._missed(best, some)
             while trial < high:
-                shares[some] = trial
+                shares[some] = np.minimum(trial, most[some])
                 met = self.eased(shares).combination(every)
                 if met is None:
                     low = trial
                 else:
                     best, high = met, self._missed(met, some)
                 trial = (low + high) / 2 if high - low > TOLERANCE * (1 + high) else high
-            shares[some] = high + ROUNDING * (1 + high)
+            shares[some] = np.minimum(high + ROUNDING * (1 + high), most[some])
         return best
 
     def eased(self, shares: Array) -> SlackSums:
@@ -342,7 +347,11 @@ def _refusal(
     subsets = disjoint_subsets(sums, every)
     columns = np.concatenate(subsets)
     others = np.setdiff1d(every, columns)
-    together = sums.nearest(columns, others)
+    any_share, most = np.full(len(sums.slack), 2 * LOST), _largest_shares(judge)
+    together = sums.nearest(columns, others, most)
+    if together is None:  # no file may state enough
+        most = any_share
+        together = sums.nearest(columns, others, most)
     assert together is not None  # what is left can be met
     checks = _checks(judge, cylinders, together)
     alone: dict[str, float | None] = {}
@@ -351,7 +360,7 @@ def _refusal(
         given = np.setdiff1d(columns, subset)
         eased[given] = [max(-checks[column].slack, 0.0) + ROUNDING for column in given]
         for column in subset:
-            only = sums.eased(eased).nearest(np.array([column]), every[every != column])
+            only = sums.eased(eased).nearest(np.array([column]), every[every != column], most)
             c = checks[column]
             alone[c.name] = (
                 None if only is None else _missed(_checks(judge, cylinders, only)[column])
@@ -362,6 +371,13 @@ def _refusal(
     return conflict_error(
         judge.placed.name, conflict, "no sizes of the catalogue meet", otherwise=OTHERWISE
     )
+
+
+def _largest_shares(judge: Judge) -> Array:
+    """Shares (m,) by which requirements can be relaxed, until no file allows their settings."""
+    checks = check(judge.placed, judge.today, judge.workspace, judge.limits)
+    shares = [largest_share(judge.requirements, c) for c in checks]
+    return np.minimum(shares, 2 * LOST)
 
 
 def _checks(
