@@ -98,16 +98,11 @@ def _unknown_names(
         robot = urdf_faults.parse(urdf_text, source)
     except MachineFileError:
         return []
-    links, joints = (
-        [str(part.get("name")) for part in robot.findall(kind)] for kind in ("link", "joint")
-    )
-    stand_ins = wrong | {f"{key}.{name}" for key in wrong for name in ("link", "joint")}
+    kinds, movable = ("link", "joint"), urdf_faults.movable_joints(robot)
+    links, joints = ([str(part.get("name")) for part in robot.findall(kind)] for kind in kinds)
+    stand_ins = wrong | {f"{key}.{kind}" for key in wrong for kind in kinds}
     faults = unknown_links(section, links, source) if links else []
-    faults += (
-        unknown_joints(section, joints, urdf_faults.movable_joints(robot), source)
-        if joints
-        else []
-    )
+    faults += unknown_joints(section, joints, movable, source) if joints else []
     return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
 
 
@@ -137,28 +132,24 @@ def _faults_of_the_rest(
     frozen = section.frozen | {one.joint: one.at for one in springs_of(sound_springs)}
     arm = Arm(urdf_text, section.joints, frozen, section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
-        moved = {j for table in sound.values() for j in linkage(table, arm).joints} or set(
-            range(len(arm.joints))
-        )
+        moved = {j for table in sound.values() for j in linkage(table, arm).joints}
         still = {
             joint.name: (joint.lower + joint.upper) / 2
             for j, joint in enumerate(arm.joints)
-            if j not in moved
+            if moved and j not in moved
         }
+        others = {name: at for name, at in frozen.items() if name not in section.joints}
+        tables = {name: table.model_dump(exclude_none=True) for name, table in sound.items()}
         data = {
             "name": section.name,
             "urdf": section.urdf,
             "joints": [name for name in section.joints if name not in still],
-            "frozen": (
-                {name: at for name, at in frozen.items() if name not in section.joints} | still
-            ),
+            "frozen": others | still,
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
             "payload": {"empty": {"mass_kg": 0.0}},
             "fluid": FLUID,
             "supply": SUPPLY,
-            "cylinder": {
-                name: table.model_dump(exclude_none=True) for name, table in sound.items()
-            },
+            "cylinder": tables,
         }
         machine = Machine.unchecked(dump(data, "what is sound"), urdf_text, path)
         faults = [fault for fault in assembly_faults(machine) if _blamed([fault])]

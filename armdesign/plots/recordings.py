@@ -52,15 +52,11 @@ def _swings(ax: Any, decays: list[IdentifiedWindow]) -> None:
     for window in decays:
         pieces = window.swings
         if pieces is not None and len(pieces.time):
-            ax.errorbar(
-                pieces.amplitudes, pieces.frequencies, pieces.frequency_deviations, **style
-            )
-            middle = float(np.median(pieces.amplitudes))
-            frequency, deviation = (
-                window.fit.natural_frequencies[0],
-                window.fit.frequency_deviations[0],
-            )
-            ax.errorbar([middle], [frequency], [deviation], fmt="o", color=MARK, capsize=3)
+            points = pieces.amplitudes, pieces.frequencies, pieces.frequency_deviations
+            ax.errorbar(*points, **style)
+            whole = window.fit.natural_frequencies[:1], window.fit.frequency_deviations[:1]
+            middle = [float(np.median(pieces.amplitudes))]
+            ax.errorbar(middle, *whole, fmt="o", color=MARK, capsize=3)
     ax.plot([], [], ".", color=INK, alpha=0.5, label="three periods")
     ax.plot([], [], "o", color=MARK, label="whole window, ± 1 deviation")
     ax.legend(frameon=False)

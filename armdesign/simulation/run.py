@@ -30,7 +30,7 @@ SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ring(ReadOnly):
-    """What a run rings with while its spools rest; arrays are read-only.
+    """Ring of a run while its spools rest; arrays are read-only.
 
     Attributes:
         begin: first instant of the window [s].
@@ -50,10 +50,10 @@ class Ring(ReadOnly):
     @property
     def words(self) -> str:
         """The answer in one line."""
-        found = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
+        modes = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
         empty = f"; {'; '.join(self.cavitated)}" if self.cavitated else ""
         linear = f"{self.linear_frequencies[0]:.3f} Hz"
-        return f"{self.begin:.3g}…{self.end:.3g} s: {found}, lowest linear {linear}{empty}"
+        return f"{self.begin:.3g}…{self.end:.3g} s: {modes}, lowest linear {linear}{empty}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,12 +183,12 @@ class Simulation(ReadOnly):
         end = float(self.time[-1]) if end is None else end
         inside = (self.time >= begin) & (self.time <= end)
         if inside.sum() < 2:
-            problem = f"{begin:g}…{end:g} s holds no two of its instants"
-            raise SimulationError(part, problem, f"stay in 0…{self.time[-1]:g} s")
+            fault = f"{begin:g}…{end:g} s holds no two of its instants"
+            raise SimulationError(part, fault, f"stay in 0…{self.time[-1]:g} s")
         swing = float(np.ptp(np.hstack([self.velocity, self.spring_speeds])[inside], axis=0).max())
         if swing < STILL:
-            problem = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
-            raise SimulationError(part, problem, "move the machine first, or begin earlier")
+            fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
+            raise SimulationError(part, fault, "move the machine first, or begin earlier")
         fit = identify_ringdown(self.time[inside], self.velocity[inside], modes, part)
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(

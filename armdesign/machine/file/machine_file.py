@@ -39,9 +39,8 @@ def path_of(value: str | Path) -> Path:
     except TypeError:
         raise MachineFileError(str(value), "is not a path", "give a path or a name") from None
     except OSError as error:
-        raise MachineFileError(
-            f"{value!s:.60}…", f"cannot be read ({error.strerror})", "check the path"
-        ) from None
+        fault = f"cannot be read ({error.strerror})"
+        raise MachineFileError(f"{value!s:.60}…", fault, "check the path") from None
     return path
 
 
@@ -72,37 +71,24 @@ def leads_out(folder: Path, urdf: str) -> bool:
 
 
 def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
-    """Text of the URDF that a machine file names.
-
-    Args:
-        path: of the machine file.
-        urdf: as the file names it, relative to it.
-        allow_outside: whether it may lie outside the file's folder.
+    """Text of the URDF that the machine file at a path names, relative to it.
 
     Raises:
-        MachineFileError: it lies outside, is missing or is no text.
+        MachineFileError: it lies outside of the file's folder, is missing or is no text.
     """
+    part = f"{path.name}: urdf"
     if not allow_outside and leads_out(path.parent, urdf):
-        raise MachineFileError(
-            f"{path.name}: urdf",
-            f'"{urdf}" is outside the folder of the machine file',
-            "put it beside the file, or allow it: --allow-outside, in Python load(…,"
-            " allow_outside=True)",
-        )
+        allow = "--allow-outside, in Python load(…, allow_outside=True)"
+        remedy = f"put it beside the file, or allow it: {allow}"
+        raise MachineFileError(part, f'"{urdf}" is outside the folder of the machine file', remedy)
     try:
         return read_text(path.parent / urdf)
     except MachineFileError as error:
-        raise MachineFileError(
-            f"{path.name}: urdf", f'"{urdf}": {error.fault}', error.remedy
-        ) from None
+        raise MachineFileError(part, f'"{urdf}": {error.fault}', error.remedy) from None
 
 
 def parse(text: str, source: str) -> MachineSection:
-    """The data of a machine file's text, checked against the schema.
-
-    Args:
-        text: TOML.
-        source: file name for messages.
+    """The data of a machine file's text, checked against the schema; ``source`` is its name.
 
     Raises:
         MachineFileError: not TOML, or a key that is missing, unknown, of a wrong type or out of
@@ -126,13 +112,8 @@ def faults(
 ) -> tuple[MachineSection | None, list[MachineFileError], set[str]]:
     """Every fault that a machine file's text has by itself, not the first alone.
 
-    Args:
-        text: TOML.
-        source: file name for messages.
-
-    Returns:
-        The file with stand-ins where it is wrong (None where it is no TOML), its faults, and the
-        key paths at which a stand-in stands.
+    Returns the file with stand-ins where it is wrong (None where it is no TOML), its faults, and
+    the key paths at which a stand-in stands.
     """
     try:
         data = read_toml(text, source)
@@ -167,15 +148,15 @@ def faults(
 
 def flat(section: MachineSection) -> dict[str, Any]:
     """Every value of a machine file by its key path, defaults included; lists whole."""
-    return dict(_leaves(section.model_dump(), ""))
+    return dict(_leaves(section.model_dump()))
 
 
-def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else key)
-    elif value is not None:
-        yield path, value
+def _leaves(table: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, item in table.items():
+        if isinstance(item, dict):
+            yield from _leaves(item, f"{before}{key}.")
+        elif item is not None:
+            yield f"{before}{key}", item
 
 
 def _table(path: str) -> str:

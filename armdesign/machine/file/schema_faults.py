@@ -72,9 +72,8 @@ def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
     if fault["type"] == "extra_forbidden":
         known = annotation(location[:-1])[0].model_fields
         close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
-        return "unknown key", (
-            f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
-        )
+        keys = f"known keys: {', '.join(known)}"
+        return "unknown key", f'did you mean "{close[0]}"?' if close else keys
     if fault["loc"][-1:] == ("[key]",):
         return "is not a usable name", "start with a letter, then letters, digits, _ or -"
     words = f"{_shown(fault['input'])} is not allowed"
