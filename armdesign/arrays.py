@@ -59,10 +59,9 @@ def stacked(parts: Iterable[T], count: int) -> T:
     row = len(next(iter(arrays.values())))
     if row == count:
         return part
-    whole = {
-        name: np.empty((count, *array.shape[1:]), array.dtype) for name, array in arrays.items()
-    }
+    whole = {}
     for name, array in arrays.items():
+        whole[name] = np.empty((count, *array.shape[1:]), array.dtype)
         whole[name][:row] = array
     for part in parts:
         end = row
@@ -88,16 +87,13 @@ def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array
     place = below - below[0]
     shares = np.asarray(percents, dtype=float) / 100
     at = shares * place[-1]
-    after = np.clip(
-        np.searchsorted(place, at, side="left"), min(1, len(values) - 1), len(values) - 1
-    )
+    last = len(values) - 1
+    after = np.clip(np.searchsorted(place, at, side="left"), min(1, last), last)
     before = np.maximum(after - 1, 0)
     step = place[after] - place[before]
     part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
-    mixed = [
-        np.where(share > 0, values[rows], 0.0) * share
-        for rows, share in ((before, 1 - part), (after, part))
-    ]
+    pairs = ((before, 1 - part), (after, part))
+    mixed = [np.where(share > 0, values[rows], 0.0) * share for rows, share in pairs]
     ends = np.where(shares < 0.5, values[0], values[-1])
     return np.where((shares > 0) & (shares < 1), mixed[0] + mixed[1], ends)
 

@@ -189,9 +189,8 @@ def design(
         }
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
-        proofs = dict(
-            zip(("today", "new"), validate_maps([answer.before, answer.after]), strict=True)
-        )
+        both = validate_maps([answer.before, answer.after])
+        proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
         sheets = design_sheets(answer, units.units)
         with outputs(out) as folder:
@@ -282,9 +281,8 @@ def new(
     files = {f"{name}.toml": text, f"{name}.urdf": urdf}
     for file in files:
         if (folder / file).exists():
-            raise ArmDesignError(
-                str(folder / file), "exists already", "give another name or --out another folder"
-            )
+            remedy = "give another name or --out another folder"
+            raise ArmDesignError(str(folder / file), "exists already", remedy)
     if not (folder / "machine.schema.json").exists():  # for editors; machines may share it
         files["machine.schema.json"] = json_schema()
     with outputs(folder) as place:

@@ -66,6 +66,16 @@ class PoseError(ArmDesignError):
     """A pose cannot be taken: out of stroke, open four-bar, singular, or not finite."""
 
 
+class TopplingError(PoseError):
+    """Springs are too soft for gravity.
+
+    Attributes:
+        factor: by how much stiffer they must be at least.
+    """
+
+    factor: float = 1.0
+
+
 class InfeasibleError(ArmDesignError):
     """No design meets the requirements.
 

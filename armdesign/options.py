@@ -45,10 +45,8 @@ VaryOption = Annotated[
     str,
     typer.Option(
         "--vary",
-        help=(
-            "What may change, separated by commas: areas, pins, linkages (pins and four-bars), or"
-            " key paths of the file such as cylinder.boom.bore_mm."
-        ),
+        help="What may change, separated by commas: areas, pins, linkages (pins and four-bars), or"
+        " key paths of the file such as cylinder.boom.bore_mm.",
     ),
 ]
 CatalogueOption = Annotated[
@@ -85,7 +83,7 @@ ValuesOption = Annotated[
     str,
     typer.Option(
         "--values",
-        help=("Values of that limit, separated by commas: shares of today's, for pin_box metres."),
+        help="Values of that limit, separated by commas: shares of today's, for pin_box metres.",
     ),
 ]
 MeasuredArgument = Annotated[
@@ -154,9 +152,8 @@ def grid_points(points: str) -> int | list[int] | None:
     try:
         counts = [int(word) for word in points.split(",")] if points else None
     except ValueError:
-        raise ArmDesignError(
-            "--points", f'"{points}" is not a list of numbers', "give 21 or 21,21,61"
-        ) from None
+        fault = f'"{points}" is not a list of numbers'
+        raise ArmDesignError("--points", fault, "give 21 or 21,21,61") from None
     return counts[0] if counts and len(counts) == 1 else counts
 
 

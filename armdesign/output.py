@@ -120,11 +120,7 @@ def write_report(
 ) -> None:
     """Everything that ``armdesign design`` leaves behind, report.html among it.
 
-    Args:
-        design: with both maps.
-        proofs: nonlinear runs of today's and the new machine, by these names.
-        sheets: of the design.
-        folder: for the files.
+    ``proofs`` are nonlinear runs of today's and the new machine, ``sheets`` those of the design.
     """
     from armdesign import plots
     from armdesign.report.designs import summary
@@ -167,17 +163,20 @@ def check_urdf(machine: Machine, out: Path) -> None:
         earlier = tomllib.loads(target.read_text(encoding="utf-8")).get("urdf")
         if isinstance(earlier, str) and target.parent / earlier == urdf:
             return
-    raise ArmDesignError(f"--out {out}", f"another {urdf.name} is there", "name another folder")
+    raise _refused(out, f"another {urdf.name} is there")
 
 
 def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
     """Write all validations as one CSV file; their names go into a column ``label``."""
     import pandas as pd
 
-    frames = [
-        v.frame.assign(**({label: name} if label else {})) for name, v in validations.items()
-    ]
+    named = (({label: name} if label else {}, one.frame) for name, one in validations.items())
+    frames = [frame.assign(**column) for column, frame in named]
     write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
+
+
+def _refused(out: Path | str, fault: str) -> ArmDesignError:
+    return ArmDesignError(f"--out {out}", fault, "name another folder")
 
 
 def check_out(out: Path) -> None:
@@ -185,13 +184,9 @@ def check_out(out: Path) -> None:
     try:
         existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     except OSError as error:
-        raise ArmDesignError(
-            f"--out {out!s:.60}", f"cannot be used ({error.strerror})", "name another folder"
-        ) from None
+        raise _refused(f"{out!s:.60}", f"cannot be used ({error.strerror})") from None
     if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise ArmDesignError(
-            f"--out {out}", f"{existing} is not a folder to write into", "name another folder"
-        )
+        raise _refused(out, f"{existing} is not a folder to write into")
     transaction.mend(out)
 
 
@@ -202,14 +197,11 @@ def outputs(out: Path) -> Iterator[Path]:
         try:
             with transaction.staged(out) as folder:
                 yield folder
-                written = sorted(
-                    str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()
-                )
+                files = (path for path in folder.rglob("*") if path.is_file())
+                written = sorted(str(path.relative_to(folder)) for path in files)
                 undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
-            raise ArmDesignError(
-                f"--out {out}", f"cannot be written ({error.strerror})", "name another folder"
-            ) from None
+            raise _refused(out, f"cannot be written ({error.strerror})") from None
         changed.append(out)
         tell(f"wrote {', '.join(written)} to {out}/")
 

@@ -130,9 +130,8 @@ class _Stage:
 
     def move(self) -> None:
         """Move all files from ``new`` to their places, or none."""
-        files = sorted(
-            str(path.relative_to(self.new)) for path in self.new.rglob("*") if not path.is_dir()
-        )
+        paths = (path for path in self.new.rglob("*") if not path.is_dir())
+        files = sorted(str(path.relative_to(self.new)) for path in paths)
         for file in files:
             self._check(file)
         replaced = [file for file in files if os.path.lexists(self.place / file)]
@@ -160,9 +159,8 @@ class _Stage:
             if (there := self.place / folder).exists() and not there.is_dir():
                 raise NotADirectoryError(errno.ENOTDIR, f"{folder} is not a folder", str(there))
         if target.is_dir() and not target.is_symlink():
-            raise IsADirectoryError(
-                errno.EISDIR, f"a folder named {file} is in the way", str(target)
-            )
+            fault = f"a folder named {file} is in the way"
+            raise IsADirectoryError(errno.EISDIR, fault, str(target))
 
     def _keep(self, file: str) -> None:
         """The old file under a second name; a copy where the file system has no such names."""
@@ -265,9 +263,7 @@ def _lock(folder: Path, wait: bool) -> int | None:
         return None
     try:
         fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except (
-        BaseException
-    ) as error:  # held by another, or no locks on this file system; or the user will not wait
+    except BaseException as error:  # held by another, no locks here; or the user will not wait
         os.close(opened)
         if isinstance(error, OSError):
             return None

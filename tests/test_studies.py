@@ -168,6 +168,21 @@ def test_large_swings_finds_its_headline() -> None:
     assert table["rod_bar"].max() < 3  # empty: as measured, at most 3 bar
 
 
+def test_rocking_finds_its_headline() -> None:
+    """The worst pose is refined off the grid, so that a coarse one is enough; tracks as stiff as
+    rock take nothing.
+    """
+    module = study("11_rocking")
+    words = module.__doc__ or ""
+    stiff, share, worst, soft, loss = (float(x) for x in re.findall(r"[\d.]+(?= )", words)[1:])
+    table = module.run(fast=True).set_index("stiffness_mn_m")
+    assert 100 * table["loss"].loc[stiff] < share < 100 * table["loss"].iloc[2]
+    assert 100 * table["loss"].loc[soft] == pytest.approx(loss, abs=0.5)
+    assert table["worst_hz"].iloc[0] == pytest.approx(worst, rel=0.005)
+    assert table["worst_hz"].is_monotonic_decreasing
+    assert table["limits"].iloc[-1] == "carriage"
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

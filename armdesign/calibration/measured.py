@@ -23,8 +23,8 @@ comments.
     What holds the piston: ``both`` chambers (if not given), ``cap`` or ``annulus`` where the other
     is open, ``stuck`` where friction holds it and only what lies in series with the oil yields.
 
-``begin_s``, ``end_s``, ``signal``, ``amplitude``, ``damping_ratio``, ``damping_deviation`` and
-``label`` are known, but not used.
+``begin_s``, ``end_s``, ``signal``, ``amplitude``, ``damping_ratio``, ``damping_deviation``,
+``remark`` and ``label`` are known, but not used.
 """
 
 from __future__ import annotations
@@ -47,7 +47,16 @@ from armdesign.units import bar, mm
 
 DEVIATION = 0.01  # of a frequency, where none is given
 CHAMBERS = ("both", "cap", "annulus", "stuck")
-UNUSED = ("begin_s", "end_s", "damping_ratio", "damping_deviation", "label", "signal", "amplitude")
+UNUSED = (
+    "begin_s",
+    "end_s",
+    "damping_ratio",
+    "damping_deviation",
+    "label",
+    "signal",
+    "amplitude",
+    "remark",
+)
 KNOWN = ("payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar")
 ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")  # of an actuator's columns
 
@@ -131,7 +140,7 @@ class _Table:
         pressures[np.isnan(pressures).any(axis=2)] = np.nan
         return Measured(
             source=self.source,
-            payloads=tuple(self._payload(row) for row in self.rows),
+            payloads=tuple(self._payload(row, n) for n, row in enumerate(self.rows, 1)),
             joints=joints,
             lengths=lengths,
             frequencies=frequencies,
@@ -197,7 +206,7 @@ class _Table:
                 raise ArmDesignError(part, f"{mode:g} is not there", f"give 1 to {most}")
         return modes.astype(int) - 1
 
-    def _payload(self, row: Mapping[str, Any]) -> str | float | None:
+    def _payload(self, row: Mapping[str, Any], n: int) -> str | float | None:
         word = str(row.get("payload") or "").strip()
         if not word or word in {case.name for case in self.machine.payloads}:
             return word or None
@@ -205,7 +214,11 @@ class _Table:
             payload: str | float = float(word)
         except ValueError:
             payload = word
-        self.machine.with_payload(payload)  # raises if there is none such
+        try:
+            self.machine.with_payload(payload)
+        except ArmDesignError as error:
+            part = f"{self.source}: row {n}, {error.part}"
+            raise ArmDesignError(part, error.fault, error.remedy) from None
         return payload
 
     def _chambers(self, row: Mapping[str, Any], n: int) -> list[str]:
@@ -242,7 +255,8 @@ class _Table:
     def _warnings(self, actuators: list[str], deviations: Array) -> list[str]:
         """What a reader should know: columns that are not used, inclinometers, deviations."""
         joints = [name for column in joint_columns(self.machine) for name in column.all]
-        known = {*KNOWN, *UNUSED, *joints, *(f"{a}_{end}" for a in actuators for end in ENDS)}
+        known = [*joints, *KNOWN, *(f"{a}_{end}" for a in actuators for end in ENDS), *UNUSED]
+        known = list(dict.fromkeys(known))
         words = [
             f'column "{name}" is not used: '
             + (INCLINOMETER if inclined(name) else choose(name, known))

@@ -13,7 +13,7 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file import machine_file
-from armdesign.machine.file.key_paths import annotation, bounds, unit_of
+from armdesign.machine.file.key_paths import allowed, annotation, bounds, unit_of
 from armdesign.machine.machine import Machine
 
 LEAST = 1e-18  # stands for zero in logarithms: no key's unit makes so small a number matter
@@ -100,6 +100,11 @@ def unknowns_of(
 
 def _unknown(path: str, known: Mapping[str, Any], prior: Any) -> Unknown:
     part, value = f"fit {path}", known.get(path)
+    table = path.rpartition(".")[0]
+    if value is None and any(name.rpartition(".")[0] == table for name in known):
+        limits = allowed(tuple(path.split(".")))
+        if limits:
+            raise ArmDesignError(part, "has no value in the file", f"write one first: {limits}")
     if value is None:
         numbers = [name for name in known if _is_number(name, known[name])]
         near = [name for name in numbers if name.rpartition(".")[2] == path.rpartition(".")[2]]

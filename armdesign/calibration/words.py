@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.calibration.fit import LOOSE, Fit
+from armdesign.machine.file.likely_values import USUAL
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 ALIKE = 0.98  # cosine of two unknowns' effects on all measurements, from which they look alike
 CHANGE = 0.10  # of the unknown that changes most in a weak direction
 PART = 0.1  # of the largest part of a direction below which an unknown is not named
+SOFTEST = 5.0  # times the oil's own compliance; measured machines have 0.4 to 1.5
+COMPLIANCES = ("compliance_m_per_N", "compliance_rad_per_N_m")
+MOST_AIR = 20.0  # [%]
 POOR = 3.0  # times the measurements' deviations by which a machine may miss
 
 
@@ -50,7 +54,31 @@ def findings(
                 how = f"known to a factor of {math.exp(min(loose[one.path], 9.0)):.2g} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
             found.append(f"{one.path} is not determined by these measurements ({how}): {held}")
-    return (*found, *_apart(of_all), *warnings)
+    return (*found, *_implausible(fit), *_apart(of_all), *warnings)
+
+
+def _implausible(fit: Fit | None) -> Iterator[str]:
+    """Which fitted values no oil or structure has."""
+    if fit is None:
+        return
+    machine = fit.problem.machine
+    softest = {
+        f"{a.kind}.{a.name}.{key}": SOFTEST * a.oil_compliance(machine.fluid, machine.supply)
+        for a in machine.actuators
+        for key in COMPLIANCES
+    }
+    for one, u in zip(fit.problem.unknowns, fit.u, strict=True):
+        value, keys = one.number(float(u)), tuple(one.path.split("."))
+        low, high = USUAL.get(keys[-1], (0.0, math.inf))
+        if one.path == "fluid.entrained_air_percent":
+            high = MOST_AIR
+        high = softest.get(one.path, high)
+        if not low <= value <= high:
+            ends = f"{low:.3g} to {high:.3g} {one.unit}".rstrip()
+            yield (
+                f"{one.path} {value:.3g} {one.unit} is implausible: machines have {ends}, so what"
+                " is fitted stands in for something else"
+            )
 
 
 def _errors(frame: pd.DataFrame) -> str:

@@ -164,7 +164,7 @@ class Design:
 
     @property
     def made_for(self) -> str:
-        """What was to be made large: "gain" or "worst" frequency within bands, or "nominal"."""
+        """Aim of the search: "gain" or "worst" frequency within bands, or "nominal"."""
         if self.problem.dynamics.corners.bands == Bands():
             return "nominal"
         return "gain" if self.problem.dynamics.corners.gain else "worst"
@@ -216,14 +216,9 @@ class Design:
         # else sizes were chosen with masses held
         if self.selection is not None and self.problem.vector.moving_masses is None:
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
-            refused = (
-                ""
-                if math.isfinite(self.selection.bound)
-                else "the one of all combinations lies below the best"
-            )
-            bound = Bound(
-                frequency=self.selection.bound, held=(), assumptions=words, refused=refused
-            )
+            most, refused = self.selection.bound, "the one of all combinations lies below the best"
+            refused = "" if math.isfinite(most) else refused
+            bound = Bound(frequency=most, held=(), assumptions=words, refused=refused)
             return bound.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
         known = bound_of(free, self.x, self.watched)
@@ -255,11 +250,8 @@ class Design:
     @property
     def binding(self) -> list[Check]:
         """Requirements that bind and cost frequency, the dearest first."""
-        held = [
-            c
-            for c in self.checks
-            if c.slack < BINDING and self.at_margin.get(c.name, 0.0) > LEAST_PRICE
-        ]
+        dear = {name for name, gain in self.at_margin.items() if gain > LEAST_PRICE}
+        held = [c for c in self.checks if c.slack < BINDING and c.name in dear]
         return sorted(held, key=lambda c: -self.prices[c.name])
 
     @property
@@ -337,9 +329,8 @@ def optimize(
     if catalogue is None and not problem.vector.any_size_varies:
         sizes = None  # those of the machine stay, whatever its file would choose from
     if start is not None and _names(start.today) != _names(machine):
-        raise ArmDesignError(
-            "start", f"is a design of {start.today.name}, not of {machine.name}", "give one of it"
-        )
+        fault = f"is a design of {start.today.name}, not of {machine.name}"
+        raise ArmDesignError("start", fault, "give one of it")
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     command = call(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
@@ -406,9 +397,8 @@ def size_cylinders(
         InfeasibleError: no sizes meet the requirements.
     """
     if dead_volume not in ("fixed", "proportional"):
-        raise ArmDesignError(
-            "dead_volume", f'"{dead_volume}" is not allowed', 'give "fixed" or "proportional"'
-        )
+        remedy = 'give "fixed" or "proportional"'
+        raise ArmDesignError("dead_volume", f'"{dead_volume}" is not allowed', remedy)
     proportional = dead_volume == "proportional"
     sizes, grid = sizes_and_grid(machine, catalogue)
     problem = formulate(

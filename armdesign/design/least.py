@@ -108,15 +108,9 @@ def least(
     if catalogue is None and not problem.vector.any_size_varies:
         sizes = None
     command = call(
-        "least",
-        frequency=frequency,
-        of=of,
-        vary=tuple(vary),
-        starts=starts,
-        seed=seed,
-        bands=bands,
-        catalogue=catalogue,
-    )
+        "least", frequency=frequency, of=of, vary=tuple(vary), starts=starts, seed=seed,
+        bands=bands, catalogue=catalogue,
+    )  # fmt: skip
     least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
     if sizes is not None:
         refuse_fixed_sizes(problem)
@@ -202,9 +196,8 @@ class LeastAmount:
             else:
                 low, below = guess, other.bound
         search, selection = self._select(self._used(selection), sizes)
-        return search, replace(
-            selection, below=below if self.problem.vector.moving_masses is None else math.inf
-        )
+        proved = self.problem.vector.moving_masses is None
+        return search, replace(selection, below=below if proved else math.inf)
 
     def rounded(self, search: Search, outcomes: Starts, command: str) -> Design:
         """The rounded design, under a little more where rounding costs too much."""
@@ -218,11 +211,8 @@ class LeastAmount:
             worst = self.problem.dynamics.corners.judged(design.machine)
             if worst >= self.frequency:
                 return design
-        raise InfeasibleError(
-            self.problem.machine.name,
-            f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz",
-            "ask for less",
-        )
+        fault = f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz"
+        raise InfeasibleError(self.problem.machine.name, fault, "ask for less")
 
     def _enough(self, search: Search) -> tuple[Search, float]:
         """A search under an amount that is enough, and an amount that is not."""
@@ -265,18 +255,13 @@ class LeastAmount:
         self, reached: float, margins: Mapping[str, float] | None = None
     ) -> InfeasibleError:
         """The error that says what is reached, and which limits hold it back, if known."""
-        gains = margins or {}
-        dear = sorted(
-            (name for name, gain in gains.items() if gain > LEAST_PRICE),
-            key=lambda name: -gains[name],
-        )
-        dearest = f", {' and '.join(dear[:NAMED])} first," if dear else ""
-        return InfeasibleError(
-            self.problem.machine.name,
-            f"{self.frequency:.4g} Hz is out of reach: the other requirements allow"
-            f" {reached:.4g} Hz",
-            f"relax them{dearest} or ask for less",
-        )
+        costs = {name: -gain for name, gain in (margins or {}).items() if gain > LEAST_PRICE}
+        dear = sorted(costs, key=lambda name: costs[name])[:NAMED]
+        dearest = f", {' and '.join(dear)} first," if dear else ""
+        allowed = f"the other requirements allow {reached:.4g} Hz"
+        fault = f"{self.frequency:.4g} Hz is out of reach: {allowed}"
+        remedy = f"relax them{dearest} or ask for less"
+        return InfeasibleError(self.problem.machine.name, fault, remedy)
 
 
 def _frequency(search: Search) -> float:

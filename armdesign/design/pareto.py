@@ -141,13 +141,11 @@ def pareto(
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     if against not in SHARES:
-        raise ArmDesignError(
-            "against", f"{against!r} is not allowed", choose(str(against), list(SHARES))
-        )
+        remedy = choose(str(against), list(SHARES))
+        raise ArmDesignError("against", f"{against!r} is not allowed", remedy)
     if against == "digging" and not requirements.digging:
-        raise ArmDesignError(
-            "against", "no cylinder's digging force counts", "name some in requirements.digging"
-        )
+        fault, remedy = "no cylinder's digging force counts", "name some in requirements.digging"
+        raise ArmDesignError("against", fault, remedy)
     sizes_and_grid(machine, catalogue)  # refused before anything is searched
     designs: dict[float, Design] = {}
     left_out: dict[float, str] = {}
@@ -169,13 +167,8 @@ def pareto(
         fault = f"no value of {against} can be met"
         why = refused.fault, refused.conflict, refused.table
         raise InfeasibleError(machine.name, fault, *why)
-    return Pareto(
-        against=against,
-        limits=tuple(designs),
-        designs=tuple(designs.values()),
-        left_out=left_out,
-        today=machine,
-    )
+    best = {"limits": tuple(designs), "designs": tuple(designs.values()), "left_out": left_out}
+    return Pareto(against=against, today=machine, **best)  # type: ignore[arg-type]
 
 
 def read_values(text: str, against: str) -> list[float] | None:
@@ -193,9 +186,8 @@ def read_values(text: str, against: str) -> list[float] | None:
     try:
         values = [float(word) for word in words]
     except ValueError:
-        raise ArmDesignError(
-            "--values", f'"{text}" is not a list of numbers', "give 0.9,1.0,1.1"
-        ) from None
+        fault = f'"{text}" is not a list of numbers'
+        raise ArmDesignError("--values", fault, "give 0.9,1.0,1.1") from None
     whole = re.search(r"(?<![\d.])(\d+),(\d+)(?![\d.])", text)
     if whole:
         one, two = whole.groups()
@@ -204,9 +196,8 @@ def read_values(text: str, against: str) -> list[float] | None:
     low, high, unit = PLAUSIBLE.get(against, OF_SHARES)
     for value in values:
         if against in SHARES and not low <= value <= high:
-            raise ArmDesignError(
-                "--values", f"{value:g} {unit} is not allowed", f"give {low:g} to {high:g} {unit}"
-            )
+            fault, remedy = f"{value:g} {unit} is not allowed", f"give {low:g} to {high:g} {unit}"
+            raise ArmDesignError("--values", fault, remedy)
     return values or None
 
 
@@ -221,10 +212,9 @@ def _limits(
     if values is None:
         unit = requirements.box(machine, workspace) if against == "pin_box" else 1.0
         values = [share * unit for share in SHARES[against]]
-    usable = [
-        isinstance(v, int | float | np.number) and math.isfinite(v) and v >= 0 for v in values
-    ]
-    if not usable or not all(usable):
+    numbers = [v for v in values if isinstance(v, int | float | np.number)]
+    usable = [v for v in numbers if math.isfinite(v) and v >= 0]
+    if not usable or len(usable) < len(values):
         raise ArmDesignError("values", f"{list(values)} is not allowed", "give finite numbers ≥ 0")
     return sorted({float(v) for v in values}, reverse=against in ("digging", "lift"))
 

@@ -16,13 +16,9 @@ _TABLE = "requirements."
 def documented(
     machine: Machine, today: Machine, requirements: Requirements, command: str
 ) -> Machine:
-    """The new machine under its own name and title, with the story of how it was made in its file.
+    """The new machine, as by ``retold``, within what requirements and by what command it was made.
 
-    Args:
-        machine: the new machine; its story is told anew if it has one already.
-        today: the machine that it was made from.
-        requirements: the limits within which it was made.
-        command: what made it, as typed in a terminal or in Python.
+    The command is as typed in a terminal or in Python.
     """
     story = (f"Command: {command}", f"Requirements: {_stated(today, requirements)}.")
     return retold(machine, today, "optimized", story)

@@ -28,6 +28,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
+from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
@@ -326,6 +327,19 @@ def _between(
     least = scenario(machine, workspace.subset(seeds), exact, corner, today).frequency
     rows = np.flatnonzero(floor <= least)
     return scenario(machine, workspace.subset(rows), exact, corner, today).frequency
+
+
+def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
+    """Raise for the pose that asks most of the springs: as in the file, and at its soft ends.
+
+    Raises:
+        PoseError: as ``Machine.at`` does.
+    """
+    refuse_toppling_anywhere(list(load_cases(machine, workspace)))
+    bands = Bands.of(machine)
+    for corner in bands.corners(machine, (True,)):
+        at_end, shares = bands.at_end(machine, True), (corner.payload_share, corner.link_share)
+        refuse_toppling_anywhere(list(load_cases(at_end, workspace, *shares)))
 
 
 def worst_within(

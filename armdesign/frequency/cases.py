@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.errors import TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
@@ -58,20 +59,13 @@ def load_cases(
 ) -> Iterator[CasePoses]:
     """Every load case of a machine, in the order of its file, with the poses at which it exists.
 
-    Args:
-        machine: the machine.
-        workspace: the poses.
-        payload_share: factor on the mass of every load case.
-        link_share: factor on all masses and inertias of the bare links.
+    ``payload_share`` is a factor on the mass of every load case, ``link_share`` on all masses and
+    inertias of the bare links.
     """
     for payload in machine.payloads:
-        loaded = replace(payload, mass=payload_share * payload.mass)
-        yield CasePoses(
-            machine=replace(machine, payload=loaded),
-            workspace=workspace,
-            exists=workspace.holds(payload),
-            link_share=link_share,
-        )
+        loaded = replace(machine, payload=replace(payload, mass=payload_share * payload.mass))
+        exists = workspace.holds(payload)
+        yield CasePoses(machine=loaded, workspace=workspace, exists=exists, link_share=link_share)
 
 
 def in_chunks(
@@ -88,13 +82,40 @@ def in_chunks(
             yield case, rows.start + chosen, scaled_links(rigid[chosen], case.link_share)
 
 
+def poses_of(cases: Sequence[CasePoses], case: CasePoses, rigid: RigidPoses) -> Poses:
+    """A load case at a chunk of its poses; springs too soft there are told what all poses need.
+
+    Raises:
+        PoseError: as ``Machine.at`` does.
+    """
+    try:
+        return case.machine.at(rigid)
+    except TopplingError:
+        refuse_toppling_anywhere(cases)
+        raise
+
+
+def refuse_toppling_anywhere(cases: Sequence[CasePoses]) -> None:
+    """Raise for the pose, of all load cases at all of theirs, that asks most of a spring.
+
+    Raises:
+        PoseError: as ``Machine.at`` does.
+    """
+    errors = []
+    for case, _, rigid in in_chunks(cases, f"{cases[0].machine.name}: springs"):
+        try:
+            case.machine.at(rigid)
+        except TopplingError as error:
+            errors.append(error)
+    if errors:
+        raise max(errors, key=lambda error: error.factor)
+
+
 def scaled_links(rigid: RigidPoses, share: float) -> RigidPoses:
     """The bare links with all masses and inertias times a share: M, g and ∂g/∂q are linear."""
-    if share == 1.0:
-        return rigid
-    return replace(
-        rigid,
-        mass_matrix=share * rigid.mass_matrix,
-        gravity_torque=share * rigid.gravity_torque,
-        gravity_stiffness=share * rigid.gravity_stiffness,
+    names = ("mass_matrix", "gravity_torque", "gravity_stiffness") if share != 1.0 else ()
+    return (
+        replace(rigid, **{name: share * getattr(rigid, name) for name in names})
+        if names
+        else rigid
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
 from armdesign.frequency.workspace import Workspace
@@ -22,12 +22,7 @@ from armdesign.machine.poses import Poses
 if TYPE_CHECKING:
     import pandas as pd
 
-STIFFNESS = (
-    "hydraulic",
-    "gravity",
-    "geometric",
-    "springs",
-)  # the parts of K; the last where there are any
+STIFFNESS = "hydraulic", "gravity", "geometric", "springs"  # parts of K; the last if there are any
 PERCENTILES = (1, 5, 25, 50, 75, 95)
 
 
@@ -70,13 +65,9 @@ class FrequencyMap(ReadOnly):
         lowest = self.frame["f1_hz"].to_numpy()
         cases = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
         cases["all"] = np.ones(len(lowest), dtype=bool)
-        rows = {
-            name: percentiles(lowest[rows], self.weights[rows], percents)
-            for name, rows in cases.items()
-        }
-        return pd.DataFrame.from_dict(
-            rows, orient="index", columns=[f"{percent:g} %" for percent in percents]
-        )
+        rows = [percentiles(lowest[of], self.weights[of], percents) for of in cases.values()]
+        heads = [f"{percent:g} %" for percent in percents]
+        return pd.DataFrame(rows, index=list(cases), columns=heads)
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
@@ -103,20 +94,14 @@ class FrequencyMap(ReadOnly):
 
         lowest = self.frame["f1_hz"].to_numpy()
         stable = lowest > 0
-        rows = {}
-        for actuator in self.machine.actuators:
-            for formula in ("locked", "rigid"):
-                frequency = self.frame[f"{formula}_{actuator.name}_hz"].to_numpy()
-                ratio = frequency[stable] / lowest[stable]
-                rows[actuator.name, formula] = tuple(
-                    percentiles(ratio, self.weights[stable], [0, 50, 100])
-                    if stable.any()
-                    else 3 * (np.inf,)
-                )
-        index = pd.MultiIndex.from_tuples(rows, names=["cylinder", "formula"])
-        return pd.DataFrame(
-            list(rows.values()), index=index, columns=["least", "median", "greatest"]
-        )
+        names, heads = [actuator.name for actuator in self.machine.actuators], ("locked", "rigid")
+        index = pd.MultiIndex.from_product([names, heads], names=["cylinder", "formula"])
+        frame = pd.DataFrame(np.inf, index=index, columns=["least", "median", "greatest"])
+        for name, formula in index if stable.any() else ():
+            ratio = self.frame[f"{formula}_{name}_hz"].to_numpy()[stable] / lowest[stable]
+            spread = percentiles(ratio, self.weights[stable], [0, 50, 100])
+            frame.loc[(name, formula), :] = spread
+        return frame
 
     @property
     def stiffness_shares(self) -> pd.DataFrame:
@@ -164,9 +149,8 @@ class FrequencyMap(ReadOnly):
         The load cannot be held there, whatever the supply: the actuator gives way.
         """
         beyond = {}
-        for actuator, pressure in zip(
-            self.machine.actuators, self.static_pressures.T, strict=True
-        ):
+        pairs = zip(self.machine.actuators, self.static_pressures.T, strict=True)
+        for actuator, pressure in pairs:
             opens = pressure > actuator.relief(self.machine.supply)
             if opens.any():
                 share = weighted_share(opens, self.weights)
@@ -217,13 +201,11 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     ends = np.cumsum([0, *(case.exists.sum() for case in cases)])
     columns = _columns(machine)
     values = np.empty((len(columns), ends[-1]))  # a row per column: pandas takes it as it is
-    parts, limiting = (
-        np.empty((3 + bool(machine.springs), ends[-1])),
-        np.empty(ends[-1], dtype=int),
-    )
+    parts = np.empty((3 + bool(machine.springs), ends[-1]))
+    limiting = np.empty(ends[-1], dtype=int)
     filled = dict(zip(cases, ends[:-1], strict=True))
     for case, _, rigid in in_chunks(cases, f"{machine.name}: frequencies"):
-        poses = case.machine.at(rigid)
+        poses = poses_of(cases, case, rigid)
         modes = _modes(case.machine, poses)
         rows = slice(filled[case], filled[case] + len(poses))
         values[:, rows] = _values(machine, poses, modes)
@@ -249,13 +231,10 @@ def _refuse_missing(cases: Sequence[CasePoses]) -> None:
     """Raises an error for a load case that exists at no pose."""
     for case in cases:
         if not case.exists.any():
-            path = f"payload.{case.name}.pitch_deg"
-            raise PoseError(
-                f"{case.machine.source.name}: {path}",
-                f"link {case.machine.payload.link} has that pitch at no pose of the workspace",
-                "widen it, or remove the load case",
-                case.machine.line_of(path),
-            )
+            path, link = f"payload.{case.name}.pitch_deg", case.machine.payload.link
+            part, line = f"{case.machine.source.name}: {path}", case.machine.line_of(path)
+            fault = f"link {link} has that pitch at no pose of the workspace"
+            raise PoseError(part, fault, "widen it, or remove the load case", line)
 
 
 def _modes(case: Machine, poses: Poses) -> Modes:

@@ -71,10 +71,14 @@ def _natural_modes(poses: Poses) -> Modes:
 
 def lowest_frequency(poses: Poses) -> Array:
     """Lowest coupled natural frequency (n,) [Hz]."""
-    inverse = inverse_cholesky(poses.mass_matrix)
-    return hertz(
-        np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ np.swapaxes(inverse, 1, 2))[:, 0]
-    )
+    return _lowest(poses.mass_matrix, poses.stiffness_matrix)
+
+
+def _lowest(mass: Array, stiffness: Array) -> Array:
+    """Lowest natural frequency of M and K (n, k, k): (n,) [Hz]."""
+    inverse = inverse_cholesky(mass)
+    scaled = inverse @ stiffness @ np.swapaxes(inverse, 1, 2)
+    return hertz(np.linalg.eigvalsh(scaled)[:, 0])
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:
@@ -98,11 +102,9 @@ def inverse_cholesky(mass: Array) -> Array:
     try:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(mass)))
     except np.linalg.LinAlgError:
-        raise PoseError(
-            "mass matrix",
-            "is not positive definite: a joint moves no mass",
-            "give its links inertia or load a payload",
-        ) from None
+        fault = "is not positive definite: a joint moves no mass"
+        remedy = "give its links inertia or load a payload"
+        raise PoseError("mass matrix", fault, remedy) from None
 
 
 def hertz(squared: Numbers) -> Numbers:
@@ -127,15 +129,15 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
     if own is not None and nq + 1 == arms.shape[2]:
         return hertz(_lowest_of_two(own, mass, stiffness))
     if own is not None:
-        return np.stack([_with_springs_free(j, nq, mass, stiffness) for j in own], axis=1)
+        free = ([joint, *range(nq, mass.shape[1])] for joint in own)  # with the springs
+        picked = ((m[:, k][:, :, k] for m in (mass, stiffness)) for k in free)
+        return np.stack([_lowest(*matrices) for matrices in picked], axis=1)
     locked = np.full(arms.shape[:2], np.inf)
     for i in range(arms.shape[1]):
         held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
         for rows, basis in _null_spaces(held):
-            transposed = np.swapaxes(basis, 1, 2)
-            inverse = inverse_cholesky(transposed @ mass[rows] @ basis)
-            small = inverse @ (transposed @ stiffness[rows] @ basis) @ np.swapaxes(inverse, 1, 2)
-            locked[rows, i] = hertz(np.linalg.eigvalsh(small)[:, 0])
+            turned = np.swapaxes(basis, 1, 2)
+            locked[rows, i] = _lowest(*(turned @ m[rows] @ basis for m in (mass, stiffness)))
     return locked
 
 
@@ -150,14 +152,6 @@ def _lowest_of_two(joints: Array, mass: Array, stiffness: Array) -> Array:
     a, c = (one * two - both**2 for one, two, both in zip(first, last, cross, strict=True))
     b = first[0] * last[1] + first[1] * last[0] - 2 * cross[0] * cross[1]
     return np.asarray(2 * c / (b + np.sqrt(np.maximum(b**2 - 4 * a * c, 0.0))))
-
-
-def _with_springs_free(joint: int, nq: int, mass: Array, stiffness: Array) -> Array:
-    """Lowest frequency of one joint and the springs after nq joints (n,) [Hz]."""
-    free = [joint, *range(nq, mass.shape[1])]
-    inverse = inverse_cholesky(mass[:, free][:, :, free])
-    small = inverse @ stiffness[:, free][:, :, free] @ np.swapaxes(inverse, 1, 2)
-    return hertz(np.linalg.eigvalsh(small)[:, 0])
 
 
 def _in_span(rows: Array, row: Array) -> Flags:

@@ -61,8 +61,8 @@ def poses_on_cells(
     if len(q) == 0:
         many = len(machine.joints) > 1
         remedy = "give more points or fewer cells" if many else "take a grid for one joint"
-        problem = "no pose brings the tool to a cell's middle"
-        raise ArmDesignError(f"{machine.name}: workspace", problem, remedy)
+        fault = "no pose brings the tool to a cell's middle"
+        raise ArmDesignError(f"{machine.name}: workspace", fault, remedy)
     first, posture = _postures(axes, q, cell)
     weights = np.bincount(posture, weights=weights[which])
     parts = [(q[first], cell[first])]
@@ -76,10 +76,8 @@ def poses_on_cells(
         parts.append((q[first], cell[first]))
     q, cell = (np.concatenate(part) for part in zip(*parts, strict=True))
     weights = np.concatenate([weights, np.zeros(len(q) - len(weights))])
-    columns, rows = (np.arange(cell[:, i].max() + 1) for i in (0, 1))
-    reach, height = (
-        cells.origin[i] + (n + 0.5) * cells.size for i, n in enumerate((columns, rows))
-    )
+    numbers = (np.arange(count) + 0.5 for count in cell.max(axis=0) + 1)
+    reach, height = (low + n * cells.size for low, n in zip(cells.origin, numbers, strict=True))
     return q, weights, (reach, height)
 
 
@@ -150,10 +148,9 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
     pitch = arm.pitch(arm.kinematics(q), link)
     ahead = [arm.pitch(arm.kinematics(q + step * one), link) for one in np.eye(q.shape[1])]
     slopes = np.stack([wrapped(turned - pitch) / step for turned in ahead], axis=1)
-    return (
-        np.concatenate([place, pitch[:, None]], axis=1),
-        np.concatenate([slope, slopes[:, None]], axis=1),
-    )
+    rows = (place, pitch[:, None]), (slope, slopes[:, None])
+    values, derivatives = (np.concatenate(pair, axis=1) for pair in rows)
+    return values, derivatives
 
 
 def place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from armdesign.arrays import Array, chunks
+from armdesign.arrays import Array, Flags, chunks
 from armdesign.frequency.joint_grid import mesh
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
@@ -43,11 +43,12 @@ def turned_onto_pitch_limits(
     for limit in payload.pitch or ():
         for rows in chunks(len(q)):
             _, on_limit = onto_pitch_limit(machine, payload, q[rows], joint, limit)
-            inside = (on_limit[:, joint] >= ranges[joint, 0]) & (
-                on_limit[:, joint] <= ranges[joint, 1]
-            )
-            turned.append(on_limit[inside])
+            turned.append(on_limit[_within(on_limit[:, joint], ranges[joint])])
     return np.concatenate(turned)
+
+
+def _within(values: Array, ends: Array) -> Flags:
+    return np.asarray((values >= ends[0]) & (values <= ends[1]))
 
 
 def onto_pitch_limit(
@@ -134,8 +135,7 @@ def surfaces(case: Machine, ranges: Array, values: int) -> Iterator[Array]:
             for limit in case.payload.pitch or ():
                 flat, turned = q.reshape(-1, len(ranges)), np.full_like(q, np.nan)
                 known, on_limit = onto_pitch_limit(case, case.payload, flat, joint, limit)
-                low, high = ranges[joint]
-                inside = (on_limit[:, joint] >= low) & (on_limit[:, joint] <= high)
+                inside = _within(on_limit[:, joint], ranges[joint])
                 turned.reshape(flat.shape)[known[inside]] = on_limit[inside]
                 yield turned
 

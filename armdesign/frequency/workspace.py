@@ -230,16 +230,9 @@ def _in_stroke(
     if not inside.any():
         fault = "no pose of it is in stroke"
         raise ArmDesignError(f"{machine.name}: workspace", fault, "give more points")
-    weights = np.concatenate([weights, np.zeros(len(q) - len(weights))])
-    return Workspace(
-        q=q[inside],
-        weights=weights[inside],
-        axes=axes,
-        end_margin=end_margin,
-        machine=machine,
-        kind=kind,
-        cells=cells,
-    )
+    poses = {"q": q[inside], "weights": np.pad(weights, (0, len(q) - len(weights)))[inside]}
+    made_for = {"end_margin": end_margin, "machine": machine, "kind": kind}
+    return Workspace(**poses, **made_for, axes=axes, cells=cells)  # type: ignore[arg-type]
 
 
 def _least_margin(machine: Machine, q: Array) -> Array:

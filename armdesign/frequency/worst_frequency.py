@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
@@ -60,13 +60,9 @@ class WorstPose:
 def worst_frequency(
     machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
 ) -> Worst:
-    """The worst frequency over a workspace's poses and all load cases.
+    """The worst frequency among a workspace's poses, not between them, and all load cases.
 
-    Args:
-        machine: the machine.
-        workspace: the poses; the worst is taken among them, not between them.
-        payload_share: factor on the mass of every load case.
-        link_share: factor on all masses and inertias of the bare links.
+    Shares of masses are those of ``load_cases``.
 
     Raises:
         PoseError: a pose that this machine cannot take.
@@ -86,7 +82,7 @@ def lowest_of_poses(
     lowest, whose = np.full(len(workspace), np.inf), np.zeros(len(workspace), dtype=int)
     for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
         if len(indices) > 0:
-            frequency = lowest_frequency(case.machine.at(rigid))
+            frequency = lowest_frequency(poses_of(cases, case, rigid))
             lower = frequency < lowest[indices]
             lowest[indices[lower]], whose[indices[lower]] = frequency[lower], cases.index(case)
     return lowest, whose
@@ -176,17 +172,12 @@ def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | N
             for joint in tipping_joints(machine, payload)
             for limit in payload.pitch or ()
         ]
-        near = [
-            p
-            for p in np.concatenate(moved)
-            if np.abs(p - q).max() < 2e-3 and _in_box(p, workspace)
-        ]
-        q = near[0] if near else q
-    within = _in_box(q, workspace) and bool(machine.holds(q)[0])
+        close = (p for p in np.concatenate(moved) if np.abs(p - q).max() < 2e-3)
+        q = next((p for p in close if _in_box(p, workspace)), q)
+    if not _in_box(q, workspace) or not machine.holds(q)[0]:
+        return None
     # end stops belong to the machine of the workspace, not to this one
-    return (
-        q if within and workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
-    )
+    return q if workspace.machine.margins(q).min() >= workspace.end_margin - 1e-9 else None
 
 
 def _in_box(q: Array, workspace: Workspace) -> bool:

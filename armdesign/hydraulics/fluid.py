@@ -42,9 +42,8 @@ def bulk_modulus(
     # of complex numbers np.maximum compares the real parts
     absolute = np.maximum(pressure + ATMOSPHERE, 0.01 * ATMOSPHERE)
     ratio = (ATMOSPHERE / absolute) ** (1 / exponent)
-    return (
-        oil_modulus * (1 + air * ratio) / (1 + air * oil_modulus * ratio / (exponent * absolute))
-    )
+    squeezed = 1 + air * oil_modulus * ratio / (exponent * absolute)
+    return oil_modulus * (1 + air * ratio) / squeezed
 
 
 @dataclass(frozen=True, kw_only=True)

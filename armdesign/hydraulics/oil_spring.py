@@ -70,10 +70,8 @@ def preloaded_pressures(
         return static_pressures(force, bore_area, annulus_area, return_pressure)
     if math.isfinite(relief):
         limit = np.maximum(BELOW_RELIEF * relief, lower)
-        for largest in (
-            (bore_area * limit - force) / annulus_area,
-            (annulus_area * limit + force) / bore_area,
-        ):
+        pushed = (bore_area * limit - force) / annulus_area
+        for largest in (pushed, (annulus_area * limit + force) / bore_area):
             lower = np.where(np.real(largest) < np.real(lower), largest, lower)
         lower = np.where(np.real(lower) < return_pressure, return_pressure, lower)
     return static_pressures(force, bore_area, annulus_area, lower)

@@ -131,8 +131,7 @@ def spool_acceleration(valve: Valve, position: Any, speed: Any, command: Any) ->
     limited to ``fastest``.
     """
     omega = 2 * math.pi * valve.natural_frequency
-    wanted = (
-        omega / (2 * valve.damping_ratio) * (np.minimum(np.maximum(command, -1.0), 1.0) - position)
-    )
+    way = np.minimum(np.maximum(command, -1.0), 1.0) - position
+    wanted = omega / (2 * valve.damping_ratio) * way
     limited = np.minimum(np.maximum(wanted, -valve.fastest), valve.fastest)
     return 2 * valve.damping_ratio * omega * (limited - speed)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.frequency.cases import load_cases
+from armdesign.frequency.bands import refuse_toppling_within
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file
@@ -54,6 +54,7 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     odd = {fault.part.removeprefix(f"{path.name}: ") for fault in in_file}
     if section is None or "urdf" in wrong | odd:
         return all_faults
+    section = _without_springs(section, wrong)
     try:
         urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
     except ArmDesignError as error:
@@ -72,16 +73,21 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
             machine = Machine.unchecked(text, urdf_text, path, section=section)
             all_faults += assembly_faults(machine)
         if all_faults:
-            return [
-                *all_faults,
-                *_faults_of_the_rest(section, geometry, path, _blamed(all_faults)),
-            ]
-        workspace = Workspace.grid(machine)
-        for case in load_cases(machine, workspace) if machine.springs else ():
-            case.machine.at(case.rigid)
+            stand_ins = {".".join(key.split(".")[1:2]) for key in wrong}
+            blamed = _blamed(all_faults) | stand_ins
+            return [*all_faults, *_faults_of_the_rest(section, geometry, path, blamed)]
+        if machine.springs:
+            refuse_toppling_within(machine, Workspace.grid(machine))
     except ArmDesignError as error:
         all_faults.append(error)
     return all_faults
+
+
+def _without_springs(section: MachineSection, wrong: Iterable[str]) -> MachineSection:
+    """The file without springs about which there is a fault: their joints stand still."""
+    faulty = {path.split(".")[1] for path in wrong if path.startswith("spring.")}
+    sound = {name: table for name, table in section.spring.items() if name not in faulty}
+    return section.model_copy(update={"spring": sound})
 
 
 def _unknown_names(
@@ -92,16 +98,11 @@ def _unknown_names(
         robot = urdf_faults.parse(urdf_text, source)
     except MachineFileError:
         return []
-    links, joints = (
-        [str(part.get("name")) for part in robot.findall(kind)] for kind in ("link", "joint")
-    )
-    stand_ins = wrong | {f"{key}.{name}" for key in wrong for name in ("link", "joint")}
+    kinds, movable = ("link", "joint"), urdf_faults.movable_joints(robot)
+    links, joints = ([str(part.get("name")) for part in robot.findall(kind)] for kind in kinds)
+    stand_ins = wrong | {f"{key}.{kind}" for key in wrong for kind in kinds}
     faults = unknown_links(section, links, source) if links else []
-    faults += (
-        unknown_joints(section, joints, urdf_faults.movable_joints(robot), source)
-        if joints
-        else []
-    )
+    faults += unknown_joints(section, joints, movable, source) if joints else []
     return [fault for fault in faults if fault.part.removeprefix(f"{source}: ") not in stand_ins]
 
 
@@ -118,8 +119,8 @@ def _without_masses(urdf_text: str) -> str:
 
 
 def _blamed(faults: Iterable[ArmDesignError]) -> set[str]:
-    """Names of the cylinders that faults are about."""
-    matches = (re.search(r": cylinder\.([^.]+)", fault.part) for fault in faults)
+    """Names of the cylinders and springs that faults are about."""
+    matches = (re.search(r": (?:cylinder|spring)\.([^.]+)", fault.part) for fault in faults)
     return {match[1] for match in matches if match}
 
 
@@ -127,31 +128,28 @@ def _faults_of_the_rest(
     section: MachineSection, urdf_text: str, path: Path, blamed: set[str]
 ) -> Iterator[MachineFileError]:
     """Faults of the cylinders that are not blamed; joints that only others move stand still."""
-    frozen = section.frozen | {spring.joint: spring.at for spring in springs_of(section)}
+    sound_springs = _without_springs(section, {f"spring.{name}" for name in blamed})
+    frozen = section.frozen | {one.joint: one.at for one in springs_of(sound_springs)}
     arm = Arm(urdf_text, section.joints, frozen, section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
-        moved = {j for table in sound.values() for j in linkage(table, arm).joints} or set(
-            range(len(arm.joints))
-        )
+        moved = {j for table in sound.values() for j in linkage(table, arm).joints}
         still = {
             joint.name: (joint.lower + joint.upper) / 2
             for j, joint in enumerate(arm.joints)
-            if j not in moved
+            if moved and j not in moved
         }
+        others = {name: at for name, at in frozen.items() if name not in section.joints}
+        tables = {name: table.model_dump(exclude_none=True) for name, table in sound.items()}
         data = {
             "name": section.name,
             "urdf": section.urdf,
             "joints": [name for name in section.joints if name not in still],
-            "frozen": (
-                {name: at for name, at in frozen.items() if name not in section.joints} | still
-            ),
+            "frozen": others | still,
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
             "payload": {"empty": {"mass_kg": 0.0}},
             "fluid": FLUID,
             "supply": SUPPLY,
-            "cylinder": {
-                name: table.model_dump(exclude_none=True) for name, table in sound.items()
-            },
+            "cylinder": tables,
         }
         machine = Machine.unchecked(dump(data, "what is sound"), urdf_text, path)
         faults = [fault for fault in assembly_faults(machine) if _blamed([fault])]

@@ -30,21 +30,12 @@ def suspicions(machine: Machine, shares: Mapping[str, float]) -> list[Finding]:
         shares: by actuator, its largest static force over what the supply holds.
     """
     yardstick = Yardstick(machine, shares)
-    lengths = [
-        *of_urdf(yardstick),
-        *of_joints(yardstick),
-        *of_places(yardstick),
-        *of_cylinders(yardstick),
-    ]
-    findings = [
-        *lengths,
-        *of_usual(yardstick),
-        # with other lengths the loads are others
-        *([] if lengths else of_masses(yardstick)),
-        *of_motors(yardstick),
-        *of_angles(yardstick),
-        *of_flow(yardstick),
-    ]
+    kinds = of_urdf, of_joints, of_places, of_cylinders
+    findings = [finding for kind in kinds for finding in kind(yardstick)]
+    # with other lengths the loads are others
+    masses = () if findings else (of_masses,)
+    for kind in (of_usual, *masses, of_motors, of_angles, of_flow):
+        findings += kind(yardstick)
     return list({finding.part: finding for finding in reversed(findings)}.values())[::-1]
 
 
@@ -87,15 +78,10 @@ def _is_allowed_odd(yardstick: Yardstick, path: str, value: float) -> bool:
         return value > 20 and not path.startswith("fluid.")
     if path == "supply.pressure_bar":  # a rig of low pressure that holds its loads
         return 5 < value < 100 and yardstick.largest_share <= 1
-    return key.endswith("flow_l_per_min") and _fits_small_model(yardstick, key, value)
-
-
-def _fits_small_model(yardstick: Yardstick, key: str, flow: float) -> bool:
-    """Whether cylinders work with a flow [l/min]: the pump's, or a valve's beside the pump's."""
+    if not key.endswith("flow_l_per_min") or _filling_time(yardstick) >= SLOW:
+        return False  # else a small model's cylinders work with it: the pump's, or a valve's
     pump = yardstick.machine.section.supply.flow_l_per_min
-    return _filling_time(yardstick) < SLOW and (
-        key == "flow_l_per_min" or _within(flow / pump, VALVES)
-    )
+    return key == "flow_l_per_min" or _within(value / pump, VALVES)
 
 
 def of_masses(yardstick: Yardstick) -> Iterator[Finding]:
@@ -113,9 +99,8 @@ def of_masses(yardstick: Yardstick) -> Iterator[Finding]:
                     f"the supply holds {mass / share:.3g} kg",
                 )
         elif 0 < mass / links < LIGHT or (mass / links > HEAVY and share > OVERLOADED):
-            yield from yardstick.in_other_unit(
-                path, lambda x: 0.01 < x / links < 5, f"the links weigh {links:.4g} kg"
-            )
+            why = f"the links weigh {links:.4g} kg"
+            yield from yardstick.in_other_unit(path, lambda x: 0.01 < x / links < 5, why)
 
 
 def of_places(yardstick: Yardstick) -> Iterator[Finding]:

@@ -28,7 +28,7 @@ from armdesign.units import WORKSHOP, Units
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Lever:
     """Least and largest moment arm of a cylinder about one joint [m/rad], and where they are."""
 
@@ -46,23 +46,14 @@ class StaticLoad:
 
     The other chamber is at return pressure, or at the preload of its valve: a simulation starts
     so.
-
-    Attributes:
-        cylinder: index of the actuator.
-        payload: name of the load case.
-        pressure: of the loaded chamber [Pa].
-        share: static force over the force of supply against return pressure; inf where that holds
-            nothing.
-        cap: whether the cap side holds.
-        largest: largest pressures of cap and annulus over all poses [Pa].
     """
 
-    cylinder: int
-    payload: str
-    pressure: float
-    share: float
-    cap: bool
-    largest: tuple[float, float]
+    cylinder: int  # index of the actuator
+    payload: str  # name of the load case
+    pressure: float  # of the loaded chamber [Pa]
+    share: float  # static force over what supply against return pressure holds; inf if nothing
+    cap: bool  # whether the cap side holds
+    largest: tuple[float, float]  # largest pressures of cap and annulus over all poses [Pa]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,17 +108,10 @@ class Inspection:
             poses = self.poses_of(i)
             for j in linkage.joints:
                 arm = np.abs(linkage.actuation(poses).moment_arm[:, j])
-                low, high = int(arm.argmin()), int(arm.argmax())
-                levers.append(
-                    Lever(
-                        cylinder=i,
-                        joint=j,
-                        least=float(arm[low]),
-                        least_at=float(poses.q[low, j]),
-                        most=float(arm[high]),
-                        most_at=float(poses.q[high, j]),
-                    )
+                ends = (
+                    (float(arm[k]), float(poses.q[k, j])) for k in (arm.argmin(), arm.argmax())
                 )
+                levers.append(Lever(i, j, *(number for end in ends for number in end)))
         return levers
 
     def stroke_used(self, cylinder: int) -> float:

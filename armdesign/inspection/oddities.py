@@ -11,7 +11,7 @@ from armdesign.arrays import weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.hydraulics.actuator import SIDES, Cylinder
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
@@ -57,48 +57,32 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
     machine, cylinder = inspection.machine, inspection.machine.cylinders[i]
     part, needed = f"cylinder.{cylinder.name}", DEAD_LENGTH_PER_BORE * cylinder.bore
     if cylinder.dead_length < needed:
-        yield (
-            f"{part}.closed_length_mm",
+        words = (
             f"closed length less stroke is {units.text(cylinder.dead_length, 'm')}; head, piston,"
             f" gland and two eyes of a real cylinder take about {DEAD_LENGTH_PER_BORE} × bore ="
-            f" {units.text(needed, 'm')}",
+            f" {units.text(needed, 'm')}"
         )
-    used = inspection.stroke_used(i)
-    if used < STROKE_USED:
-        yield (
-            f"{part}.stroke_mm",
-            f"only {100 * used:.0f} % of the stroke is used; limits of the URDF or other cylinders"
-            " end the motion before it does",
-        )
+        yield f"{part}.closed_length_mm", words
+    if (used := inspection.stroke_used(i)) < STROKE_USED:
+        cause = "limits of the URDF or other cylinders end the motion before it does"
+        yield f"{part}.stroke_mm", f"only {100 * used:.0f} % of the stroke is used; {cause}"
     for lever in inspection.levers:
         if lever.cylinder == i and lever.least < SMALL_MOMENT_ARM * lever.most:
             joint = machine.arm.joints[lever.joint]
-            yield (
-                part,
-                f"its moment arm falls to {100 * lever.least / lever.most:.0f} % of its largest at"
-                f" {joint.name} {units.text(lever.least_at, joint.unit)} (below"
-                f" {100 * SMALL_MOMENT_ARM:.0f} %): close to a dead centre",
-            )
+            at = f"{joint.name} {units.text(lever.least_at, joint.unit)}"
+            share = f"{100 * lever.least / lever.most:.0f} % of its largest at {at}"
+            below = f"(below {100 * SMALL_MOMENT_ARM:.0f} %): close to a dead centre"
+            yield part, f"its moment arm falls to {share} {below}"
     bore, rod, length = cylinder.bore, cylinder.rod, cylinder.open_length
     safety = euler_safety(bore, rod, length, machine.supply.pressure)
     if safety < RODS_SAFETY:
-        yield (
-            f"{part}.rod_mm",
-            f"fully out the rod buckles at {100 * safety:.0f} % of the thrust at supply pressure"
-            " (Euler, pin to pin)",
-        )
-    yield from _of_dead_volumes(part, cylinder)
-
-
-def _of_dead_volumes(part: str, cylinder: Cylinder) -> Iterator[Oddity]:
+        share = f"{100 * safety:.0f} % of the thrust at supply pressure (Euler, pin to pin)"
+        yield f"{part}.rod_mm", f"fully out the rod buckles at {share}"
     sides = {"cap": cylinder.cap_dead_volume, "annulus": cylinder.annulus_dead_volume}
-    none = [side for side, volume in sides.items() if volume == 0]
-    if none:
-        yield (
-            f"{part}.dead_volume_l.{none[0]}",
-            "0: ports and lines hold oil, and without it the spring is infinitely stiff at the end"
-            " of the stroke",
-        )
+    for side in [side for side, volume in sides.items() if volume == 0][:1]:
+        spring = "the spring is infinitely stiff at the end of the stroke"
+        words = f"0: ports and lines hold oil, and without it {spring}"
+        yield f"{part}.dead_volume_l.{side}", words
 
 
 def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
@@ -106,18 +90,15 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
     low, high = machine.ranges[j]
     missing = max(low - joint.lower, joint.upper - high)
     if not is_whole_turn(joint) and missing > RANGE_TOLERANCE[joint.unit]:
-        yield (
-            f"joint {joint.name}",
-            f"the URDF allows {units.span(joint.lower, joint.upper, joint.unit)}, the strokes"
-            f" cover only {units.span(low, high, joint.unit)}",
-        )
+        allowed = units.span(joint.lower, joint.upper, joint.unit)
+        covered = units.span(low, high, joint.unit)
+        words = f"the URDF allows {allowed}, the strokes cover only {covered}"
+        yield f"joint {joint.name}", words
     links = {name for name, link in machine.arm.links.items() if link.joint == j}
     if not links & set(inspection.masses):
-        yield (
-            f"link {', '.join(sorted(links))}",
-            f"has no mass: what joint {joint.name} moves is payload, tools and links further out"
-            " alone",
-        )
+        rest = "payload, tools and links further out alone"
+        words = f"has no mass: what joint {joint.name} moves is {rest}"
+        yield f"link {', '.join(sorted(links))}", words
 
 
 def is_whole_turn(joint: Joint) -> bool:
@@ -128,10 +109,8 @@ def is_whole_turn(joint: Joint) -> bool:
 def _of_load_case(inspection: Inspection, name: str, units: Units) -> Iterator[Oddity]:
     case = inspection.cases[name].machine.payload
     if inspection.share_held(name) == 0:
-        yield (
-            f"payload.{name}.pitch_deg",
-            f"link {case.link} has that pitch at no pose of the workspace: the case never exists",
-        )
+        words = "has that pitch at no pose of the workspace: the case never exists"
+        yield f"payload.{name}.pitch_deg", f"link {case.link} {words}"
         return
     if case.pitch and case.link:
         yield from _of_pitch(inspection, name, units)
@@ -153,11 +132,9 @@ def _of_pitch(inspection: Inspection, name: str, units: Units) -> Iterator[Oddit
     offset = np.arctan2(np.sin(offset), np.cos(offset))
     inside = offset[np.abs(offset) <= half + PITCH_TOLERANCE]
     if inside.min() > -half + PITCH_REACHED or inside.max() < half - PITCH_REACHED:
-        yield (
-            f"payload.{name}.pitch_deg",
-            f"of {units.span(low, high, 'rad')} the workspace reaches only"
-            f" {units.span(middle + inside.min(), middle + inside.max(), 'rad')}",
-        )
+        reached = units.span(middle + inside.min(), middle + inside.max(), "rad")
+        words = f"of {units.span(low, high, 'rad')} the workspace reaches only {reached}"
+        yield f"payload.{name}.pitch_deg", words
 
 
 def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
@@ -166,42 +143,29 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
     part, holding = f"{actuator.kind}.{actuator.name}", actuator.load_holding
     relief = actuator.relief(supply)
     for side, largest in zip(SIDES, load.largest, strict=True):
-        needs = (
-            f"under {load.payload} the {side.replace('annulus', 'rod')} side needs"
-            f" {units.text(largest, 'Pa')}"
-        )
+        named = f"under {load.payload} the {side.replace('annulus', 'rod')} side"
+        needs = f"{named} needs {units.text(largest, 'Pa')}"
         if largest > relief:
-            yield (
-                f"{part}.valve.relief_bar",
-                f"{needs} to stand still; its relief opens at {units.text(relief, 'Pa')} and"
-                " cannot hold that: the load gives way",
-            )
+            way = f"opens at {units.text(relief, 'Pa')} and cannot hold that: the load gives way"
+            yield f"{part}.valve.relief_bar", f"{needs} to stand still; its relief {way}"
         if holding is not None and holding.side == side and largest > holding.setting:
-            yield (
-                f"{part}.load_holding.setting_bar",
-                f"{needs}, more than the setting of {units.text(holding.setting, 'Pa')}: the load"
-                " alone opens it, and is held by the spool, if at all",
-            )
+            setting = f"more than the setting of {units.text(holding.setting, 'Pa')}"
+            way = "the load alone opens it, and is held by the spool, if at all"
+            yield f"{part}.load_holding.setting_bar", f"{needs}, {setting}: {way}"
 
 
 def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:
     """A load near or beyond what the supply holds."""
     machine, actuator = inspection.machine, inspection.machine.actuators[load.cylinder]
     limit = share_of(machine.section.requirements.holding_share, actuator.name)
-    needs = (
-        f"under {load.payload} the {'cap' if load.cap else 'rod'} side needs"
-        f" {units.text(load.pressure, 'Pa')} to stand still"
-    )
-    if load.share > 1:
-        supply = units.text(machine.supply.pressure, "Pa")
-        words = f"{needs}, more than the supply's {supply} can hold"
-        yield f"{actuator.kind}.{actuator.name}", words
-    elif load.share > limit:
-        yield (
-            f"{actuator.kind}.{actuator.name}",
-            f"{needs}, {100 * load.share:.0f} % of what supply pressure holds (requirement:"
-            f" {100 * limit:.0f} %)",
-        )
+    named = f"under {load.payload} the {'cap' if load.cap else 'rod'} side"
+    needs = f"{named} needs {units.text(load.pressure, 'Pa')} to stand still"
+    words = f"more than the supply's {units.text(machine.supply.pressure, 'Pa')} can hold"
+    if load.share <= 1:
+        share = f"{100 * load.share:.0f} % of what supply pressure holds"
+        words = f"{share} (requirement: {100 * limit:.0f} %)"
+    if load.share > min(1, limit):
+        yield f"{actuator.kind}.{actuator.name}", f"{needs}, {words}"
 
 
 def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
@@ -214,11 +178,9 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
         return
     if np.any(lowest == 0):
         unstable = weighted_share(lowest == 0, inspection.workspace.weights[case.exists])
-        yield (
-            f"payload.{name}",
-            f"{100 * unstable:.1f} % of the poses are unstable (0 Hz): gravity overcomes the"
-            " trapped oil; is the bulk modulus or the payload right?",
-        )
+        share = f"{100 * unstable:.1f} % of the poses are unstable (0 Hz)"
+        why = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+        yield f"payload.{name}", f"{share}: {why}"
 
 
 def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
@@ -230,21 +192,16 @@ def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
         if joints := inspection.machine.idle.get(name):
             one = len(joints) == 1
             frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
-            yield (
-                f"cylinder.{name}",
-                f"idle: {frozen} frozen, so that it moves nothing and no requirement counts for"
-                " it",
-            )
+            so = "so that it moves nothing and no requirement counts for it"
+            yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}"
 
 
 def _of_oil_and_loads(inspection: Inspection) -> Iterator[Oddity]:
     modulus, (low, high) = inspection.machine.fluid.bulk_modulus, BULK_MODULUS
     if not low <= modulus <= high:
-        yield (
-            "fluid.bulk_modulus_MPa",
-            f"{modulus / 1e6:g} MPa is outside [{low / 1e6:g}, {high / 1e6:g}] MPa, the range of"
-            " mineral oil in steel lines and hoses",
-        )
+        band = f"[{low / 1e6:g}, {high / 1e6:g}] MPa"
+        why = "the range of mineral oil in steel lines and hoses"
+        yield "fluid.bulk_modulus_MPa", f"{modulus / 1e6:g} MPa is outside {band}, {why}"
     if all(case.mass == 0 for case in inspection.machine.payloads):
         yield "payload", "every load case is empty: the worst pose of work is not looked at"
 

@@ -61,11 +61,8 @@ class Yardstick:
     @cached_property
     def in_millimetres(self) -> bool:
         """Whether the URDF's lengths look like millimetres beside the cylinders'."""
-        places = [
-            *(joint.translation for joint in self.machine.arm.joints),
-            *self.centres.values(),
-        ]
-        farthest = max((_distance(at) for at in places), default=0.0)
+        joints = (joint.translation for joint in self.machine.arm.joints)
+        farthest = max(map(_distance, (*joints, *self.centres.values())), default=0.0)
         return farthest > LARGEST_ARM and farthest > 100 * self.longest_cylinder
 
     @cached_property

@@ -140,7 +140,7 @@ ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
 TURN = 2 * np.pi + 0.01  # [rad] beyond which no cylinder turns a joint
 LARGEST_ARM = 50.0  # [m] from joint to joint, beyond which lengths are hardly metres
 SAMPLES = 61
-LENGTHS = {"stroke_mm": ("stroke",), "closed_length_mm": ("closed_length",)}
+LENGTHS = {"stroke_mm": "stroke", "closed_length_mm": "closed_length"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,15 +173,9 @@ def cause_of(arm: Arm, joint: int, own: Own, faulty: bool) -> Cause | None:
     ]
     common = MENDS if faulty else FITS if now < ODD else FITS_EXACTLY
     best = max((cause.fit for cause in tried), default=0.0)
+    likely = (cause for cause in tried if cause.fit >= max(common, cause.least))
     # the simplest of those that are about as good
-    return next(
-        (
-            cause
-            for cause in tried
-            if cause.fit >= max(common, cause.least) and cause.fit > 0.95 * best
-        ),
-        None,
-    )
+    return next((cause for cause in likely if cause.fit > 0.95 * best), None)
 
 
 def _fit(arm: Arm, joint: int, own: Own) -> float:
@@ -207,10 +201,8 @@ def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, 
         in_degrees = arm.within(joint, lower * deg, upper * deg)
         yield Cause(path="limits", words=words, remedy=remedy), (in_degrees, joint, own)
     axis, other = (" ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
-    words = (
-        f"its axis ({axis}) looks reversed: with ({other}) the strokes fit its limits [{lower:g},"
-        f" {upper:g}] {at.unit}"
-    )
+    fits = f"with ({other}) the strokes fit its limits [{lower:g}, {upper:g}] {at.unit}"
+    words = f"its axis ({axis}) looks reversed: {fits}"
     remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {at.unit}'
     reversed_arm = arm.within(joint, -upper, -lower)
     yield Cause(path="axis", words=words, remedy=remedy), (reversed_arm, joint, own)
@@ -255,38 +247,29 @@ def _scaled(
     """A cylinder with some of its lengths and places times a factor."""
     linkage, cylinder = pair
     for name in names:
-        if name in LENGTHS:
-            (key,) = LENGTHS[name]
+        if key := LENGTHS.get(name):
             cylinder = dataclasses.replace(cylinder, **{key: factor * getattr(cylinder, key)})
         else:
             linkage = linkage.with_place(name, [factor * x for x in linkage.place(name) or ()])
     return linkage, cylinder
 
 
-def _in_mm(values: list[float]) -> str:
-    """Lengths [m] as a file has them in mm: one number, or several in brackets."""
-    text = ", ".join(rounded(value / mm) for value in values)
-    return f"[{text}]" if len(values) > 1 else text
-
-
 def _of_keys(own: Own, which: list[tuple[int, str]], unit: str, factor: float) -> Cause:
     """The cause that lengths or pins of cylinders are in another unit."""
-    rewritten: list[tuple[str, str, str]] = []
+    keys, now, then = list[str](), list[str](), list[str]()
     for i, name in which:
         linkage, cylinder = own[i]
-        path = f"cylinder.{cylinder.name}"
         if name in LENGTHS:
-            values: tuple[float, ...] = (getattr(cylinder, LENGTHS[name][0]),)
-            path = f"{path}.{name}"
+            keys.append(f"cylinder.{cylinder.name}.{name}")
+            values: tuple[float, ...] = (getattr(cylinder, LENGTHS[name]),)
         else:
-            values, path = linkage.place(name) or (), f"{path}.{linkage.key_of(name)}"
-        now, then = (_in_mm([x * value for value in values]) for x in (1.0, factor))
-        rewritten.append((path, now, then))
-    first = rewritten[0][0]
-    looks = "looks" if len(rewritten) == 1 else "look"
-    words = f"{' and '.join(now for _, now, _ in rewritten)} mm {looks} like {unit}"
-    base = ".".join(first.split(".")[:2]) + "."
-    remedy = "write " + " and ".join(
-        f"{path.removeprefix(base)} = {new}" for path, _, new in rewritten
-    )
-    return Cause(path=first, words=words, remedy=remedy, least=0.0 if factor > 100 else BY_CHANCE)
+            keys.append(f"cylinder.{cylinder.name}.{linkage.key_of(name)}")
+            values = linkage.place(name) or ()
+        for texts, unit_of_file in ((now, mm), (then, mm / factor)):
+            text = ", ".join(rounded(value / unit_of_file) for value in values)
+            texts.append(f"[{text}]" if len(values) > 1 else text)
+    words = f"{' and '.join(now)} mm {'looks' if len(now) == 1 else 'look'} like {unit}"
+    base = ".".join(keys[0].split(".")[:2]) + "."
+    new = (f"{key.removeprefix(base)} = {text}" for key, text in zip(keys, then, strict=True))
+    remedy, least = f"write {' and '.join(new)}", 0.0 if factor > 100 else BY_CHANCE
+    return Cause(path=keys[0], words=words, remedy=remedy, least=least)

@@ -31,9 +31,8 @@ def read(urdf: str | Path) -> tuple[str, Path]:
     if isinstance(urdf, str) and "<" in urdf:
         return urdf, Path(f"{_usable_name(_robot(urdf, 'urdf').get('name', ''))}.urdf")
     if not isinstance(urdf, str | Path):
-        raise MachineFileError(
-            "urdf", f"a {type(urdf).__name__} is not allowed", "give a path or the URDF's text"
-        )
+        fault = f"a {type(urdf).__name__} is not allowed"
+        raise MachineFileError("urdf", fault, "give a path or the URDF's text")
     path = Path(urdf)
     return machine_file.read_text(path), path
 
@@ -61,11 +60,9 @@ def machine_text(
     given = {key: value for key, value in tables.items() if value is not None}
     for key, value in given.items():
         if not isinstance(value, Mapping):
-            raise MachineFileError(
-                PLURAL.get(key, key),
-                f"a {type(value).__name__} is not allowed",
-                "expected {key: value} as in a machine file",
-            )
+            remedy = "expected {key: value} as in a machine file"
+            fault = f"a {type(value).__name__} is not allowed"
+            raise MachineFileError(PLURAL.get(key, key), fault, remedy)
     robot = _robot(urdf_text, path.name)
     if joints is None:
         joints = _driven(robot, given.get("cylinder", {}), given.get("motor", {}))
@@ -90,9 +87,8 @@ def _robot(text: str, source: str) -> ET.Element:
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
-        raise MachineFileError(
-            source, f"not well-formed XML ({error})", "correct the URDF at that place"
-        ) from None
+        fault = f"not well-formed XML ({error})"
+        raise MachineFileError(source, fault, "correct the URDF at that place") from None
 
 
 def _usable_name(words: str) -> str:
@@ -127,42 +123,30 @@ def _driven(
     for table in cylinders.values():
         first, *others = [_above(link, parents) for link in _links(table)] or [[]]
         for other in others:
-            between += [
-                joint for joint in (*first, *other) if (joint in first) != (joint in other)
-            ]
-    turned = [
-        table.get("joint", name) for name, table in motors.items() if isinstance(table, Mapping)
-    ]
+            between += [one for one in (*first, *other) if (one in first) != (one in other)]
+    tables = {name: table for name, table in motors.items() if isinstance(table, Mapping)}
+    turned = [table.get("joint", name) for name, table in tables.items()]
     movable = [joint for joint in robot.findall("joint") if joint.get("type") in MOVABLE]
-    chosen = [
-        joint for joint in movable if joint in between or joint.get("name") in turned
-    ] or movable
+    chosen = [one for one in movable if one in between or one.get("name") in turned] or movable
     depth = {id(joint): len(_above(str(link), parents)) for link, (joint, _) in parents.items()}
-    return [
-        str(joint.get("name"))
-        for joint in sorted(chosen, key=lambda joint: depth.get(id(joint), 0))
-    ]
+    chosen.sort(key=lambda joint: depth.get(id(joint), 0))
+    return [str(joint.get("name")) for joint in chosen]
 
 
 def _links(table: Any) -> list[str]:
     """Links that a cylinder's pins are on, base first."""
     if not isinstance(table, Mapping):
         return []
-    tables = [table.get(key) for key in ("base", *(kind.key for kind in KINDS))]
-    pins = [
-        pin
-        for given in tables
-        if isinstance(given, Mapping)
-        for pin in ([given] if "link" in given else given.values())
-    ]
+    given = [table.get(key) for key in ("base", *(kind.key for kind in KINDS))]
+    tables = [one for one in given if isinstance(one, Mapping)]
+    pins = [pin for one in tables for pin in ([one] if "link" in one else one.values())]
     return [str(pin["link"]) for pin in pins if isinstance(pin, Mapping) and "link" in pin]
 
 
 def _outermost(robot: ET.Element, joints: list[str]) -> str:
     """The link furthest from the root among those that the last joint moves."""
-    parents = _parents(robot)
-    chains = {
-        link: [str(joint.get("name")) for joint in _above(link, parents)] for link in parents
-    }
-    moved = {link: chain for link, chain in chains.items() if joints and joints[-1] in chain}
-    return max(moved, key=lambda link: len(moved[link]), default="none")
+    parents, moved = _parents(robot), dict[str, int]()
+    for link in parents:
+        chain = [str(joint.get("name")) for joint in _above(link, parents)]
+        moved |= {link: len(chain)} if joints and joints[-1] in chain else {}
+    return max(moved, key=lambda link: moved[link], default="none")

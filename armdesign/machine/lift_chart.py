@@ -215,9 +215,11 @@ def _on_grid(
     heights = step * np.arange(math.ceil(lowest / step), math.floor(highest / step) + 1)
     if len(joints) == 1:
         q, which = poses_reaching(machine, point, joints, still, heights[:, None])
-        reach = place_and_slopes(machine, point, joints, q)[0][:, 0]
-        kept = reach >= start
-        return q[kept], np.arange(kept.sum()), np.column_stack([reach, heights[which]])[kept]
+        reach = place_and_slopes(machine, point, joints, q)[0][:, 0].round(9)
+        q, reached = q[reach >= start], np.column_stack([reach, heights[which]])[reach >= start]
+        places, which = np.unique(reached, axis=0, return_inverse=True)
+        order = np.argsort(which.ravel(), kind="stable")
+        return q[order], which.ravel()[order], places
     reaches = start + step * np.arange(max(math.floor((furthest - start) / step) + 1, 0))
     if len(reaches) * len(heights) > MOST:
         size = f"{len(reaches)} × {len(heights)} places, more than {MOST}"

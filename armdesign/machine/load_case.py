@@ -50,9 +50,8 @@ def case_named(name: str, cases: Iterable[LoadCase], machine: str) -> LoadCase:
     """
     named = {case.name: case for case in cases}
     if name not in named:
-        raise ArmDesignError(
-            f"{machine}: payload {name}", "no such load case", choose(name, named)
-        )
+        part, remedy = f"{machine}: payload {name}", choose(name, named)
+        raise ArmDesignError(part, "no such load case", remedy)
     return named[name]
 
 
@@ -64,14 +63,12 @@ def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCa
     """
     part, first, *others = f"{machine}: payload", *cases
     if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
-        raise ArmDesignError(
-            part, f"a {type(mass).__name__} is not allowed", "give a name or a mass [kg]"
-        )
+        fault = f"a {type(mass).__name__} is not allowed"
+        raise ArmDesignError(part, fault, "give a name or a mass [kg]")
     if not (math.isfinite(mass) and mass >= 0):
         raise ArmDesignError(part, f"{mass:g} kg is not allowed", "give a mass in [0, ∞) kg")
     placed = next((case for case in (first, *others) if case.link is not None), None)
     if placed is None and mass > 0:
-        raise ArmDesignError(
-            part, "no load case says where a mass sits", "add link and at_mm to one"
-        )
+        fault = "no load case says where a mass sits"
+        raise ArmDesignError(part, fault, "add link and at_mm to one")
     return dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=float(mass))

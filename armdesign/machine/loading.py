@@ -59,6 +59,5 @@ def find(path_or_name: str | Path) -> Path:
         raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
     if path.suffix == ".toml" or path.exists():
         return path
-    raise MachineFileError(
-        str(path), "no such machine", f"{choose(str(path), names)}, or give a .toml file"
-    )
+    remedy = f"{choose(str(path), names)}, or give a .toml file"
+    raise MachineFileError(str(path), "no such machine", remedy)

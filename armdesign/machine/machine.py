@@ -82,29 +82,14 @@ class Machine:
     source: Path
 
     @classmethod
-    def from_text(
-        cls,
-        text: str,
-        urdf_text: str,
-        source: Path,
-        *,
-        arm: Arm | None = None,
-        section: MachineSection | None = None,
-    ) -> Machine:
-        """The machine that a machine file's and a URDF's text describe.
-
-        Args:
-            text: TOML.
-            urdf_text: URDF.
-            source: path of the machine file, for messages and the URDF's place.
-            arm: the arm if it has been read already.
-            section: the data in the text if it has been read already.
+    def from_text(cls, text: str, urdf_text: str, source: Path, **known: Any) -> Machine:
+        """The machine that the texts describe, as ``unchecked``, and that can be used.
 
         Raises:
             MachineFileError: anything in them that no machine can have.
         """
         with lines_of(text, source.name):
-            machine = cls.unchecked(text, urdf_text, source, arm=arm, section=section)
+            machine = cls.unchecked(text, urdf_text, source, **known)
             for fault in assembly_faults(machine):
                 raise fault
         return machine
@@ -119,14 +104,21 @@ class Machine:
         arm: Arm | None = None,
         section: MachineSection | None = None,
     ) -> Machine:
-        """The machine of both texts, which may still have ``assembly_faults``."""
+        """The machine of both texts, which may still have ``assembly_faults``.
+
+        Args:
+            text: of the machine file, TOML.
+            urdf_text: of the URDF.
+            source: path of the machine file, for messages and the URDF's place.
+            arm: the arm if it has been read already.
+            section: the data in the text if it has been read already.
+        """
         section = section or machine_file.parse(text, source.name)
         springs = parts.springs_of(section)
         arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf, springs)
-        for fault in (
-            *unknown_links(section, arm.links, source.name),
-            *unknown_joints(section, arm.all_joints, arm.movable_joints, source.name),
-        ):
+        faults = unknown_links(section, arm.links, source.name)
+        faults += unknown_joints(section, arm.all_joints, arm.movable_joints, source.name)
+        for fault in faults:
             raise fault
         load_cases = parts.load_cases(section)
         idle = parts.idle_cylinders(section, arm)
@@ -189,18 +181,9 @@ class Machine:
         Raises:
             MachineFileError: what is wrong, such as a planar, floating or mimicking joint.
         """
-        tables = {
-            "frozen": frozen,
-            "tool": tool,
-            "payload": payloads,
-            "fluid": fluid,
-            "supply": supply,
-            "cylinder": cylinders,
-            "motor": motors,
-            "spring": springs,
-            "requirements": requirements,
-            "bands": bands,
-        }
+        tables = {"frozen": frozen, "tool": tool, "payload": payloads, "fluid": fluid}
+        tables |= {"supply": supply, "cylinder": cylinders, "motor": motors, "spring": springs}
+        tables |= {"requirements": requirements, "bands": bands}
         urdf_text, path = from_urdf.read(urdf)
         text = from_urdf.machine_text(urdf_text, path, name, joints, tables)
         source = path.with_suffix(".toml")
@@ -246,12 +229,9 @@ class Machine:
         text = toml_writing.edit(self.text, changes, source)
         with lines_of(self.text, source):
             section = machine_file.parse(text, source)
-            same = section.urdf == self.section.urdf
-            same = same and parts.coordinates(section) == parts.coordinates(self.section)
-            arm = self.arm if same else None
-            machine = Machine.from_text(
-                text, self.urdf_text, self.source, arm=arm, section=section
-            )
+            before, after = ((s.urdf, parts.coordinates(s)) for s in (self.section, section))
+            known = {"arm": self.arm if before == after else None, "section": section}
+            machine = Machine.from_text(text, self.urdf_text, self.source, **known)
         return machine.loaded_like(self)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -304,21 +284,16 @@ class Machine:
     @cached_property
     def idle(self) -> dict[str, list[str]]:
         """Cylinders and motors that stand still, each with the frozen joints that hold it."""
-        at_work = {motor.name for motor in self.motors}
-        motors = {
-            name: [motor.joint or name]
-            for name, motor in self.section.motor.items()
-            if name not in at_work
-        }
+        motors = {name: [motor.joint or name] for name, motor in self.section.motor.items()}
+        for motor in self.motors:
+            motors.pop(motor.name)
         return parts.idle_cylinders(self.section, self.arm) | motors
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """Linkages and gears by which the actuators move the joints."""
-        return (
-            *self.linkages,
-            *(Gear(joint=self.joints.index(motor.joint)) for motor in self.motors),
-        )
+        gears = (Gear(joint=self.joints.index(motor.joint)) for motor in self.motors)
+        return (*self.linkages, *gears)
 
     @cached_property
     def ranges(self) -> Array:
@@ -327,10 +302,9 @@ class Machine:
 
     def range_within(self, end_margin: float) -> Array:
         """Joint ranges (nq, 2) that leave a share of every stroke free at both ends."""
-        with lines_of(self.text, self.source.name):
-            return joint_ranges(
-                self.arm, self.linkages, self.cylinders, end_margin, self.source.name
-            )
+        source = self.source.name
+        with lines_of(self.text, source):
+            return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, source)
 
     @cached_property
     def idle_joints(self) -> frozenset[int]:
@@ -347,7 +321,7 @@ class Machine:
         Negative out of stroke, −inf where a four-bar does not close; inf for a motor, which has
         no ends. Never raises for a pose.
         """
-        rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(joint_positions(self, q))
+        rigid = self._placed(q)
         with np.errstate(invalid="ignore"):
             lengths = np.stack([drive.length(rigid) for drive in self.drives], axis=1)
         extension = (lengths - self.closed_lengths) / self.strokes
@@ -360,8 +334,12 @@ class Machine:
 
     def holds(self, q: ArrayLike | RigidPoses, payload: LoadCase | None = None) -> Flags:
         """Whether the load case exists at each pose (n,): its link's pitch lies in its range."""
-        rigid = q if isinstance(q, RigidPoses) else self.arm.kinematics(joint_positions(self, q))
-        return np.asarray(self.pitch_excess(rigid, payload or self.payload) <= PITCH_TOLERANCE)
+        excess = self.pitch_excess(self._placed(q), payload or self.payload)
+        return np.asarray(excess <= PITCH_TOLERANCE)
+
+    def _placed(self, q: ArrayLike | RigidPoses) -> RigidPoses:
+        """Placements at q (n, nq), if they are not known already."""
+        return q if isinstance(q, RigidPoses) else self.arm.kinematics(joint_positions(self, q))
 
     def at(self, q: ArrayLike | RigidPoses) -> Poses:
         """Everything at q (n, nq) [rad, m], or one pose (nq,), under the load case at work.

@@ -69,15 +69,15 @@ def supply(section: SupplySection) -> Supply:
 
 
 def coordinates(section: MachineSection) -> tuple[Any, ...]:
-    """What of a machine file an arm depends on: joints, and where others stand."""
+    """Keys of a machine file on which an arm depends: joints, and where others stand."""
     standing = [(spring.joint, spring.at) for spring in springs_of(section)]
     return section.joints, section.frozen, standing
 
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:
     """Springs in the order of the file."""
-    made = (_spring(name, table) for name, table in section.spring.items())
-    return tuple(made if section.damped else (replace(one, damping_ratio=0.0) for one in made))
+    springs = (_spring(name, table) for name, table in section.spring.items())
+    return tuple(springs if section.damped else (replace(s, damping_ratio=0.0) for s in springs))
 
 
 def _spring(name: str, section: SpringSection) -> Spring:
@@ -107,9 +107,8 @@ def linkage(section: CylinderSection, arm: Arm) -> Linkage:
 
 def _kind(section: CylinderSection) -> tuple[type[Linkage], Section]:
     """The kind of a cylinder's linkage, and its table."""
-    return next(
-        (kind, table) for kind in KINDS if (table := getattr(section, kind.key)) is not None
-    )
+    tables = ((kind, getattr(section, kind.key)) for kind in KINDS)
+    return next((kind, table) for kind, table in tables if table is not None)
 
 
 def _lengths(section: Section) -> dict[str, Any]:
@@ -163,8 +162,8 @@ def _load_holding(section: LoadHoldingSection) -> LoadHolding:
 
 def cylinders(tables: Mapping[str, CylinderSection], damped: bool) -> tuple[Cylinder, ...]:
     """The hydraulics of cylinders, with valves; friction and leakage too if ``damped``."""
-    made = (_cylinder(name, table) for name, table in tables.items())
-    return tuple(made if damped else map(_without_losses, made))
+    given = (_cylinder(name, table) for name, table in tables.items())
+    return tuple(given if damped else map(_without_losses, given))
 
 
 def _without_losses(actuator: A) -> A:
@@ -172,26 +171,31 @@ def _without_losses(actuator: A) -> A:
     return replace(actuator, valve=valve, friction=NO_FRICTION)
 
 
+def _common(
+    name: str, section: CylinderSection | MotorSection, volumes: Section
+) -> dict[str, Any]:
+    """The fields of cylinders and motors alike, with the ``volumes`` [l] of their two sides."""
+    fields: dict[str, Any] = {"name": name, "count": section.count}
+    for side, key in zip(("cap", "annulus"), type(volumes).model_fields, strict=True):
+        fields[f"{side}_dead_volume"] = getattr(volumes, key) * litre
+        fields[f"{side}_hose_volume"] = getattr(section.hose, f"{key}_l") * litre
+    valve = _valve(section.valve) if section.valve else None
+    return fields | {"hose_modulus": section.hose.bulk_modulus_MPa * MPa, "valve": valve}
+
+
 def _cylinder(name: str, section: CylinderSection) -> Cylinder:
     friction, (kind, table) = section.friction, _kind(section)
     return Cylinder(
-        name=name,
-        count=section.count,
+        **_common(name, section, section.dead_volume_l),
         bore=section.bore_mm * mm,
         rod=section.rod_mm * mm,
         stroke=section.stroke_mm * mm,
         closed_length=section.closed_length_mm * mm,
-        cap_dead_volume=section.dead_volume_l.cap * litre,
-        annulus_dead_volume=section.dead_volume_l.annulus * litre,
-        cap_hose_volume=section.hose.cap_l * litre,
-        annulus_hose_volume=section.hose.annulus_l * litre,
-        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
         compliance=section.compliance_m_per_N,
         barrel_mass=section.barrel_kg,
         rod_mass=section.rod_kg,
         barrel_wall=None if section.barrel_wall_mm is None else section.barrel_wall_mm * mm,
         linkage_masses=tuple((bar, getattr(table, f"{bar}_kg")) for bar in kind.bar_names),
-        valve=_valve(section.valve) if section.valve else None,
         load_holding=_load_holding(section.load_holding) if section.load_holding else None,
         friction=Friction(
             coulomb=friction.coulomb_N,
@@ -215,26 +219,19 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:
     """Motors of the joints that are coordinates; motors of frozen joints stand still."""
-    made = (_motor(name, motor) for name, motor in section.motor.items())
-    at_work = (motor for motor in made if motor.joint in section.joints)
+    given = (_motor(name, motor) for name, motor in section.motor.items())
+    at_work = (motor for motor in given if motor.joint in section.joints)
     return tuple(at_work if section.damped else map(_without_losses, at_work))
 
 
 def _motor(name: str, section: MotorSection) -> Motor:
     friction, count = section.friction, section.count
     return Motor(
-        name=name,
+        **_common(name, section, section.trapped_volume_l),
         joint=section.joint or name,
-        count=count,
         displacement=section.displacement_cm3 * cm3,
         gear_ratio=section.gear_ratio,
-        cap_dead_volume=section.trapped_volume_l.a * litre,
-        annulus_dead_volume=section.trapped_volume_l.b * litre,
-        cap_hose_volume=section.hose.a_l * litre,
-        annulus_hose_volume=section.hose.b_l * litre,
-        hose_modulus=section.hose.bulk_modulus_MPa * MPa,
         compliance=section.compliance_rad_per_N_m,
-        valve=_valve(section.valve) if section.valve else None,
         friction=Friction(  # of one motor: an actuator multiplies it by their count
             coulomb=friction.coulomb_N_m / count,
             static=(friction.static_N_m or friction.coulomb_N_m) / count,

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly
-from armdesign.errors import PoseError
+from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import deg, outward
@@ -139,23 +139,19 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joint
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
     if own is not None:
         arm = moment_arms[..., np.arange(len(own)), own]
-        return np.asarray(
-            np.where(singular[..., None], np.inf, gravity[..., own] / np.where(arm == 0, 1.0, arm))
-        )
-    forces = np.full(
-        moment_arms.shape[:-1], np.inf, dtype=np.result_type(moment_arms, gravity, areas, float)
-    )
+        held = gravity[..., own] / np.where(arm == 0, 1.0, arm)
+        return np.asarray(np.where(singular[..., None], np.inf, held))
+    dtype = np.result_type(moment_arms, gravity, areas, float)
+    forces = np.full(moment_arms.shape[:-1], np.inf, dtype=dtype)
     arms, loads = moment_arms[~singular], gravity[~singular, :, None]
     turned = np.swapaxes(arms, 1, 2)
     if arms.shape[1] == arms.shape[2]:
         forces[~singular] = np.linalg.solve(turned, loads)[..., 0]
     else:
-        squares = np.broadcast_to((areas / np.real(areas).max()) ** 2, forces.shape)[~singular][
-            ..., None
-        ]
-        forces[~singular] = (squares * (arms @ np.linalg.solve(turned @ (squares * arms), loads)))[
-            ..., 0
-        ]
+        squares = np.broadcast_to((areas / np.real(areas).max()) ** 2, forces.shape)
+        squares = squares[~singular][..., None]
+        least = squares * (arms @ np.linalg.solve(turned @ (squares * arms), loads))
+        forces[~singular] = least[..., 0]
     return forces
 
 
@@ -180,11 +176,8 @@ def is_singular(moment_arms: Array) -> Flags:
 def own_joints(moment_arms: Array) -> Array | None:
     """The joint that each cylinder moves (nc,); None unless each moves one of its own."""
     used = np.any(moment_arms != 0, axis=tuple(range(moment_arms.ndim - 2)))
-    alone = (
-        used.shape[0] == used.shape[1]
-        and np.all(used.sum(axis=0) == 1)
-        and np.all(used.sum(axis=1) == 1)
-    )
+    square = used.shape[0] == used.shape[1]
+    alone = square and all(np.all(used.sum(axis=axis) == 1) for axis in (0, 1))
     return np.asarray(used.argmax(axis=1)) if alone else None
 
 
@@ -206,9 +199,8 @@ def joint_positions(machine: Machine, q: ArrayLike) -> Array:
         raise PoseError(part, "is not an array of numbers", f"give shape (n, {nq})") from None
     array = array[None] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] != nq:
-        raise PoseError(
-            part, f"has shape {array.shape}", f"give (n, {nq}): {', '.join(machine.joints)}"
-        )
+        remedy = f"give (n, {nq}): {', '.join(machine.joints)}"
+        raise PoseError(part, f"has shape {array.shape}", remedy)
     if not np.all(np.isfinite(array)):
         raise PoseError(part, "holds a number that is not finite", "give finite joint positions")
     return array
@@ -222,31 +214,22 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
     """
     pairs = zip(machine.linkages, machine.cylinders, poses.lengths.T, strict=False)
     for linkage, cylinder, length in pairs:
+        least, most = cylinder.closed_length, cylinder.open_length
         part = f"{machine.name}: {cylinder.name} cylinder"
         if np.any(open_ := ~np.isfinite(length)):
-            raise PoseError(
-                part,
-                f"its {linkage.title} does not close at {_pose_text(machine, poses.q[open_][0])}",
-                f"stay in the range of {_range_text(machine, linkage)}",
-            )
-        out = (length < cylinder.closed_length - STROKE_TOLERANCE) | (
-            length > cylinder.open_length + STROKE_TOLERANCE
-        )
+            where = _pose_text(machine, poses.q[open_][0])
+            remedy = f"stay in the range of {_range_text(machine, linkage)}"
+            raise PoseError(part, f"its {linkage.title} does not close at {where}", remedy)
+        out = (length < least - STROKE_TOLERANCE) | (length > most + STROKE_TOLERANCE)
         if np.any(out):
-            raise PoseError(
-                part,
-                f"length {length[out][0]:.4f} m is outside its stroke "
-                f"[{cylinder.closed_length:.4f}, {cylinder.open_length:.4f}] m "
-                f"at {_pose_text(machine, poses.q[out][0])}",
-                f"stay in the range of {_range_text(machine, linkage)} or change stroke and pins",
-            )
+            where = f"[{least:.4f}, {most:.4f}] m at {_pose_text(machine, poses.q[out][0])}"
+            remedy = f"stay in the range of {_range_text(machine, linkage)}"
+            fault = f"length {length[out][0]:.4f} m is outside its stroke {where}"
+            raise PoseError(part, fault, f"{remedy} or change stroke and pins")
     if np.any(singular := is_singular(poses.moment_arms[..., : len(machine.joints)])):
         where = _pose_text(machine, poses.q[singular][0])
-        raise PoseError(
-            f"{machine.name}: pose",
-            f"singular at {where}: a cylinder is at its dead centre",
-            "avoid it",
-        )
+        fault = f"singular at {where}: a cylinder is at its dead centre"
+        raise PoseError(f"{machine.name}: pose", fault, "avoid it")
 
 
 def refuse_toppling(machine: Machine, poses: Poses) -> None:
@@ -270,7 +253,7 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
             raise _too_soft(machine, poses.q[worst], factors[worst]) from None
 
 
-def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
+def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
     """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
     chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
     spring = machine.springs[min(chosen, len(machine.springs) - 1)]
@@ -288,7 +271,9 @@ def _too_soft(machine: Machine, q: Array, factors: Array) -> PoseError:
         f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
     )
     place = f"{machine.source.name}: {path}"
-    return PoseError(place, fault, remedy, machine.line_of(path))
+    error = TopplingError(place, fault, remedy, machine.line_of(path))
+    error.factor = float(factors.min())
+    return error
 
 
 def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
@@ -305,13 +290,13 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     low, high = case.pitch
     middle = (low + high) / 2
     nearest = middle + math.remainder(pitch - middle, 2 * math.pi)
-    raise PoseError(
-        f"{machine.name}: payload {case.name}",
+    fault = (
         f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
         f" at {_pose_text(machine, positions[unheld][0])}, it holds the load at"
-        f" {low / deg:g}…{high / deg:g} deg",
-        "choose another pose or load case",
+        f" {low / deg:g}…{high / deg:g} deg"
     )
+    part = f"{machine.name}: payload {case.name}"
+    raise PoseError(part, fault, "choose another pose or load case")
 
 
 def _pose_text(machine: Machine, q: Array) -> str:

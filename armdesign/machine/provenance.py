@@ -48,8 +48,8 @@ def retold(
     changes = _changes(machine, today)
     changes["name"] = f"{today.name[: NAME_LENGTH - len(word) - 1]}_{word}"
     changes["title"] = f"{today.section.title or today.name}, {word}"
-    told = _without_stories(today.text) if saving.is_made(today.text) else today.text
-    text = _with_old_values(edit(told, changes, today.source.name), told, changes, notes or {})
+    plain = _without_stories(today.text) if saving.is_made(today.text) else today.text
+    text = _with_old_values(edit(plain, changes, today.source.name), plain, changes, notes or {})
     source = today.source.with_name(f"{changes['name']}.toml")
     signed = Machine.from_text(
         _with_head(text, _head(today, story)), today.urdf_text, source, arm=machine.arm
@@ -64,12 +64,8 @@ def as_toml(value: Any) -> str:
 
 def _changes(machine: Machine, today: Machine) -> dict[str, Any]:
     """Values of the new file that differ from today's, by key path."""
-    before = machine_file.flat(today.section)
-    return {
-        path: value
-        for path, value in machine_file.flat(machine.section).items()
-        if value != before.get(path)
-    }
+    before, after = (machine_file.flat(one.section) for one in (today, machine))
+    return {path: value for path, value in after.items() if value != before.get(path)}
 
 
 # --------------------------------------------------------------------------------- what a line was
@@ -164,23 +160,16 @@ def _with_head(text: str, head: list[str]) -> str:
 def _head(today: Machine, story: Sequence[str]) -> list[str]:
     """Lines of the new head."""
     source = today.source.name
+    origin = (
+        f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on {date.today().isoformat()}"
+    )
     paragraphs = [
-        (
-            f"{saving.MADE.removeprefix('# ')} {version('armdesign')} on"
-            f" {date.today().isoformat()} from {source}: {today.section.title or today.name}."
-        ),
+        f"{origin} from {source}: {today.section.title or today.name}.",
         *story,
         f"Changed lines say what they were. Where all other numbers are from: {source}.",
     ]
-    return [line for words in paragraphs for line in _wrapped(words)]
-
-
-def _wrapped(words: str) -> list[str]:
-    """Lines that a comment can hold: nothing in them ends the line but their end."""
-    return textwrap.wrap(
-        printable(words),
-        WIDTH,
-        subsequent_indent="  ",
-        break_long_words=False,
-        break_on_hyphens=False,
+    wrap = textwrap.TextWrapper(
+        WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )
+    # printable: nothing in a line ends it but its end, so that a comment can hold it
+    return [line for words in paragraphs for line in wrap.wrap(printable(words))]

@@ -55,9 +55,8 @@ class RigidPoses:
         """
         if joint not in self._distinct:
             _, first, back = np.unique(self.q[:, joint], return_index=True, return_inverse=True)
-            self._distinct[joint] = (
-                (self[first], back) if 2 * len(first) < len(self) else (self, slice(None))
-            )
+            few = 2 * len(first) < len(self)
+            self._distinct[joint] = (self[first], back) if few else (self, slice(None))
         return self._distinct[joint]
 
     @cached_property
@@ -110,10 +109,8 @@ class Arm:
     @cached_property
     def movable_joints(self) -> list[str]:
         """Names of the joints that are coordinates or could be."""
-        return [
-            *(joint.name for joint in self.coordinates),
-            *dict.fromkeys(name for link in self.links.values() for name in link.frozen),
-        ]
+        frozen = dict.fromkeys(name for link in self.links.values() for name in link.frozen)
+        return [*(joint.name for joint in self.coordinates), *frozen]
 
     def frozen_between(self, links: Iterable[str]) -> set[str]:
         """Names of the joints between some links that could move but do not."""
@@ -144,13 +141,10 @@ class Arm:
     @cached_property
     def outwards(self) -> list[int]:
         """Coordinates from the root outwards: each comes after its parent."""
-        order: list[int] = []
-        while len(order) < len(self.coordinates):
-            order += [
-                index
-                for index, joint in enumerate(self.coordinates)
-                if index not in order and (joint.parent < 0 or joint.parent in order)
-            ]
+        order, parents = list[int](), [joint.parent for joint in self.coordinates]
+        while len(order) < len(parents):
+            known = {-1, *order}
+            order += [k for k, parent in enumerate(parents) if k not in known and parent in known]
         return order
 
     def chain(self, link: str) -> tuple[int, ...]:
@@ -203,19 +197,17 @@ class Arm:
         """Reach and height (n, 2) [m] of places seen from the root, and ∂/∂q of both (n, 2, k)."""
         radius = self.reach(q, place.value)
         outward = place.value[:, :2] / np.where(radius == 0, np.inf, radius)[:, None]
-        slopes = np.stack(
-            [(place.first[:, :, :2] @ outward[:, :, None])[..., 0], place.first[:, :, 2]], axis=1
-        )
+        ahead = (place.first[:, :, :2] @ outward[:, :, None])[..., 0]
+        slopes = np.stack([ahead, place.first[:, :, 2]], axis=1)
         return np.stack([radius, place.value[:, 2]], axis=1), slopes
 
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints on the way from one link to another, with their sign as seen from ``start``."""
         if (start, end) not in self._paths:
             up, down = self.chain(start), self.chain(end)
-            common = next(
-                (i for i, (a, b) in enumerate(zip(up, down, strict=False)) if a != b),
-                min(len(up), len(down)),
-            )
+            pairs = enumerate(zip(up, down, strict=False))
+            shorter = min(len(up), len(down))
+            common = next((i for i, (a, b) in pairs if a != b), shorter)
             back = tuple((j, -1) for j in reversed(up[common:]))
             self._paths[start, end] = back + tuple((j, 1) for j in down[common:])
         return self._paths[start, end]
@@ -244,11 +236,9 @@ class Arm:
             if joint.parent < 0:
                 rotation[:, index], translation[:, index] = local, joint.translation
             else:
-                before = rotation[:, joint.parent]
+                before, foot = rotation[:, joint.parent], translation[:, joint.parent]
                 rotation[:, index] = before @ local
-                translation[:, index] = translation[:, joint.parent] + turned(
-                    before, joint.translation
-                )
+                translation[:, index] = foot + turned(before, joint.translation)
             axis[:, index] = turned(rotation[:, index], joint.axis)
             if not joint.revolute:
                 translation[:, index] += q[:, index, None] * axis[:, index]
@@ -308,19 +298,14 @@ class Arm:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
         n, k = len(vector), len(joints)
         first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
-        path = tuple(
-            (j, sign)
-            for j, sign in path
-            if j in joints and (bound or self.coordinates[j].revolute)
-        )
+        turns = [joint.revolute for joint in self.coordinates]
+        path = tuple((j, sign) for j, sign in path if j in joints and (bound or turns[j]))
         for j, sign in path:
             axis = sign * poses.axis[:, j]
             lever = vector - poses.translation[:, j] if bound else vector
-            first[:, joints.index(j)] = (
-                cross(axis, lever) if self.coordinates[j].revolute else axis
-            )
+            first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
         for near, (j, sign) in enumerate(path):
-            if not self.coordinates[j].revolute:
+            if not turns[j]:
                 continue
             axis = sign * poses.axis[:, j]
             for further, _ in path[near:]:
@@ -349,9 +334,8 @@ class Arm:
         try:
             model = pinocchio.buildModelFromXML(self.xml)
         except ValueError as error:
-            raise MachineFileError(
-                self.source, f"Pinocchio refuses it ({error})", "check it with check_urdf"
-            ) from None
+            fault = f"Pinocchio refuses it ({error})"
+            raise MachineFileError(self.source, fault, "check it with check_urdf") from None
         names = list(model.names)[1:]  # the first is the world
         order = [1 + names.index(joint.name) for joint in self.coordinates]
         index = np.array([model.joints[at].idx_v for at in order])

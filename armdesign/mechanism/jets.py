@@ -25,20 +25,20 @@ class Jet:
     second: Array
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(
-            self.value + other.value, self.first + other.first, self.second + other.second
-        )
+        return type(self)(*map(np.add, self._parts, other._parts))
 
     def __sub__(self, other: Self) -> Self:
-        return type(self)(
-            self.value - other.value, self.first - other.first, self.second - other.second
-        )
+        return type(self)(*map(np.subtract, self._parts, other._parts))
 
     def __neg__(self) -> Self:
         return self._scaled(-1.0)
 
     def _scaled(self, factor: float) -> Self:
-        return type(self)(self.value * factor, self.first * factor, self.second * factor)
+        return type(self)(*(part * factor for part in self._parts))
+
+    @property
+    def _parts(self) -> tuple[Array, Array, Array]:
+        return self.value, self.first, self.second
 
 
 AnyJet = TypeVar("AnyJet", bound=Jet)
@@ -60,11 +60,8 @@ class ScalarJet(Jet):
     def through(self, value: Array, slope: Array, curvature: Array) -> ScalarJet:
         """f(self) from f, f′ and f″ at its values (chain rule)."""
         outer = self.first[:, :, None] * self.first[:, None, :]
-        return ScalarJet(
-            value,
-            slope[:, None] * self.first,
-            slope[:, None, None] * self.second + curvature[:, None, None] * outer,
-        )
+        second = slope[:, None, None] * self.second + curvature[:, None, None] * outer
+        return ScalarJet(value, slope[:, None] * self.first, second)
 
     def sqrt(self) -> ScalarJet:
         """Square root; NaN, without a warning, where it is not positive."""
@@ -111,11 +108,6 @@ def _product(
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; on small arrays several times faster than numpy's."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )
+    pairs = ((1, 2), (2, 0), (0, 1))
+    parts = [a[..., j] * b[..., k] - a[..., k] * b[..., j] for j, k in pairs]
+    return np.stack(parts, axis=-1)

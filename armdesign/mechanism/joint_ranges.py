@@ -98,17 +98,15 @@ class _JointRange:
 
     @cached_property
     def _unit(self) -> str:
-        return "rad" if self.arm.joints[self.joint].revolute else "m"
+        return self.arm.joints[self.joint].unit
 
     def _slack(self, values: Array) -> Array:
         """Distance [m] to the nearest end of any stroke; NaN where a linkage does not close."""
         poses, rows = self._at(values), []
         for linkage, cylinder in self.pairs:
             length, margin = linkage.length(poses), self.end_margin * cylinder.stroke
-            rows += [
-                length - cylinder.closed_length - margin,
-                cylinder.open_length - margin - length,
-            ]
+            rows.append(length - cylinder.closed_length - margin)
+            rows.append(cylinder.open_length - margin - length)
         return np.asarray(np.min(rows, axis=0))
 
     def _samples(self) -> Array:
@@ -129,12 +127,9 @@ class _JointRange:
     def _refuse_never_closed(self, values: Array, closes: list[Flags]) -> None:
         for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
             if not closed.any():
-                raise MachineFileError(
-                    f"{self.source}: cylinder.{cylinder.name}.{linkage.key}",
-                    f'does not close at any "{self._name}" in [{values[0]:.4f}, {values[-1]:.4f}]'
-                    f" {self._unit}",
-                    linkage.closing_words,
-                )
+                limits = f"[{values[0]:.4f}, {values[-1]:.4f}] {self._unit}"
+                fault = f'does not close at any "{self._name}" in {limits}'
+                raise self._fault(f"{cylinder.name}.{linkage.key}", fault, linkage.closing_words)
 
     def _refuse_opening(self, values: Array, closes: list[Flags], beyond: tuple[int, int]) -> None:
         """Raise if a linkage opens right beyond the range, where no stroke ends it."""
@@ -142,12 +137,12 @@ class _JointRange:
             for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
                 if 0 <= k < len(values) and not closed[k]:
                     bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
-                    raise MachineFileError(
-                        f"{self.source}: cylinder.{cylinder.name}.{linkage.key}",
-                        f'opens at "{self._name}" = {values[k]:.4f} {self._unit}, before stroke or'
-                        " joint limit ends the motion",
-                        f"change {bars} or the pins, or tighten the joint's limits in the URDF",
+                    remedy = (
+                        f"change {bars} or the pins, or tighten the joint's limits in the URDF"
                     )
+                    where = f'"{self._name}" = {values[k]:.4f} {self._unit}'
+                    fault = f"opens at {where}, before stroke or joint limit ends the motion"
+                    raise self._fault(f"{cylinder.name}.{linkage.key}", fault, remedy)
 
     def _never_in_stroke(self, poses: RigidPoses) -> MachineFileError:
         """The fault of cylinders for which no position of the joint is within their strokes."""
@@ -156,20 +151,21 @@ class _JointRange:
             low, high = cylinder.closed_length + margin, cylinder.open_length - margin
             if not np.any((length >= low) & (length <= high)):
                 kept = f" ({100 * self.end_margin:g} % of the stroke kept free at both ends)"
-                return MachineFileError(
-                    f"{self.source}: cylinder.{cylinder.name}.stroke_mm",
+                fault = (
                     f'over joint "{self._name}" the pins are {np.nanmin(length):.4f} to'
                     f" {np.nanmax(length):.4f} m apart, never within [{low:.4f}, {high:.4f}] m"
-                    + (kept if self.end_margin else ""),
-                    "change closed_length_mm, stroke_mm, the pins"
-                    + (" or end_margin" if self.end_margin else ""),
                 )
+                remedy = "change closed_length_mm, stroke_mm, the pins"
+                if self.end_margin:
+                    fault, remedy = fault + kept, f"{remedy} or end_margin"
+                return self._fault(f"{cylinder.name}.stroke_mm", fault, remedy)
         names = [cylinder.name for _, cylinder in self.pairs]
-        return MachineFileError(
-            f"{self.source}: cylinder.{names[0]}.stroke_mm",
-            f'at no "{self._name}" are the cylinders {", ".join(names)} in stroke together',
-            "change closed_length_mm, stroke_mm or the pins of one of them",
-        )
+        fault = f'at no "{self._name}" are the cylinders {", ".join(names)} in stroke together'
+        remedy = "change closed_length_mm, stroke_mm or the pins of one of them"
+        return self._fault(f"{names[0]}.stroke_mm", fault, remedy)
+
+    def _fault(self, key: str, fault: str, remedy: str) -> MachineFileError:
+        return MachineFileError(f"{self.source}: cylinder.{key}", fault, remedy)
 
     def _refuse_dead_centre(self, ends: Array) -> None:
         values = over(ends, SAMPLES)
@@ -179,13 +175,10 @@ class _JointRange:
             least = int(np.argmin(np.abs(moment_arm)))
             crosses = np.any(np.sign(moment_arm) != np.sign(moment_arm[0]))
             if crosses or np.abs(moment_arm[least]) < DEAD_CENTRE:
-                raise MachineFileError(
-                    f"{self.source}: cylinder.{cylinder.name}",
-                    f'is at its dead centre at "{self._name}" = {values[least]:.4f}: no moment arm'
-                    " (singular pose)",
-                    "move its pins or tighten the joint's limits so that the range stays on one"
-                    " side",
-                )
+                where = f'"{self._name}" = {values[least]:.4f}'
+                fault = f"is at its dead centre at {where}: no moment arm (singular pose)"
+                tighten = "tighten the joint's limits so that the range stays on one side"
+                raise self._fault(cylinder.name, fault, f"move its pins or {tighten}")
 
 
 def _zero(function: Callable[[float], float], a: float, b: float) -> float:

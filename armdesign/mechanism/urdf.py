@@ -147,9 +147,8 @@ def _fix(joint: ET.Element, value: float) -> None:
     for tag in ("origin", "axis", "limit"):
         for element in joint.findall(tag):
             joint.remove(element)
-    ET.SubElement(
-        joint, "origin", xyz=_words(translation), rpy=_words(np.array([roll, pitch, yaw]))
-    )
+    turn = _words(np.array([roll, pitch, yaw]))
+    ET.SubElement(joint, "origin", xyz=_words(translation), rpy=turn)
     joint.set("type", "fixed")
 
 

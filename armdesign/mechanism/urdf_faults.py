@@ -63,20 +63,16 @@ def parse(text: str, source: str) -> ET.Element:
         parser = ET.XMLParser(target=ET.TreeBuilder(element_factory=Located))
         robot: ET.Element = ET.fromstring(text, parser=parser)
     except ET.ParseError as error:
-        raise MachineFileError(
-            source, f"not well-formed XML ({error})", "correct the URDF at that place"
-        ) from None
+        fault = f"not well-formed XML ({error})"
+        raise MachineFileError(source, fault, "correct the URDF at that place") from None
     _locate(robot, text)
     if robot.tag != "robot":
         tag = robot.tag.replace("{", "").replace("}", " ")  # a namespace is in braces
         raise MachineFileError(source, f"the XML root is <{tag}>, not <robot>", "give a URDF file")
-    macro = next(
-        (part.tag.rpartition("}")[2] for part in robot.iter() if "/xacro}" in str(part.tag)), None
-    )
-    if macro:
-        raise MachineFileError(
-            source, f"holds a macro (<xacro:{macro}>)", "expand it: xacro FILE > FILE.urdf"
-        )
+    for part in robot.iter():
+        if "/xacro}" in str(part.tag):
+            fault = f"holds a macro (<xacro:{part.tag.rpartition('}')[2]}>)"
+            raise MachineFileError(source, fault, "expand it: xacro FILE > FILE.urdf")
     robot.attrib = {"name": "arm"}
     for element in (robot, *robot.findall("link"), *robot.findall("joint")):
         for part in [*element]:
@@ -154,9 +150,8 @@ def faults_of(
 
 def movable_joints(robot: ET.Element) -> list[str]:
     """Names of the joints that can be coordinates, in the order of the URDF."""
-    return [
-        joint.get("name", "") for joint in robot.findall("joint") if joint.get("type") in MOVABLE
-    ]
+    movable = (joint for joint in robot.findall("joint") if joint.get("type") in MOVABLE)
+    return [joint.get("name", "") for joint in movable]
 
 
 def numbers(element: ET.Element | None, key: str, default: str) -> Array:
@@ -184,10 +179,8 @@ def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
                 yield MachineFileError(source, fault, f'write <{kind} name="…">', lines[index])
             elif names.index(name) == index and (count := names.count(name)) > 1:
                 words = {2: "two", 3: "three"}.get(count, str(count))
-                second = lines[names.index(name, index + 1)]
-                yield MachineFileError(
-                    source, f'{words} {kind}s are named "{name}"', "rename one", second
-                )
+                fault, second = f'{words} {kind}s are named "{name}"', names.index(name, index + 1)
+                yield MachineFileError(source, fault, "rename one", lines[second])
 
 
 def _of_numbers(

@@ -41,39 +41,26 @@ class Mechanism:
     """The paper's mechanism at θ0 = π/2 with an asymmetric cylinder.
 
     SI, numbers or arrays that broadcast together.
-
-    Attributes:
-        load_mass: m2.
-        link_length: l2.
-        link_pin_distance: a1.
-        base_pin_distance: d1.
-        bore_area: A1.
-        annulus_area: A2.
-        cap_volume: V1, dead volume included.
-        annulus_volume: V2, dead volume included.
-        stroke: of the piston.
-        bulk_modulus: β.
     """
 
-    load_mass: Any
-    link_length: Any
-    link_pin_distance: Any
-    base_pin_distance: Any
-    bore_area: Any
-    annulus_area: Any
-    cap_volume: Any
-    annulus_volume: Any
-    stroke: Any
-    bulk_modulus: Any
+    load_mass: Any  # m2
+    link_length: Any  # l2
+    link_pin_distance: Any  # a1
+    base_pin_distance: Any  # d1
+    bore_area: Any  # A1
+    annulus_area: Any  # A2
+    cap_volume: Any  # V1, dead volume included
+    annulus_volume: Any  # V2, dead volume included
+    stroke: Any  # of the piston
+    bulk_modulus: Any  # β
 
     @classmethod
     def of(cls, machine: Machine, load_mass: Any, link_length: Any) -> Mechanism:
         """The mechanism of a machine like ``paper_1dof``, under loads other than its own."""
         cylinder, linkage = machine.cylinders[0], machine.linkages[0]
         base, rod_end = (np.array(linkage.place(pin)) for pin in ("base", "rod_end"))
-        cap, annulus = cylinder.volumes(
-            machine.at(np.zeros(1)).lengths[0, 0] - cylinder.closed_length
-        )
+        extension = machine.at(np.zeros(1)).lengths[0, 0] - cylinder.closed_length
+        cap, annulus = cylinder.volumes(extension)
         return cls(
             load_mass=load_mass,
             link_length=link_length,
@@ -87,29 +74,25 @@ class Mechanism:
             bulk_modulus=machine.fluid.bulk_modulus,
         )
 
+    def _arguments(self, *names: str) -> dict[str, Any]:
+        """Some of its numbers, as ``formulas`` take them."""
+        return {name: getattr(self, name) for name in names}
+
     @property
     def pins(self) -> dict[str, Any]:
         """a1 and d1, as ``formulas`` take them."""
-        return {
-            "link_pin_distance": self.link_pin_distance,
-            "base_pin_distance": self.base_pin_distance,
-        }
+        return self._arguments("link_pin_distance", "base_pin_distance")
 
     @property
     def loaded(self) -> dict[str, Any]:
         """Load and pins, as ``formulas`` take them."""
-        return {"load_mass": self.load_mass, "link_length": self.link_length, **self.pins}
+        return self._arguments("load_mass", "link_length") | self.pins
 
     @property
     def chambers(self) -> dict[str, Any]:
         """Areas, volumes and oil, as ``formulas`` take them."""
-        return {
-            "bore_area": self.bore_area,
-            "annulus_area": self.annulus_area,
-            "cap_volume": self.cap_volume,
-            "annulus_volume": self.annulus_volume,
-            "bulk_modulus": self.bulk_modulus,
-        }
+        areas, volumes = ("bore_area", "annulus_area"), ("cap_volume", "annulus_volume")
+        return self._arguments(*areas, *volumes, "bulk_modulus")
 
     @property
     def stiffness(self) -> Any:
@@ -121,20 +104,14 @@ class Mechanism:
     @property
     def symmetric(self) -> dict[str, Any]:
         """The paper's A and V0 from the bore side; it does not say what they are if asymmetric."""
-        return {
-            "area": self.bore_area,
-            "chamber_volume": self.cap_volume,
-            "bulk_modulus": self.bulk_modulus,
-        }
+        oil = self._arguments("bulk_modulus")
+        return {"area": self.bore_area, "chamber_volume": self.cap_volume, **oil}
 
     @property
     def symmetric_mean(self) -> dict[str, Any]:
         """The paper's A and V0 as means of both sides."""
-        area, volume = (
-            (self.bore_area + self.annulus_area) / 2,
-            (self.cap_volume + self.annulus_volume) / 2,
-        )
-        return {"area": area, "chamber_volume": volume, "bulk_modulus": self.bulk_modulus}
+        area, volume = self.bore_area + self.annulus_area, self.cap_volume + self.annulus_volume
+        return {**self.symmetric, "area": area / 2, "chamber_volume": volume / 2}
 
     @property
     def static_mass(self) -> Any:
@@ -144,38 +121,28 @@ class Mechanism:
     @property
     def frequencies(self) -> dict[str, Any]:
         """Natural frequency [Hz] by each of ``FORMULAS``."""
-        inertia = formulas.joint_inertia(
-            load_mass=self.load_mass,
-            link_pin_distance=self.link_pin_distance,
-            link_length=self.link_length,
-        )
-        reflected = formulas.reflected_mass(
-            joint_inertia=inertia, moment_arm=formulas.moment_arm(**self.pins)
-        )
-        static = self.static_mass
+        load = self._arguments("load_mass", "link_pin_distance", "link_length")
+        inertia, arm = formulas.joint_inertia(**load), formulas.moment_arm(**self.pins)
+        reflected = {"mass": formulas.reflected_mass(joint_inertia=inertia, moment_arm=arm)}
+        static, chambers, loaded = {"mass": self.static_mass}, self.chambers, self.loaded
+        printed_12 = formulas.rigid_load_asymmetric_as_printed
+        printed_42 = formulas.joint_coupled_as_printed
         return {
-            "static_11": formulas.rigid_load(mass=static, **self.symmetric),
-            "static_12_as_printed": formulas.rigid_load_asymmetric_as_printed(
-                mass=static, **self.chambers
-            ),
-            "static_12": formulas.rigid_load_asymmetric(mass=static, **self.chambers),
-            "reflected_12": formulas.rigid_load_asymmetric(mass=reflected, **self.chambers),
-            "joint_42_as_printed": formulas.joint_coupled_as_printed(
-                **self.loaded, **self.symmetric
-            ),
-            "joint_42_mean_area": formulas.joint_coupled_as_printed(
-                **self.loaded, **self.symmetric_mean
-            ),
-            "joint_exact": formulas.joint_coupled(**self.loaded, stiffness=self.stiffness),
+            "static_11": formulas.rigid_load(**static, **self.symmetric),
+            "static_12_as_printed": printed_12(**static, **chambers),
+            "static_12": formulas.rigid_load_asymmetric(**static, **chambers),
+            "reflected_12": formulas.rigid_load_asymmetric(**reflected, **chambers),
+            "joint_42_as_printed": printed_42(**loaded, **self.symmetric),
+            "joint_42_mean_area": printed_42(**loaded, **self.symmetric_mean),
+            "joint_exact": formulas.joint_coupled(**loaded, stiffness=self.stiffness),
         }
 
     def with_gravity(self, stiffness: Any, inertia: Any = 0.0) -> Any:
         """Frequency [Hz] if gravity took ``stiffness`` [N m/rad], ``inertia`` [kg m²] added."""
         arm = formulas.moment_arm(**self.pins)
         total = self.load_mass * (self.link_pin_distance**2 + self.link_length**2) + inertia
-        return np.sqrt(np.maximum(self.stiffness * arm**2 - stiffness, 0.0) / total) / (
-            2 * math.pi
-        )
+        net = np.maximum(self.stiffness * arm**2 - stiffness, 0.0)
+        return np.sqrt(net / total) / (2 * math.pi)
 
 
 def grid(

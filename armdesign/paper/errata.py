@@ -22,23 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Erratum:
-    """A misprint or slip of the paper and what it does to a frequency, all else being right.
+    """A misprint or slip of the paper and what it does to a frequency, all else being right."""
 
-    Attributes:
-        equation: its number.
-        printed: what the paper has.
-        right: what it should be.
-        wrong_frequency: with it (n,) [Hz]; None: it is in no frequency.
-        right_frequency: without it (n,) [Hz].
-        remark: what to know about the comparison.
-    """
-
-    equation: str
-    printed: str
-    right: str
-    wrong_frequency: Any = None
-    right_frequency: Any = None
-    remark: str = ""
+    equation: str  # its number
+    printed: str  # what the paper has
+    right: str  # what it should be
+    wrong_frequency: Any = None  # with it (n,) [Hz]; None: it is in no frequency
+    right_frequency: Any = None  # without it (n,) [Hz]
+    remark: str = ""  # what to know about the comparison
 
     @property
     def change(self) -> Array | None:
@@ -81,12 +72,7 @@ def errata(at: Mechanism) -> list[Erratum]:
 
 def _errata_of_gravity(at: Mechanism, exact: Any) -> list[Erratum]:
     """Errata of inertia, static force and gravity stiffness, beside the exact frequency [Hz]."""
-    weight, a1, d1, l2 = (
-        at.load_mass * GRAVITY,
-        at.link_pin_distance,
-        at.base_pin_distance,
-        at.link_length,
-    )
+    weight, l2, (a1, d1) = at.load_mass * GRAVITY, at.link_length, at.pins.values()
     pull = weight * a1 * l2 * d1 / (a1**2 + d1**2)  # F0 ∂r/∂θ
     without_pull, printed = at.with_gravity(weight * a1), at.with_gravity(weight * l2)
     literal = at.with_gravity(weight * a1 + pull, inertia=l2)
@@ -108,19 +94,13 @@ def errata_frame(errata: Sequence[Erratum]) -> pd.DataFrame:
 
     rows = []
     for item in errata:
-        change = item.change
-        row: dict[str, Any] = {
-            "equation": item.equation,
-            "printed": item.printed,
-            "right": item.right,
-        }
-        if change is not None:
-            row |= {"least": change.min(), "largest": change.max(), "rms_rad_per_s": item.error}
-        rows.append(row | {"remark": item.remark})
-    return pd.DataFrame(
-        rows,
-        columns=["equation", "printed", "right", "least", "largest", "rms_rad_per_s", "remark"],
-    )
+        effect: tuple[Any, ...] = (None, None, None)
+        if (change := item.change) is not None:
+            effect = change.min(), change.max(), item.error
+        rows.append((item.equation, item.printed, item.right, *effect, item.remark))
+    effects = ["least", "largest", "rms_rad_per_s"]
+    frame = pd.DataFrame(rows, columns=["equation", "printed", "right", *effects, "remark"])
+    return frame.astype(dict.fromkeys(effects, float))
 
 
 # What ``scan`` combines: sizes of ISO 3320, pins in the proportions of the machine, supply
@@ -170,16 +150,11 @@ def _candidates(table: pd.DataFrame, shipped: Mechanism) -> Mechanism:
         return np.asarray(table[name])[:, None, None]
 
     stroke, dead = column("stroke_mm") * mm, column("dead_volume_l") * litre
-    bore, ring = (
-        math.pi / 4 * (column("bore_mm") * mm) ** 2,
-        math.pi / 4 * (column("rod_mm") * mm) ** 2,
-    )
-    masses = np.linspace(
-        column("mass_from_kg")[:, 0], column("mass_to_kg")[:, 0], len(MASSES), axis=1
-    )
-    lengths = np.linspace(
-        column("length_from_m")[:, 0], column("length_to_m")[:, 0], len(LENGTHS), axis=2
-    )
+    bore, ring = (math.pi / 4 * (column(name) * mm) ** 2 for name in ("bore_mm", "rod_mm"))
+    first, last = (column(f"mass_{end}_kg")[:, 0] for end in ("from", "to"))
+    masses = np.linspace(first, last, len(MASSES), axis=1)
+    first, last = (column(f"length_{end}_m")[:, 0] for end in ("from", "to"))
+    lengths = np.linspace(first, last, len(LENGTHS), axis=2)
     scale = stroke / shipped.stroke
     return Mechanism(
         load_mass=masses,

@@ -5,6 +5,7 @@ Symbols, assumptions and source: see ``formulas``, where all equations of the pa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from armdesign.paper.arguments import numbers
 from armdesign.paper.mechanism import joint_inertia, moment_arm
 from armdesign.paper.rigid_load import spring_stiffness
 from armdesign.units import GRAVITY
+
+MECHANISM = "load_mass", "link_pin_distance", "base_pin_distance", "link_length"
+SPRING = "stiffness", "area", "chamber_volume", "bulk_modulus"
 
 
 def joint_coupled_as_printed(
@@ -36,12 +40,7 @@ def joint_coupled_as_printed(
     Wrong: the gravity term −m2 g l2. Right: ``joint_coupled``, with these arguments. Both agree
     without gravity.
     """
-    spring = spring_stiffness(
-        "joint_coupled_as_printed", stiffness, area, chamber_volume, bulk_modulus
-    )
-    lengths = (link_pin_distance, base_pin_distance, link_length)
-    m2, a1, d1, l2 = _mechanism("joint_coupled_as_printed", load_mass, *lengths, spring)
-    return _frequency(spring, m2, a1, d1, l2, gravity=m2 * GRAVITY * l2)
+    return _frequency("joint_coupled_as_printed", _printed_gravity, **locals())
 
 
 def joint_coupled(
@@ -76,10 +75,7 @@ def joint_coupled(
         ArmDesignError: not exactly one of stiffness and symmetric data, or a value out of its
             range.
     """
-    spring = spring_stiffness("joint_coupled", stiffness, area, chamber_volume, bulk_modulus)
-    lengths = (link_pin_distance, base_pin_distance, link_length)
-    m2, a1, d1, l2 = _mechanism("joint_coupled", load_mass, *lengths, spring)
-    return _frequency(spring, m2, a1, d1, l2, gravity=_gravity_stiffness(m2, a1, d1, l2))
+    return _frequency("joint_coupled", _gravity_stiffness, **locals())
 
 
 class TransferFunction(NamedTuple):
@@ -117,19 +113,7 @@ def transfer_function_as_printed(
     Wrong: the gravity term in Q and H, and the 2 in μ. Right: ``transfer_function``, with these
     arguments.
     """
-    lengths = (link_pin_distance, base_pin_distance, link_length)
-    m2, a1, d1, l2 = _mechanism("transfer_function", load_mass, *lengths)
-    coefficients = _coefficients(
-        (m2, a1, d1, l2),
-        m2 * GRAVITY * l2,
-        area=area,
-        chamber_volume=chamber_volume,
-        bulk_modulus=bulk_modulus,
-        leakage=leakage,
-        valve_gain=valve_gain,
-        supply_pressure=supply_pressure,
-        density=density,
-    )
+    coefficients = _coefficients(_printed_gravity, **locals())
     return coefficients._replace(mu=2 * coefficients.mu)
 
 
@@ -166,36 +150,26 @@ def transfer_function(
         supply_pressure: p_p [Pa].
         density: ρ0 [kg/m³].
     """
-    lengths = (link_pin_distance, base_pin_distance, link_length)
-    mechanism = _mechanism("transfer_function", load_mass, *lengths)
-    return _coefficients(
-        mechanism,
-        _gravity_stiffness(*mechanism),
-        area=area,
-        chamber_volume=chamber_volume,
-        bulk_modulus=bulk_modulus,
-        leakage=leakage,
-        valve_gain=valve_gain,
-        supply_pressure=supply_pressure,
-        density=density,
-    )
+    return _coefficients(_gravity_stiffness, **locals())
 
 
-def _frequency(spring: Any, m2: Any, a1: Any, d1: Any, l2: Any, *, gravity: Any) -> Any:
-    """√((k_h r² − gravity)/J)/(2π) [Hz]; ``gravity`` [N m/rad] is what it takes from stiffness."""
+def _frequency(part: str, gravity: Callable[..., Any], **arguments: Any) -> Any:
+    """√((k_h r² − G)/J)/(2π) [Hz]; ``gravity`` gives the G [N m/rad] that lowers the stiffness."""
+    spring = spring_stiffness(part, *(arguments.pop(name) for name in SPRING))
+    m2, a1, d1, l2, _ = numbers(part, above_zero="load_mass", **arguments, stiffness=spring)
     r = moment_arm(link_pin_distance=a1, base_pin_distance=d1)
     inertia = joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2)
-    return hertz((spring * r**2 - gravity) / inertia)
+    return hertz((spring * r**2 - gravity(m2, a1, d1, l2)) / inertia)
 
 
-def _coefficients(
-    mechanism: tuple[Any, Any, Any, Any], gravity: Any, **hydraulics: Any
-) -> TransferFunction:
-    """Coefficients (36)–(40) at a gravity stiffness [N m/rad], μ without its factor 2."""
-    m2, a1, d1, l2 = mechanism
+def _coefficients(gravity: Callable[..., Any], **arguments: Any) -> TransferFunction:
+    """Coefficients (36)–(40) with the gravity stiffness G [N m/rad], μ without its factor 2."""
+    mechanism = {name: arguments.pop(name) for name in MECHANISM}
+    m2, a1, d1, l2 = numbers("transfer_function", above_zero="load_mass", **mechanism)
+    G = gravity(m2, a1, d1, l2)
     A, V0, beta, C_L, K_v, p_p, rho, J, r = numbers(
         "transfer_function",
-        **hydraulics,
+        **arguments,
         joint_inertia=joint_inertia(load_mass=m2, link_pin_distance=a1, link_length=l2),
         moment_arm=moment_arm(link_pin_distance=a1, base_pin_distance=d1),
     )
@@ -203,22 +177,16 @@ def _coefficients(
         mu=r * A * K_v * np.sqrt(p_p / rho),
         K=V0 / beta * J / r,
         F=2 * C_L * J / r,
-        Q=2 * r * A**2 - gravity / r * V0 / beta,
-        H=2 * C_L * gravity / r,
+        Q=2 * r * A**2 - G / r * V0 / beta,
+        H=2 * C_L * G / r,
     )
+
+
+def _printed_gravity(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
+    """The term that the paper has in its place [N m/rad]."""
+    return m2 * GRAVITY * l2
 
 
 def _gravity_stiffness(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
     """Stiffness that gravity takes away at θ = π/2 [N m/rad]: −∂g/∂θ + F0 ∂r/∂θ."""
     return m2 * GRAVITY * a1 * (1 + l2 * d1 / (a1**2 + d1**2))
-
-
-def _mechanism(
-    part: str, load_mass: Any, a1: Any, d1: Any, l2: Any, spring: Any = 1.0
-) -> tuple[Any, Any, Any, Any]:
-    """m2, a1, d1, l2 as arrays, checked, of shapes that go with the spring's."""
-    lengths = {"link_pin_distance": a1, "base_pin_distance": d1, "link_length": l2}
-    m2, a1, d1, l2, _ = numbers(
-        part, above_zero="load_mass", load_mass=load_mass, **lengths, stiffness=spring
-    )
-    return m2, a1, d1, l2

@@ -30,8 +30,7 @@ def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: An
     Raises:
         ArmDesignError: a distance that is not positive.
     """
-    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
-    return _length(*numbers("cylinder_length", **lengths, angle=angle))
+    return _length(*numbers("cylinder_length", **locals()))
 
 
 def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) -> Any:
@@ -42,19 +41,11 @@ def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) 
     Raises:
         ArmDesignError: a distance that is not positive, or a length that the two cannot span.
     """
-    a1, d1, x = numbers(
-        "joint_angle",
-        link_pin_distance=link_pin_distance,
-        base_pin_distance=base_pin_distance,
-        length=length,
-    )
+    a1, d1, x = numbers("joint_angle", **locals())
     cosine = (a1**2 + d1**2 - x**2) / (2 * a1 * d1)
     if not np.all(np.abs(cosine) <= 1 + 1e-12):
-        raise ArmDesignError(
-            "joint_angle: length",
-            "the three sides make no triangle",
-            "give a length in [|a1 − d1|, a1 + d1]",
-        )
+        fault, remedy = "the three sides make no triangle", "give a length in [|a1 − d1|, a1 + d1]"
+        raise ArmDesignError("joint_angle: length", fault, remedy)
     return np.arccos(np.clip(cosine, -1, 1))
 
 
@@ -71,13 +62,11 @@ def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = m
     Raises:
         ArmDesignError: a distance that is not positive, or two pins in one place.
     """
-    lengths = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
-    a1, d1, theta = numbers("moment_arm", **lengths, angle=angle)
+    a1, d1, theta = numbers("moment_arm", **locals())
     length = _length(a1, d1, theta)
     if np.any(length == 0):
-        raise ArmDesignError(
-            "moment_arm: angle", "both pins of the cylinder are in one place", "give it in (0, π)"
-        )
+        fault = "both pins of the cylinder are in one place"
+        raise ArmDesignError("moment_arm: angle", fault, "give it in (0, π)")
     return a1 * d1 * np.sin(theta) / length
 
 
@@ -96,8 +85,7 @@ def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -
         ArmDesignError: a negative mass, a distance that is not positive, or a length that is not
             finite.
     """
-    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
-    m2, a1, l2 = numbers("joint_inertia", load_mass=load_mass, **lengths)
+    m2, a1, l2 = numbers("joint_inertia", **locals())
     return m2 * (a1**2 + l2**2)
 
 
@@ -114,8 +102,7 @@ def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, 
         ArmDesignError: a negative mass, a distance that is not positive, a length or angle that is
             not finite.
     """
-    lengths = {"link_pin_distance": link_pin_distance, "link_length": link_length}
-    m2, a1, l2, theta = numbers("gravity_torque", load_mass=load_mass, **lengths, angle=angle)
+    m2, a1, l2, theta = numbers("gravity_torque", **locals())
     return m2 * GRAVITY * (a1 * np.cos(theta) - l2 * np.sin(theta))
 
 
@@ -140,9 +127,7 @@ def static_force(
         ArmDesignError: a negative mass, a distance that is not positive, or a dead centre, where
             no force holds a load.
     """
-    pins = {"link_pin_distance": link_pin_distance, "base_pin_distance": base_pin_distance}
-    lengths = {**pins, "link_length": link_length}
-    m2, a1, d1, l2, theta = numbers("static_force", load_mass=load_mass, **lengths, angle=angle)
+    m2, a1, d1, l2, theta = numbers("static_force", **locals())
     if np.any(dead := np.abs(np.sin(theta)) < _DEAD_CENTRE):
         fault = f"{theta[dead].flat[0]:g} rad is a dead centre: the cylinder has no moment arm"
         raise ArmDesignError("static_force: angle", fault, "give it between 0 and π")
@@ -158,13 +143,7 @@ def static_pressure_difference_as_printed(
     m2 g l2/(d1 cos α0 A). The sign is wrong: by eq. (22) the load pulls the rod. Right:
     ``static_pressure_difference``, with these arguments.
     """
-    return -static_pressure_difference(
-        load_mass=load_mass,
-        link_pin_distance=link_pin_distance,
-        base_pin_distance=base_pin_distance,
-        link_length=link_length,
-        area=area,
-    )
+    return -static_pressure_difference(**locals())
 
 
 def static_pressure_difference(
@@ -184,12 +163,7 @@ def static_pressure_difference(
     Raises:
         ArmDesignError: a value out of its range.
     """
-    force = static_force(
-        load_mass=load_mass,
-        link_pin_distance=link_pin_distance,
-        base_pin_distance=base_pin_distance,
-        link_length=link_length,
-    )
+    force = static_force(**{name: value for name, value in locals().items() if name != "area"})
     force, A = numbers("static_pressure_difference", static_force=force, area=area)
     return force / A
 

@@ -41,27 +41,26 @@ RATE = 200.0  # records per second
 COARSE = 1e-5  # tolerance of the integration for the highest of lines that are 0.4 Hz apart
 FINE = 1e-6  # tolerance for fits
 WAYS = {"swept": "the paper's way", "identified": "small amplitude, fitted"}
+MEASURED = {  # fields of a measurement, by their columns in ``paper.csv``
+    "swept_hz": "swept",
+    "identified_hz": "identified",
+    "identified_damping": "damping",
+    "amplitude": "amplitude",
+    "drift_m": "drift",
+    "least_pressure_pa": "least_pressure",
+}
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measured frequencies of one configuration.
+    """Measured frequencies of one configuration."""
 
-    Attributes:
-        swept: highest line of the cylinder's speed in the open-loop sweep [Hz].
-        drift: of the piston from first to last in it [m].
-        least_pressure: in either chamber in it [Pa]; below 0 the oil cavitates.
-        identified: natural frequency fitted at small amplitude [Hz].
-        damping: ratio, fitted likewise.
-        amplitude: mean opening of the valve in the small sweep.
-    """
-
-    swept: float
-    drift: float
-    least_pressure: float
-    identified: float
-    damping: float
-    amplitude: float
+    swept: float  # highest line of the cylinder's speed in the open-loop sweep [Hz]
+    drift: float  # of the piston from first to last in it [m]
+    least_pressure: float  # in either chamber in it [Pa]; below 0 the oil cavitates
+    identified: float  # natural frequency fitted at small amplitude [Hz]
+    damping: float  # ratio, fitted likewise
+    amplitude: float  # mean opening of the valve in the small sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +68,12 @@ class Reproduction:
     """The paper's table, figures 3 to 6 and errors.
 
     Arrays (n,) over the configurations are read-only.
-
-    Attributes:
-        machine: whose load and link length were varied.
-        mechanism: the configurations in closed form.
-        sweep: of the spool, the same for all.
-        measurements: one per configuration.
     """
 
-    machine: Machine
-    mechanism: Mechanism
-    sweep: SweptSine
-    measurements: tuple[Measurement, ...]
+    machine: Machine  # whose load and link length were varied
+    mechanism: Mechanism  # the configurations in closed form
+    sweep: SweptSine  # of the spool, the same for all
+    measurements: tuple[Measurement, ...]  # one per configuration
 
     @cached_property
     def computed(self) -> dict[str, Array]:
@@ -102,27 +95,21 @@ class Reproduction:
         """One row per configuration, as in ``paper.csv``."""
         import pandas as pd
 
-        columns: dict[str, Any] = {
+        columns = {
             "load_kg": self.mechanism.load_mass,
             "link_length_m": self.mechanism.link_length,
-            "swept_hz": self.swept,
-            "identified_hz": self.identified,
-            "identified_damping": [one.damping for one in self.measurements],
-            "amplitude": [one.amplitude for one in self.measurements],
-            "drift_m": [one.drift for one in self.measurements],
-            "least_pressure_pa": [one.least_pressure for one in self.measurements],
         }
-        return pd.DataFrame(
-            columns | {f"{name}_hz": values for name, values in self.computed.items()}
-        )
+        for column, name in MEASURED.items():
+            columns[column] = [getattr(one, name) for one in self.measurements]
+        columns |= {f"{name}_hz": values for name, values in self.computed.items()}
+        return pd.DataFrame(columns)
 
     @property
     def errors(self) -> pd.DataFrame:
         """Root mean square error [rad/s]: rows are formulas, columns ways of measuring."""
         import pandas as pd
 
-        ways = {"swept": self.swept, "identified": self.identified}
-        columns = {way: error_of(self.computed, measured) for way, measured in ways.items()}
+        columns = {way: error_of(self.computed, getattr(self, way)) for way in WAYS}
         return pd.DataFrame(columns).rename_axis("formula")
 
     @property
@@ -189,14 +176,9 @@ def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measur
         experiment.case(experiment.swept_sine(amplitude))
         for experiment, amplitude in zip(small, amplitudes, strict=True)
     ]
-    pairs = zip(
-        small,
-        amplitudes,
-        simulate_all(cases, tolerance=COARSE),
-        simulate_all(held, tolerance=FINE),
-        strict=True,
-    )
-    return tuple(_measured(sweep, *row) for row in pairs)
+    runs = simulate_all(cases, tolerance=COARSE), simulate_all(held, tolerance=FINE)
+    rows = zip(small, amplitudes, *runs, strict=True)
+    return tuple(_measured(sweep, *row) for row in rows)
 
 
 def _measured(

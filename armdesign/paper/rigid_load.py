@@ -74,14 +74,7 @@ def rigid_load_asymmetric_as_printed(
     A1 = A2 and V01 = V02 it is √2 times eq. (11). Right: ``rigid_load_asymmetric``, with these
     arguments.
     """
-    return math.sqrt(2) * rigid_load_asymmetric(
-        mass=mass,
-        bulk_modulus=bulk_modulus,
-        bore_area=bore_area,
-        annulus_area=annulus_area,
-        cap_volume=cap_volume,
-        annulus_volume=annulus_volume,
-    )
+    return math.sqrt(2) * rigid_load_asymmetric(**locals())
 
 
 def rigid_load_asymmetric(
@@ -105,14 +98,8 @@ def rigid_load_asymmetric(
         cap_volume: V01, oil on the bore side [m³].
         annulus_volume: V02, oil on the rod side [m³].
     """
-    beta, A1, A2, V01, V02 = numbers(
-        "rigid_load_asymmetric",
-        bulk_modulus=bulk_modulus,
-        bore_area=bore_area,
-        annulus_area=annulus_area,
-        cap_volume=cap_volume,
-        annulus_volume=annulus_volume,
-    )
+    cylinder = {name: value for name, value in locals().items() if name != "mass"}
+    beta, A1, A2, V01, V02 = numbers("rigid_load_asymmetric", **cylinder)
     return rigid_load(mass=mass, stiffness=beta * (A1**2 / V01 + A2**2 / V02))
 
 
@@ -122,7 +109,7 @@ def equivalent_mass(*, static_force: Any) -> Any:
     The paper puts it into eq. (11). It vanishes where gravity does not load the cylinder, and it
     is no inertia: see ``reflected_mass``.
     """
-    (force,) = numbers("equivalent_mass", static_force=static_force)
+    (force,) = numbers("equivalent_mass", **locals())
     return np.abs(force) / GRAVITY
 
 
@@ -138,7 +125,7 @@ def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
     Raises:
         ArmDesignError: a negative inertia, or a moment arm that is not positive.
     """
-    J, r = numbers("reflected_mass", joint_inertia=joint_inertia, moment_arm=moment_arm)
+    J, r = numbers("reflected_mass", **locals())
     return J / r**2
 
 
@@ -150,14 +137,11 @@ def spring_stiffness(
     given = [name for name, value in symmetric.items() if value is not None]
     remedy = "give either stiffness, or area, chamber_volume and bulk_modulus"
     if stiffness is not None and given:
-        raise ArmDesignError(
-            part, f"stiffness and {', '.join(given)} describe the cylinder twice", remedy
-        )
+        fault = f"stiffness and {', '.join(given)} describe the cylinder twice"
+        raise ArmDesignError(part, fault, remedy)
     if stiffness is not None:
         return numbers(part, stiffness=stiffness)[0]
-    if len(given) < len(symmetric):
-        missing = (
-            ", ".join(name for name in symmetric if name not in given) if given else "the cylinder"
-        )
-        raise ArmDesignError(part, f"{missing} not given", remedy)
-    return symmetric_stiffness(area=area, chamber_volume=chamber_volume, bulk_modulus=bulk_modulus)
+    if missing := [name for name in symmetric if name not in given]:
+        words = ", ".join(missing) if given else "the cylinder"
+        raise ArmDesignError(part, f"{words} not given", remedy)
+    return symmetric_stiffness(**symmetric)

@@ -40,9 +40,9 @@ def _paper_choices(reproduction: Reproduction) -> Sheet:
     masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
     sizes = "/".join(units.number(size, "m") for size in (cylinder.bore, cylinder.rod))
     stroke = units.text(cylinder.stroke, "m")
-    dead = " and ".join(
-        units.text(v, "m³") for v in (cylinder.cap_dead_volume, cylinder.annulus_dead_volume)
-    )
+    volumes = cylinder.cap_dead_volume, cylinder.annulus_dead_volume
+    dead = " and ".join(units.text(volume, "m³") for volume in volumes)
+    sweeps = f"{sweep.start:g} to {sweep.stop:g} Hz in {sweep.duration:g} s, open loop"
     rows = [
         ("load masses m2", "eight", f"{len(masses)}: {masses[0]:g} to {masses[-1]:g} kg"),
         ("link lengths l2", "five", f"{len(lengths)}: {lengths[0]:g} to {lengths[-1]:g} m"),
@@ -51,21 +51,15 @@ def _paper_choices(reproduction: Reproduction) -> Sheet:
         ("cylinder", "asymmetric", f"{sizes} mm, stroke {stroke}, dead {dead}"),
         ("supply", "constant", units.text(machine.supply.pressure, "Pa")),
         ("oil", "constant β", f"{machine.fluid.bulk_modulus / 1e6:g} MPa, no air"),
-        (
-            "sweep",
-            "a sine sweep",
-            f"{sweep.start:g} to {sweep.stop:g} Hz in {sweep.duration:g} s, open loop",
-        ),
+        ("sweep", "a sine sweep", sweeps),
         ("its amplitude", "–", f"{100 * sweep.amplitude:g} % of the spool's travel"),
         ("mass in (11)", "average static load", "static force at θ0 over 9.81 m/s²"),
         ("A, V0 in (11), (42)", "symmetric piston", "of the bore side; also means of both sides"),
     ]
     if valve is not None:
-        flow = (
-            f"{units.text(valve.rated_flow, 'm³/s')} at {units.text(valve.rated_drop, 'Pa')} per"
-            " edge"
-        )
-        rows.insert(5, ("4/3 valve", "commercial", f"{flow}, {valve.natural_frequency:g} Hz"))
+        flow, drop = units.text(valve.rated_flow, "m³/s"), units.text(valve.rated_drop, "Pa")
+        words = f"{flow} at {drop} per edge, {valve.natural_frequency:g} Hz"
+        rows.insert(5, ("4/3 valve", "commercial", words))
     return Sheet(
         title="Parameters: the paper's, and those used here",
         columns=("", "the paper", "here"),
@@ -79,11 +73,9 @@ def _paper_frequencies(reproduction: Reproduction) -> Sheet:
     at = reproduction.mechanism
     masses, lengths = np.unique(at.load_mass), np.unique(at.link_length)
     exact, swept = reproduction.computed["joint_exact"], reproduction.swept
-    cells = [
-        f"{f:.2f} {100 * (peak / f - 1):+5.1f} %" for f, peak in zip(exact, swept, strict=True)
-    ]
     by_place = {
-        (m, n): cell for m, n, cell in zip(at.load_mass, at.link_length, cells, strict=True)
+        (m, n): f"{f:.2f} {100 * (peak / f - 1):+5.1f} %"
+        for m, n, f, peak in zip(at.load_mass, at.link_length, exact, swept, strict=True)
     }
     drift = max(abs(one.drift) for one in reproduction.measurements)
     worst = float(np.abs(reproduction.identified / exact - 1).max())
@@ -100,14 +92,10 @@ def _paper_frequencies(reproduction: Reproduction) -> Sheet:
 
 
 def _sweep_bias(bias: pd.DataFrame) -> Sheet:
-    rows = [
-        (
-            f"{one.periods:g}",
-            f"{one.damping:g}",
-            *(f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES),
-        )
-        for _, one in bias.iterrows()
-    ]
+    rows = []
+    for _, one in bias.iterrows():
+        errors = (f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES)
+        rows.append((f"{one.periods:g}", f"{one.damping:g}", *errors))
     return Sheet(
         title="Error of the sweep itself: spectral peaks and fit of a linear oscillator",
         columns=("periods in the sweep", "ζ", *BIASES.values()),
@@ -131,10 +119,8 @@ def _paper_errors(reproduction: Reproduction) -> Sheet:
         title=f"Root mean square error over the {len(reproduction.swept)} configurations [rad/s]",
         columns=("formula", *WAYS.values()),
         rows=tuple(rows),
-        note=(
-            f"the paper prints {PUBLISHED:g} rad/s for (11); its value for (42) is missing in our"
-            " copy"
-        ),
+        note=f"the paper prints {PUBLISHED:g} rad/s for (11); its value for (42) is missing in our"
+        " copy",
         bold=(len(rows) - 1,),
     )
 
@@ -158,9 +144,10 @@ def _paper_errata(errata: Sequence[Erratum]) -> Sheet:
 
 def _paper_scan(scan: pd.DataFrame) -> list[Sheet]:
     """Dimensions near the printed error, read in its unit and, as the formulas give Hz, in Hz."""
-    head, hertz = f"Dimensions with an error near the printed {PUBLISHED:g}", 2 * np.pi * PUBLISHED
-    titles = {f"{head} rad/s": PUBLISHED, f"{head} if that is in Hz, {hertz:.1f} rad/s": hertz}
-    return [_paper_near(scan, title, target) for title, target in titles.items()]
+    hertz = 2 * np.pi * PUBLISHED
+    units = {"rad/s": PUBLISHED, f"if that is in Hz, {hertz:.1f} rad/s": hertz}
+    head = f"Dimensions with an error near the printed {PUBLISHED:g}"
+    return [_paper_near(scan, f"{head} {words}", target) for words, target in units.items()]
 
 
 def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
@@ -169,17 +156,12 @@ def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
     off = (scan[static] / target - 1).abs()
     closest = {int(row) for name in static for row in off[name].to_numpy().argsort()[:3]}
     shown = scan.loc[sorted(closest, key=lambda row: float(scan["static_11"].iloc[row]))]
-    rows = [
-        (
-            f"{one.bore_mm:g}/{one.rod_mm:g} × {one.stroke_mm:g}",
-            f"{one.dead_volume_l:g}",
-            f"{one.bulk_modulus_MPa:g}",
-            f"{one.mass_from_kg:g}–{one.mass_to_kg:g}",
-            f"{one.length_from_m:g}–{one.length_to_m:g}",
-            *(f"{one[name]:.3g}" for name in SCANNED),
-        )
-        for _, one in shown.iterrows()
-    ]
+    rows = []
+    for _, one in shown.iterrows():
+        cells = [f"{one.bore_mm:g}/{one.rod_mm:g} × {one.stroke_mm:g}", f"{one.dead_volume_l:g}"]
+        cells += [f"{one.bulk_modulus_MPa:g}", f"{one.mass_from_kg:g}–{one.mass_to_kg:g}"]
+        cells += [f"{one.length_from_m:g}–{one.length_to_m:g}"]
+        rows.append((*cells, *(f"{one[name]:.3g}" for name in SCANNED)))
     within = ", ".join(f"{int((off[name] < 0.05).sum())} by {SCANNED[name]}" for name in static)
     return Sheet(
         title=title,
@@ -246,14 +228,7 @@ def name_ends(ax: Any, x: Array, family: Array, y: Array, unit: str) -> None:
     """The value of each curve's ``family`` (n,) beside its left end, in a margin made for it."""
     low, high = float(x.min()), float(x.max())
     ax.set_xlim(low - 0.16 * (high - low), high + 0.04 * (high - low))
+    beside = {"xytext": (-6, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
     for row in np.flatnonzero(x == low):
-        ax.annotate(
-            f"{family[row]:g} {unit}",
-            (low, y[row]),
-            xytext=(-6, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=6.5,
-            color=COMPUTED,
-        )
+        words = f"{family[row]:g} {unit}"
+        ax.annotate(words, (low, y[row]), **beside, fontsize=6.5, color=COMPUTED)

@@ -34,11 +34,9 @@ def measured_and_computed(calibration: Calibration, ax: Any = None) -> Any:
 def errors_and_deviations(calibration: Calibration, ax: Any) -> Any:
     """Axes with the errors of every measurement, calibrated and left out."""
     frame = calibration.frame.dropna(subset=["measured_hz"])
-    numbers = frame.index + 1
+    numbers, style = frame.index + 1, {"fmt": "_", "color": INK, "capsize": 3}
     deviations = 200 * frame["deviation_hz"] / frame["measured_hz"]
-    ax.errorbar(
-        numbers, 0 * deviations, deviations, fmt="_", color=INK, capsize=3, label="± 2 deviations"
-    )
+    ax.errorbar(numbers, 0 * deviations, deviations, **style, label="± 2 deviations")
     ax.plot(numbers, 100 * frame["calibrated_error"], "o", color=MARK, label="calibrated")
     ax.plot(numbers, 100 * frame["left_out_error"], "x", color=COMPUTED, label="left out")
     ax.set(xlabel="measurement", ylabel="computed over measured frequency, less one [%]")

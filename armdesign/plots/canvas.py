@@ -55,11 +55,8 @@ def choose_font_cache() -> None:
     """
     home = Path(os.path.expanduser(os.environ.get("XDG_CONFIG_HOME") or "~/.config"))
     existing = next((folder for folder in (home, *home.parents) if folder.is_dir()), home)
-    if (
-        "matplotlib" in sys.modules
-        or "MPLCONFIGDIR" in os.environ
-        or (home.is_absolute() and user_folders.writable(existing))
-    ):
+    chosen = "matplotlib" in sys.modules or "MPLCONFIGDIR" in os.environ
+    if chosen or (home.is_absolute() and user_folders.writable(existing)):
         return
     for folder in user_folders.temporary():
         cache = folder / "matplotlib"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,8 +29,9 @@ def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
         The axes.
     """
     ax = figure()[1][0] if ax is None else ax
-    both = zip(chart.capacity, chart.limiting, strict=True)
-    words = [f"{mass:.0f}\n{name}" for mass, name in both]
+    words = [
+        (f"{mass:.0f}", name) for mass, name in zip(chart.capacity, chart.limiting, strict=True)
+    ]
     _points(ax, (chart.reach, chart.height), chart.capacity, words, KILOGRAMS, COLOURS, limits)
     ax.set_title("87 % hydraulic, or 75 % of tipping (ISO 10567)", fontsize=10)
     return ax
@@ -39,7 +40,7 @@ def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
 @literal
 def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
     """Figure of one chart, or of two on one colour scale with their ratio beside them."""
-    fig, axes = figure(1 if len(charts) == 1 else 3, 6.4, 6.0)
+    fig, axes = figure(1 if len(charts) == 1 else 3, 4.6, 7.0)
     most = max(float(chart.capacity.max()) for chart in charts.values())
     for ax, (label, chart) in zip(axes, charts.items(), strict=False):
         lift_chart(chart, ax, vmin=0.0, vmax=most)
@@ -51,7 +52,7 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
         ]
         both = [place for place in places[0] if places[0][place] > 0 and place in places[1]]
         ratio = np.array([places[1][place] / places[0][place] for place in both])
-        words = [f"{value:.2f}" for value in ratio]
+        words = [(f"{value:.2f}",) for value in ratio]
         at = np.array(both).reshape(-1, 2).T
         _points(axes[2], (at[0], at[1]), ratio, words, "ratio", "RdBu", {"vmin": 0.5, "vmax": 1.5})
         axes[2].set_title(" over ".join(reversed(list(charts))), fontsize=11)
@@ -62,19 +63,20 @@ def _points(
     ax: Any,
     at: tuple[Array, Array],
     values: Array,
-    words: list[str],
+    words: Sequence[tuple[str, ...]],
     label: str,
     colours: str,
     limits: Mapping[str, float],
 ) -> None:
-    """Coloured points with words below them."""
+    """Coloured points with lines of words below them."""
     drawn = ax.scatter(*at, c=values, s=260, cmap=colours, edgecolors=INK, zorder=3, **limits)
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
     bar.set_label(label)
     bar.outline.set_visible(False)
-    for x, z, text in zip(*at, words, strict=True):
-        style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
-        ax.annotate(text, (x, z), (0, -10), textcoords="offset points", **style)
+    style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
+    for x, z, lines in zip(*at, words, strict=True):
+        for k, line in enumerate(lines):
+            ax.annotate(line, (x, z), (0, -9 - 8 * k), textcoords="offset points", **style)
     ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
     ax.margins(0.12)
     ax.grid(alpha=0.3)

@@ -75,6 +75,11 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
         ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
     meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
     ends = [mesh.get_clim() for mesh in meshes]
+    if plane == "reach":  # to one scale, and so of one size
+        spans = [(*ax.get_xlim(), *ax.get_ylim()) for ax in axes]
+        (left, _, low, _), (_, right, _, high) = np.min(spans, axis=0), np.max(spans, axis=0)
+        for ax in axes:
+            ax.set(xlim=(left, right), ylim=(low, high))
     for mesh in meshes:  # a machine with one joint has curves instead
         mesh.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
     return fig
@@ -93,7 +98,7 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
         _pressure_curves(ax, frequencies, share)
         return ax
     x, y, negative = _labelled_plane(ax, frequencies, -share)
-    heatmap(ax, x, y, -negative, {"vmin": 0.0}, PRESSURE, "YlOrRd")
+    heatmap(ax, x, y, -negative, {"vmin": 0.0, "cmap": "YlOrRd"}, PRESSURE)
     if np.nanmax(-negative) > 1:
         ax.contour(x, y, -negative.T, levels=[1.0], colors=[MARK])
     ax.set_title(f"largest over {_others(frequencies.machine)}", fontsize=10)
@@ -101,19 +106,11 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
 
 
 def heatmap(
-    ax: Any,
-    x: Array,
-    y: Array,
-    values: Array,
-    limits: Mapping[str, float],
-    label: str = FREQUENCY,
-    colours: str = COLOURS,
+    ax: Any, x: Array, y: Array, values: Array, style: Mapping[str, Any], label: str = FREQUENCY
 ) -> None:
     """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
-    mesh = ax.pcolormesh(
-        x, y, values.T, cmap=colours, shading="nearest", rasterized=True, **limits
-    )
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    style = {"cmap": COLOURS, "shading": "nearest", "rasterized": True, **style}
+    bar = ax.figure.colorbar(ax.pcolormesh(x, y, values.T, **style), ax=ax, pad=0.02)
     bar.set_label(label)
     bar.outline.set_visible(False)
     ax.set_facecolor("white")
@@ -124,17 +121,11 @@ def mark(ax: Any, x: float, y: float, frequency: float) -> None:
     ax.plot(x, y, "o", ms=10, mfc="none", mec="white", mew=3.5, zorder=5)
     ax.plot(x, y, "o", ms=10, mfc="none", mec=MARK, mew=2, zorder=6)
     right, top = x > sum(ax.get_xlim()) / 2, y > sum(ax.get_ylim()) / 2
-    ax.annotate(
-        f"{frequency:.3f} Hz",
-        (x, y),
-        xytext=(-12 if right else 12, -12 if top else 12),
-        textcoords="offset points",
-        ha="right" if right else "left",
-        va="top" if top else "bottom",
-        color=INK,
-        bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": MARK, "alpha": 0.9},
-        zorder=7,
-    )
+    sides = {"ha": "right" if right else "left", "va": "top" if top else "bottom"}
+    place = {"xytext": (-12 if right else 12, -12 if top else 12), "textcoords": "offset points"}
+    box = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": MARK, "alpha": 0.9}
+    words = f"{frequency:.3f} Hz"
+    ax.annotate(words, (x, y), **place, **sides, color=INK, bbox=box, zorder=7)
 
 
 def joint_plane(
@@ -148,9 +139,8 @@ def joint_plane(
     drawn, frame = drawn_joints(frequencies.machine), frequencies.frame
     axes = [frequencies.workspace.axes[j] for j in drawn]
     names = [frequencies.machine.joints[j] for j in drawn]
-    cells = tuple(
-        nearest(axis, frame[name].to_numpy()) for axis, name in zip(axes, names, strict=True)
-    )
+    pairs = zip(axes, names, strict=True)
+    cells = tuple(nearest(axis, frame[name].to_numpy()) for axis, name in pairs)
     least = np.full([len(axis) for axis in axes], np.inf)
     np.minimum.at(least, cells, frame["f1_hz"].to_numpy() if values is None else values)
     return axes[0], axes[1], np.where(np.isinf(least), np.nan, least)

@@ -38,6 +38,8 @@ def identified_figure(identified: Identified) -> Any:
     top.set(ylabel=identified.signal, title=whole.source)
     below.set(xlabel="time [s]", ylabel="residual")
     last.set(xlabel=f"swing of {identified.signal}, half of peak to peak", ylabel="frequency [Hz]")
+    motion = identified.motion(*decays)
+    last.set_title(motion and f"{motion}, too", fontsize="small")
     for ax in (top, below, last):
         ax.grid(alpha=0.3)
     top.legend(frameon=False)
@@ -50,15 +52,11 @@ def _swings(ax: Any, decays: list[IdentifiedWindow]) -> None:
     for window in decays:
         pieces = window.swings
         if pieces is not None and len(pieces.time):
-            ax.errorbar(
-                pieces.amplitudes, pieces.frequencies, pieces.frequency_deviations, **style
-            )
-            middle = float(np.median(pieces.amplitudes))
-            frequency, deviation = (
-                window.fit.natural_frequencies[0],
-                window.fit.frequency_deviations[0],
-            )
-            ax.errorbar([middle], [frequency], [deviation], fmt="o", color=MARK, capsize=3)
+            points = pieces.amplitudes, pieces.frequencies, pieces.frequency_deviations
+            ax.errorbar(*points, **style)
+            whole = window.fit.natural_frequencies[:1], window.fit.frequency_deviations[:1]
+            middle = [float(np.median(pieces.amplitudes))]
+            ax.errorbar(middle, *whole, fmt="o", color=MARK, capsize=3)
     ax.plot([], [], ".", color=INK, alpha=0.5, label="three periods")
     ax.plot([], [], "o", color=MARK, label="whole window, ± 1 deviation")
     ax.legend(frameon=False)

@@ -25,11 +25,11 @@ def calibration_sheets(calibration: Calibration) -> list[Sheet | str]:
 def _values(calibration: Calibration) -> Sheet:
     rows = []
     for path, row in calibration.values.iterrows():
-        found = ("not determined", "–", "–")
+        fitted = ("not determined", "–", "–")
         if row["determined"]:
             interval = f"{row['low']:.4g} … {row['high']:.4g}"
-            found = (f"{row['value']:.4g}", f"{row['deviation']:.2g}", interval)
-        rows.append((str(path), f"{row['before']:.4g}", *found))
+            fitted = (f"{row['value']:.4g}", f"{row['deviation']:.2g}", interval)
+        rows.append((str(path), f"{row['before']:.4g}", *fitted))
     return Sheet(
         title=f"{calibration.today.name}: values that the measurements determine",
         columns=("key path", "before", "fitted", "± deviation", "95 % within"),

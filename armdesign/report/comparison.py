@@ -60,16 +60,10 @@ class Comparison:
         for name in [*one, *(name for name in other if name not in one)]:
             unit = (one.get(name) or other[name])[1]
             rows.append((name, unit, *(values.get(name, (None,))[0] for values in (one, other))))
-        rows += [
-            (path, "file", *(_words(v) for v in values))
-            for path, values in self.differences.items()
-        ]
-        changes = [_change(a, b) for _, _, a, b in rows]
+        rows += [(path, "file", *map(_words, pair)) for path, pair in self.differences.items()]
         frame = pd.DataFrame(rows, columns=["quantity", "unit", *self.maps], dtype=object)
-        frame["change"] = changes
-        return frame.map(
-            lambda value: float(f"{value:.9g}") if isinstance(value, float) else value
-        )
+        frame["change"] = [_change(a, b) for _, _, a, b in rows]
+        return frame.map(lambda x: float(f"{x:.9g}") if isinstance(x, float) else x)
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """The comparison as tables."""
@@ -103,49 +97,28 @@ class Comparison:
             ]
             for label, m, worst in cases:
                 where = pose_text(m.machine, worst, units).rpartition(", payload ")[0]
-                rows.append(
-                    (
-                        payload if label == cases[0][0] else "",
-                        label,
-                        f"{worst.frequency:.3f}",
-                        worst.cylinder,
-                        where,
-                    )
-                )
+                case = payload if label == cases[0][0] else ""
+                rows.append((case, label, f"{worst.frequency:.3f}", worst.cylinder, where))
             if len(cases) == 2 and cases[0][2].frequency > 0:
                 change = 100 * (cases[1][2].frequency / cases[0][2].frequency - 1)
                 rows.append(("", "change", f"{change:+.1f} %", "", ""))
-        note = (
-            "both in the workspace of the first machine"
-            if self.same_workspace
-            else "each in its own workspace"
-        )
+        first = "both in the workspace of the first machine"
         return Sheet(
             title="Worst natural frequency [Hz]",
             columns=("payload", "machine", "frequency", "cylinder", "where"),
             rows=tuple(rows),
-            note=note,
+            note=first if self.same_workspace else "each in its own workspace",
             bold=tuple(k for k, row in enumerate(rows) if row[1] == "change"),
         )
 
     def _limiting(self) -> Sheet:
         shares = [m.limiting_shares for m in self.maps.values()]
-        names = list(dict.fromkeys(name for share in shares for name in share.index))
-        rows = [
-            (
-                name,
-                *(
-                    f"{100 * share[name]:.1f} %" if name in share.index else "–"
-                    for share in shares
-                ),
-            )
-            for name in names
-        ]
-        return Sheet(
-            title="Share of poses that each cylinder limits",
-            columns=("cylinder", *self.maps),
-            rows=tuple(rows),
-        )
+        rows = []
+        for name in dict.fromkeys(name for share in shares for name in share.index):
+            known = (100 * share[name] if name in share.index else None for share in shares)
+            rows.append((name, *("–" if share is None else f"{share:.1f} %" for share in known)))
+        title, heads = "Share of poses that each cylinder limits", ("cylinder", *self.maps)
+        return Sheet(title=title, columns=heads, rows=tuple(rows))
 
     def _differing(self) -> Sheet:
         rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
@@ -177,18 +150,12 @@ def compare(
     its poses; else each is mapped in its own.
     """
     workspace = Workspace.grid(first, points)
-    same = (
-        _same_arm(first, second) and float(second.margins(workspace.q).min()) >= -MARGIN_TOLERANCE
-    )
+    arms = [(m.urdf_text, coordinates(m.section)) for m in (first, second)]
+    same = arms[0] == arms[1] and second.margins(workspace.q).min() >= -MARGIN_TOLERANCE
     own = workspace if same else Workspace.grid(second, points)
     labels = _labels(first, second)
     maps = (frequency_map(first, workspace), frequency_map(second, own))
-    return Comparison(dict(zip(labels, maps, strict=True)), same)
-
-
-def _same_arm(first: Machine, second: Machine) -> bool:
-    one, other = ((m.urdf_text, coordinates(m.section)) for m in (first, second))
-    return one == other
+    return Comparison(dict(zip(labels, maps, strict=True)), bool(same))
 
 
 def _labels(first: Machine, second: Machine) -> tuple[str, str]:
@@ -209,10 +176,7 @@ def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
         values[f"{payload}.worst"] = (worst.frequency, "Hz")
         values[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
         for joint, position in zip(machine.arm.joints, worst.q, strict=True):
-            values[f"{payload}.worst.{joint.name}"] = (
-                float(position),
-                "rad" if joint.revolute else "m",
-            )
+            values[f"{payload}.worst.{joint.name}"] = (float(position), joint.unit)
         for percent, value in zip((5, 50, 95), spread.loc[payload], strict=True):
             values[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():

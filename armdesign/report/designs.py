@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,7 +31,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
         _gain(design, units),
         _bands(design),
         _sizes(design, units),
-        _binding(design, units) if design.selection is None else _tightest(design, units),
+        _binding(design, units),
         loads_sheet(both, design.requirements.digging, units),
         performance_sheet({"today": design.today, "new": design.machine}, units),
         lift_sheet(lift_charts({"today": design.today, "new": design.machine}), units),
@@ -42,12 +41,10 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
 
 def _gain(design: Design, units: Units) -> Sheet:
     before, after = design.before.worst, design.after.worst
+    pair = (("today", design.today, before), ("new", design.machine, after))
     rows = [
         (label, f"{worst.frequency:.3f} Hz", worst.cylinder, pose_text(machine, worst, units))
-        for label, machine, worst in (
-            ("today", design.today, before),
-            ("new", design.machine, after),
-        )
+        for label, machine, worst in pair
     ]
     own = design.in_own_workspace.worst.frequency
     made_for = {
@@ -136,7 +133,7 @@ def _bands(design: Design) -> Sheet:
 
 
 def _vanishing(design: Design) -> str:
-    """What the new machine loses somewhere within the bands; empty if nothing."""
+    """Loss of the new machine somewhere within the bands; empty if nothing."""
     if design.least_gain > 0:
         return ""
     return f"the gain vanishes within the bands: {100 * design.least_gain:+.1f} % there; "
@@ -150,25 +147,13 @@ def _sizes(design: Design, units: Units) -> Sheet:
             ("→ new", new, design.machine),
         ):
             linkage = machine.linkages[i]
-            rows.append(
-                (
-                    label,
-                    *dimensions(cylinder, units),
-                    _pin(linkage.base, units),
-                    _pin(linkage.pin("rod_end"), units) or linkage.rod_end_words,
-                )
-            )
+            base, rod_end = _pin(linkage.base, units), _pin(linkage.pin("rod_end"), units)
+            pins = base, rod_end or linkage.rod_end_words
+            rows.append((label, *dimensions(cylinder, units), *pins))
+    pin_heads = ("base pin x, z", "rod-end pin x, z")
     return Sheet(
         title=f"Cylinders [{units.name('m')}]",
-        columns=(
-            "cylinder",
-            "bore",
-            "rod",
-            "stroke",
-            "closed",
-            "base pin x, z",
-            "rod-end pin x, z",
-        ),
+        columns=("cylinder", "bore", "rod", "stroke", "closed", *pin_heads),
         rows=tuple(rows),
         note="coordinates of pins in the frames of their links",
         bold=tuple(range(1, len(rows), 2)),
@@ -181,48 +166,29 @@ def _pin(pin: Pin | None, units: Units) -> str:
 
 
 def _binding(design: Design, units: Units) -> Sheet:
-    rows = [
-        (
-            c.words,
-            units.short(c.value, c.unit),
-            units.short(c.limit, c.unit),
-            f"{100 * design.prices[c.name]:+.2f} %",
+    """Requirements that bind, with prices; where sizes come in steps those nearest to a limit."""
+    if design.selection is None:
+        title, head = "Binding requirements; frequency gain per 1 % relaxation", "gain"
+        last = [(c, f"{100 * design.prices[c.name]:+.2f} %") for c in design.binding]
+        fixed = ", with the sizes fixed" if design.catalogue else ""
+        why = f"requirements with a common setting are relaxed together and share the gain{fixed}"
+    else:
+        title, head = "Requirements nearest to their limits", "margin"
+        last = [(c, f"{100 * c.slack:.2g} %") for c in design.tightest[:NEAREST]]
+        why = (
+            "sizes of a catalogue come in steps, so relaxing a limit by 1 % permits the next size"
+            " or changes nothing"
         )
-        for c in design.binding
+    rows = [
+        (c.words, *(units.short(number, c.unit) for number in (c.value, c.limit)), cell)
+        for c, cell in last
     ]
-    fixed = ", with the sizes fixed" if design.catalogue else ""
+    met = f"all {len(design.checks)} requirements are met by the new machine as read from its file"
     return Sheet(
-        title="Binding requirements; frequency gain per 1 % relaxation",
-        columns=("requirement", "new machine", "limit", "gain"),
+        title=title,
+        columns=("requirement", "new machine", "limit", head),
         rows=tuple(rows) or (("none", "", "", ""),),
-        note=(
-            f"all {len(design.checks)} requirements are met by the new machine as read from its"
-            f" file; requirements with a common setting are relaxed together and share the"
-            f" gain{fixed}"
-        ),
-    )
-
-
-def _tightest(design: Design, units: Units) -> Sheet:
-    """Requirements nearest to their limit; sizes in steps leave a margin and have no price."""
-    rows = [
-        (
-            c.words,
-            units.short(c.value, c.unit),
-            units.short(c.limit, c.unit),
-            f"{100 * c.slack:.2g} %",
-        )
-        for c in design.tightest[:NEAREST]
-    ]
-    return Sheet(
-        title="Requirements nearest to their limits",
-        columns=("requirement", "new machine", "limit", "margin"),
-        rows=tuple(rows),
-        note=(
-            f"all {len(design.checks)} requirements are met by the new machine as read from its"
-            " file; sizes of a catalogue come in steps, so relaxing a limit by 1 % permits the"
-            " next size or changes nothing"
-        ),
+        note=f"{met}; {why}",
     )
 
 
@@ -236,25 +202,14 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     ]
     for row in front.frame.to_dict("records"):
         shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
-        rows.append(
-            (
-                units.text(row["limit"], "m") if box else f"{row['limit']:g}",
-                f"{row['frequency_hz']:.3f} Hz",
-                f"{100 * row['gain']:+.1f} %",
-                *(_within(row) if front.robust else []),
-                *(f"{share:.3f}" for share in shares),
-                f"{row['squared_times_speed']:.2f}",
-            )
-        )
-    columns = [
-        "limit",
-        "frequency",
-        "gain",
-        *front.robust * ["in the bands", "least gain"],
-        "oil",
-        "thrust",
-        *digs * ["digging"],
-    ]
+        limit = units.text(row["limit"], "m") if box else f"{row['limit']:g}"
+        cells = [f"{row['frequency_hz']:.3f} Hz", f"{100 * row['gain']:+.1f} %"]
+        if front.robust:
+            cells += [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
+        cells += [*(f"{share:.3f}" for share in shares), f"{row['squared_times_speed']:.2f}"]
+        rows.append((limit, *cells))
+    columns = ["limit", "frequency", "gain", *front.robust * ["in the bands", "least gain"]]
+    columns += ["oil", "thrust", *digs * ["digging"], "f² × speed"]
     quantities = "oil, largest thrust, least digging torque and f² × speed"
     each = "; oil of each cylinder side at most 1.1 × the limit" if front.against == "oil" else ""
     return Sheet(
@@ -262,15 +217,10 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
             f"{front.today.section.title or front.today.name}: worst natural frequency against"
             f" {front.against}"
         ),
-        columns=(*columns, "f² × speed"),
+        columns=tuple(columns),
         rows=tuple(rows),
         note="; ".join([f"{quantities} relative to today's{each}", *front.sentences]),
     )
-
-
-def _within(row: Mapping[Hashable, Any]) -> list[str]:
-    """Worst frequency and least gain within the bands, of a row of a trade-off."""
-    return [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
 
 
 def steps_sheet(answer: Steps) -> Sheet:
@@ -320,7 +270,7 @@ def summary(design: Design) -> str:
 
 
 def _torques(design: Design) -> str:
-    """What the largest torques of all actuators are, both ways, over today's."""
+    """Largest torques of all actuators, both ways, over today's."""
     from armdesign.design.requirements.performance import performances
 
     new, today = (performances(machine) for machine in (design.machine, design.today))
@@ -330,7 +280,7 @@ def _torques(design: Design) -> str:
 
 
 def _throughout(design: Design) -> str:
-    """What the new machine gains within the bands at least."""
+    """Least gain of the new machine within the bands."""
     least = design.least_gain
     low, high = design.band_after.low.frequency, design.band_after.high.frequency
     what = "it gains at least" if least > 0 else "the gain vanishes there:"

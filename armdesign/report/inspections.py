@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.performance import performance_sheet
-from armdesign.report.sheet import Sheet, dimensions, unit_of
+from armdesign.report.sheet import Sheet, dimensions
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -37,33 +37,18 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
     supply, fluid = machine.supply, machine.fluid
     frozen = [name for name in machine.section.frozen if name not in machine.joints]
     air = f", {100 * fluid.air:g} % air" if fluid.air else ""
-    rows = [
-        (
-            "joints",
-            ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else ""),
-        ),
-        (
-            "tool",
-            (
-                f"on {machine.tool.link}; reach {near:.2f} to {far:.2f} m, height {low:.2f} to"
-                f" {high:.2f} m"
-            ),
-        ),
-        (
-            "supply",
-            (
-                f"{units.text(supply.pressure, 'Pa')}, return"
-                f" {units.text(supply.return_pressure, 'Pa')}, {units.text(supply.flow, 'm³/s')}"
-            ),
-        ),
-        (
-            "oil",
-            f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³",
-        ),
-    ]
-    return Sheet(
-        title=f"{machine.section.title or machine.name} ({machine.source.name})", rows=tuple(rows)
+    joints = ", ".join(machine.joints) + (f"; frozen: {', '.join(frozen)}" if frozen else "")
+    reach = f"reach {near:.2f} to {far:.2f} m, height {low:.2f} to {high:.2f} m"
+    pressures = (units.text(p, "Pa") for p in (supply.pressure, supply.return_pressure))
+    oil = f"bulk modulus {fluid.bulk_modulus / 1e6:g} MPa{air}, density {fluid.density:g} kg/m³"
+    rows = (
+        ("joints", joints),
+        ("tool", f"on {machine.tool.link}; {reach}"),
+        ("supply", f"{', return '.join(pressures)}, {units.text(supply.flow, 'm³/s')}"),
+        ("oil", oil),
     )
+    title = f"{machine.section.title or machine.name} ({machine.source.name})"
+    return Sheet(title=title, rows=rows)
 
 
 def _masses(inspection: Inspection, units: Units) -> Sheet:
@@ -84,20 +69,15 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
             where += f", pitch {units.span(*payload.pitch, 'rad')}: {held:.0f} % of the poses"
         rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
     bare = [c.name for c in machine.cylinders if not c.moving_masses]
-    note = (
-        f"no mass given for cylinder{'s' if len(bare) > 1 else ''} {', '.join(bare)}"
-        if bare
-        else ""
-    )
-    return Sheet(
-        title="Masses", columns=("part", "mass [kg]", "where"), rows=tuple(rows), note=note
-    )
+    note = f"no mass given for cylinder{'s' * (len(bare) > 1)} {', '.join(bare)}" * bool(bare)
+    heads = ("part", "mass [kg]", "where")
+    return Sheet(title="Masses", columns=heads, rows=tuple(rows), note=note)
 
 
 def _joints(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
     for j, joint in enumerate(machine.arm.joints):
-        unit = unit_of(joint)
+        unit = joint.unit
         low, high = machine.ranges[j]
         ends = [inspection.ended_by(j, end) for end in (0, 1)]
         rows.append((joint.name, units.text(low, unit), ends[0], units.text(high, unit), ends[1]))
@@ -112,11 +92,8 @@ def _joints(inspection: Inspection, units: Units) -> Sheet:
 def _cylinders(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for i, cylinder in enumerate(inspection.machine.cylinders):
-        dead, used = (
-            units.number(cylinder.dead_length, "m"),
-            f"{100 * inspection.stroke_used(i):.0f} %",
-        )
-        rows.append((cylinder.name, *dimensions(cylinder, units), dead, used))
+        dead, used = units.number(cylinder.dead_length, "m"), 100 * inspection.stroke_used(i)
+        rows.append((cylinder.name, *dimensions(cylinder, units), dead, f"{used:.0f} %"))
     return Sheet(
         title=f"Cylinders [{units.name('m')}]",
         columns=("cylinder", "bore", "rod", "stroke", "closed", "dead length", "stroke used"),
@@ -130,25 +107,13 @@ def _motors(inspection: Inspection, units: Units) -> Sheet:
     for motor in machine.motors:
         drop = machine.supply.pressure - machine.supply.return_pressure
         speed = machine.supply.flow / motor.bore_area
-        sides = [
-            units.text(volume, "m³")
-            for volume in (motor.cap_dead_volume, motor.annulus_dead_volume)
-        ]
+        dead = (motor.cap_dead_volume, motor.annulus_dead_volume)
+        sides = (units.text(volume, "m³") for volume in dead)
         most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
         rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
-    return Sheet(
-        title="Motors",
-        columns=(
-            "motor",
-            "joint",
-            "gear ratio",
-            "oil volume a",
-            "oil volume b",
-            "torque at supply",
-            "speed at full flow",
-        ),
-        rows=tuple(rows),
-    )
+    heads = ("motor", "joint", "gear ratio", "oil volume a", "oil volume b")
+    most_heads = ("torque at supply", "speed at full flow")
+    return Sheet(title="Motors", columns=(*heads, *most_heads), rows=tuple(rows))
 
 
 def _springs(inspection: Inspection, units: Units) -> Sheet:
@@ -173,19 +138,15 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
         unit, even = ("m/rad" if joint.revolute else "m/m"), lever.most - lever.least < 1e-9
         cells = []
         for arm, at in ((lever.least, lever.least_at), (lever.most, lever.most_at)):
-            where = "everywhere" if even else units.text(at, unit_of(joint))
+            where = "everywhere" if even else units.text(at, joint.unit)
             cells += [units.number(arm, unit), where]
         rows.append((machine.cylinders[lever.cylinder].name, joint.name, *cells))
-    per = f"[{units.name('m/rad')}]"
+    per, slides = f"[{units.name('m/rad')}]", any("everywhere" in row for row in rows)
     return Sheet(
         title="Moment arms",
         columns=("cylinder", "about joint", f"least {per}", "at", f"largest {per}", "at"),
         rows=tuple(rows),
-        note=(
-            "of a sliding joint: cylinder travel per joint travel"
-            if any("everywhere" in row for row in rows)
-            else ""
-        ),
+        note="of a sliding joint: cylinder travel per joint travel" if slides else "",
     )
 
 

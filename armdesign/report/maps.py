@@ -26,33 +26,22 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
-    notes = (
-        spring_note(machine, worst.cylinder),
-        _relief_note(frequencies, units),
-        _rest_note(frequencies),
-    )
+    springs, reliefs = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     head = Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
-            (
-                "worst frequency",
-                f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else ""),
-            ),
+            ("worst frequency", frequency),
             ("at", pose_text(machine, worst, units)),
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),
-        note="; ".join(filter(None, notes)),
+        note="; ".join(filter(None, (springs, reliefs, _rest_note(frequencies)))),
         bold=(0,),
     )
-    return [
-        head,
-        _bands_sheet(frequencies),
-        spread_sheet({"": frequencies}),
-        _limiting_sheet(frequencies),
-        _stiffness_sheet(frequencies),
-        lift_sheet(lift_charts({machine.name: machine}), units),
-    ]
+    tables = _bands_sheet(frequencies), spread_sheet({"": frequencies})
+    shares = _limiting_sheet(frequencies), _stiffness_sheet(frequencies)
+    return [head, *tables, *shares, lift_sheet(lift_charts({machine.name: machine}), units)]
 
 
 def _bands_sheet(frequencies: FrequencyMap) -> Sheet:
@@ -72,11 +61,10 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
         if actuator.name in beyond:
             share, most = beyond[actuator.name]
             where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
+            needed, held = (units.text(p, "Pa") for p in (most, actuator.relief(machine.supply)))
             notes.append(
-                f"at {where} {actuator.name} needs more than its relief holds: up to"
-                f" {units.text(most, 'Pa')}, the relief opens at"
-                f" {units.text(actuator.relief(machine.supply), 'Pa')}; no valve holds the load"
-                " there"
+                f"at {where} {actuator.name} needs more than its relief holds: up to {needed}, the"
+                f" relief opens at {held}; no valve holds the load there"
             )
     return "; ".join(notes)
 
@@ -111,13 +99,11 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
         of_case = frequencies.percentiles([0, 5, 50, 95])
         for payload, part in frequencies.frame.groupby("payload", sort=False):
             spread = (f"{value:.3f}" for value in of_case.loc[payload])
-            rows.append(
-                (f"{label}, {payload}" if label else str(payload), f"{len(part)}", *spread)
-            )
+            case = f"{label}, {payload}" if label else str(payload)
+            rows.append((case, f"{len(part)}", *spread))
+    title = "Lowest coupled frequency over the workspace [Hz]"
     columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
-    return Sheet(
-        title="Lowest coupled frequency over the workspace [Hz]", columns=columns, rows=tuple(rows)
-    )
+    return Sheet(title=title, columns=columns, rows=tuple(rows))
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
@@ -147,17 +133,11 @@ def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     shares, weights = 100 * frequencies.stiffness_shares[stable], frequencies.weights[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
     origins["springs"] = "springs of the structure"
-    rows = [
-        (
-            origins[str(part)],
-            *(
-                f"{round(value, 1) + 0.0:+.1f} %"
-                for value in percentiles(share, weights, (0, 50, 100))
-            ),
-        )
-        for part, share in zip(shares.columns, shares.to_numpy().T, strict=True)
-        if len(share)
-    ]
+    rows = []
+    for part, share in zip(shares.columns, shares.to_numpy().T, strict=True):
+        spread = percentiles(share, weights, (0, 50, 100)) if len(share) else ()
+        cells = (f"{round(value, 1) + 0.0:+.1f} %" for value in spread)
+        rows += [(origins[str(part)], *cells)] if len(share) else []
     return Sheet(
         title="Origin of the stiffness of the lowest mode",
         columns=("part", "least", "median", "greatest"),

@@ -17,22 +17,21 @@ def identified_sheets(identified: Identified) -> list[Sheet | str]:
     """Windows with frequency, damping and pose, and what a reader should know of them."""
     frame = identified.frame
     poses = [name for name in frame.columns if name.endswith(POSES)]
-    rows = []
+    remarks, rows = (frame["remark"] != "").any(), []
     for _, row in frame.iterrows():
-        rows.append(
-            (
-                f"{row['begin_s']:g}–{row['end_s']:g}",
-                f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}",
-                f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}",
-                "–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}",
-                *(f"{row[name]:.1f}" for name in poses),
-            )
-        )
-    heads = ("window [s]", "frequency [Hz]", "damping ratio", "amplitude")
+        cells = [f"{row['begin_s']:g}–{row['end_s']:g}"]
+        cells += [f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}"]
+        cells += [f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}"]
+        cells += ["–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}"]
+        cells += [row["remark"] or "–"] if remarks else []
+        rows.append((*cells, *(f"{row[name]:.1f}" for name in poses)))
+    heads = ["window [s]", "frequency [Hz]", "damping ratio", "amplitude"]
+    heads += ["remark"] if remarks else []
     sheet = Sheet(
         title=f"{identified.recording.source}: {identified.signal}",
         columns=(*heads, *poses),
         rows=tuple(rows),
+        words=("remark",),
         note="± one standard deviation, by noise and by what it may hide",
     )
     return [sheet, *(f"{line}." for line in identified.findings)]

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
-    from armdesign.mechanism.urdf import Joint
 
 MANY = 9  # columns stand closer together
 
@@ -57,21 +56,16 @@ class Sheet:
 def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
     """The worst pose in words: every joint, the load case."""
     parts = [
-        f"{joint.name} {units.text(value, unit_of(joint))}"
+        f"{joint.name} {units.text(value, joint.unit)}"
         for joint, value in zip(machine.arm.joints, worst.q, strict=True)
     ]
     return f"{', '.join(parts)}, payload {worst.payload}"
 
 
 def spring_note(machine: Machine, limiting: str) -> str:
-    """What it means that a spring limits; empty where ``limiting`` is an actuator."""
+    """Note that a spring limits; empty where ``limiting`` is an actuator."""
     springs = [spring.name for spring in machine.springs]
     return f"the {limiting} limits there, no cylinder can help" if limiting in springs else ""
-
-
-def unit_of(joint: Joint) -> str:
-    """SI unit of a joint's position."""
-    return "rad" if joint.revolute else "m"
 
 
 def dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:
@@ -115,8 +109,7 @@ def html(
 
     template = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
     images = [
-        (caption, base64.b64encode(path.read_bytes()).decode("ascii"))
-        for caption, path in pictures
+        (caption, base64.b64encode(path.read_bytes()).decode()) for caption, path in pictures
     ]
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined

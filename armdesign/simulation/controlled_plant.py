@@ -84,15 +84,10 @@ class ControlledPlant:
     def picked(self, cases: Sequence[int]) -> ControlledPlant:
         """The system of some of the cases."""
         rows, machines = list(cases), self.plant.machines
-        return ControlledPlant(
-            plant=Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant,
-            start=self.start[rows],
-            demands=tuple(self.demands[row] for row in rows),
-            breaks=tuple(self.breaks[row] for row in rows),
-            corners=self.corners[rows],
-            gains=self.gains[rows],
-            places=self.places[rows],
-        )
+        plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
+        functions = (tuple(of[row] for row in rows) for of in (self.demands, self.breaks))
+        arrays = (of[rows] for of in (self.corners, self.gains, self.places))
+        return ControlledPlant(plant, self.start[rows], *functions, *arrays)  # type: ignore[arg-type]
 
     @cached_property
     def _corrects(self) -> bool:
@@ -132,15 +127,13 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
         count = np.size(command(0.0))
         if count != len(names) or np.ndim(command(0.0)) != 1:
             fault = f"gives {count} number{'s' * (count != 1)}"
-            raise SimulationError(
-                f"{machine}: command", fault, f"give a list, one per cylinder: {', '.join(names)}"
-            )
+            remedy = f"give a list, one per cylinder: {', '.join(names)}"
+            raise SimulationError(f"{machine}: command", fault, remedy)
         return command
     for name, part in command.items():
         if name not in names:
-            raise SimulationError(
-                f"command {name}", "no such cylinder", f"choose from: {', '.join(names)}"
-            )
+            remedy = f"choose from: {', '.join(names)}"
+            raise SimulationError(f"command {name}", "no such cylinder", remedy)
         _refuse_no_function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 
@@ -155,10 +148,6 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
 
 def breaks_of(command: Command | ByName, machine: str) -> Breaks:
     """Instants at which a command may jump, by the ``breakpoints`` of its functions.
-
-    Args:
-        command: as given.
-        machine: its name, for messages.
 
     Raises:
         SimulationError: breakpoints are no ascending times.
@@ -184,9 +173,8 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
     except (TypeError, ValueError):
         times = np.array(math.nan)
     if times.ndim != 1 or not np.all(np.isfinite(times)):
-        raise SimulationError(
-            part, f"{given!r} are not finite times", "give a list [s], like [0.1, 0.3]"
-        )
+        fault = f"{given!r} are not finite times"
+        raise SimulationError(part, fault, "give a list [s], like [0.1, 0.3]")
     for early, late in pairwise(times.tolist()):
         if late < early:
             raise SimulationError(part, f"{late:g} s comes after {early:g} s", "sort them")
@@ -195,9 +183,8 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
 
 def _refuse_no_function(given: object, part: str) -> None:
     if not callable(given):
-        raise SimulationError(
-            part, f"{given!r} is not a function of time", "give one, like lambda t: 0.1"
-        )
+        fault = f"{given!r} is not a function of time"
+        raise SimulationError(part, fault, "give one, like lambda t: 0.1")
 
 
 @compiled

@@ -57,31 +57,26 @@ def events(
 def pump_events(
     machine: Machine, time: Array, supply: Array, supplied: Array
 ) -> Iterator[tuple[float, str]]:
-    """First time [s] and words of everything that limits the pump.
+    """First time [s] and words of everything that limits the pump, at n instants.
 
-    Args:
-        machine: the machine.
-        time: (n,) [s].
-        supply: pressures of the pump (n,) [Pa].
-        supplied: flows from the supply into cap and annulus (n, nc, 2) [m³/s].
+    ``supply``: pressures of the pump (n,) [Pa]; ``supplied``: flows as in ``events``.
     """
     pump, taken = machine.supply, supplied.sum(axis=(1, 2))
     if pump.pressure <= pump.return_pressure:
-        words = f"the pump held {pump.pressure / bar:.0f} bar, no more than the return line's"
-        yield from _event(
-            time, np.ones(len(time), dtype=bool), f"{words} {pump.return_pressure / bar:.0f} bar"
-        )
+        held, back = pump.pressure / bar, pump.return_pressure / bar
+        words = f"the pump held {held:.0f} bar, no more than the return line's {back:.0f} bar"
+        yield from _event(time, np.ones(len(time), dtype=bool), words)
     if pump.flow_limited:
         low = supply < (1 - 2 * pump.cut_off) * pump.pressure
         least, flow = supply.min() / bar, pump.flow / l_per_min
         words = f"the pump's {flow:.0f} l/min were not enough (supply down to {least:.0f} bar)"
         yield from _event(time, low, words)
         return
+    most, flow = taken.max() / l_per_min, pump.flow / l_per_min
     words = (
-        f"the actuators took {taken.max() / l_per_min:.0f} l/min, the pump gives"
-        f" {pump.flow / l_per_min:.0f}"
+        f"the actuators took {most:.0f} l/min, the pump gives {flow:.0f} and was taken as ideal"
     )
-    yield from _event(time, taken > 1.001 * pump.flow, f"{words} and was taken as ideal")
+    yield from _event(time, taken > 1.001 * pump.flow, words)
 
 
 def payload_events(
@@ -95,10 +90,7 @@ def payload_events(
 
 def _event(time: Array, is_so: Flags, words: str) -> Iterator[tuple[float, str]]:
     if is_so.any():
-        first, share = float(time[np.argmax(is_so)]), float(is_so.mean())
-        spell = (
-            "to the end"
-            if is_so[np.argmax(is_so) :].all()
-            else f"for {share * time[-1]:.3g} s in all"
-        )
-        yield first, f"{words} at {first:.3g} s, {spell}"
+        first, spell = float(time[np.argmax(is_so)]), float(is_so.mean()) * time[-1]
+        to_the_end = is_so[np.argmax(is_so) :].all()
+        until = "to the end" if to_the_end else f"for {spell:.3g} s in all"
+        yield first, f"{words} at {first:.3g} s, {until}"

@@ -37,9 +37,8 @@ class Step:
                 raise SimulationError(f"step: {name}", f"{given!r} is not a number", "give one")
         if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
             fault = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
-            raise SimulationError(
-                "step", fault, "give a finite size and begin, and an end after it"
-            )
+            remedy = "give a finite size and begin, and an end after it"
+            raise SimulationError("step", fault, remedy)
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -76,9 +75,8 @@ class Table:
             raise SimulationError("table", fault, "give one time per value")
         for early, late in pairwise(self.times):
             if late < early:
-                raise SimulationError(
-                    "table: times", f"{late:g} s comes after {early:g} s", "sort them"
-                )
+                fault = f"{late:g} s comes after {early:g} s"
+                raise SimulationError("table: times", fault, "sort them")
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

@@ -35,6 +35,7 @@ from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import Case
+from armdesign.simulation.sweeps import AGREES
 from armdesign.units import bar, mm
 
 BAND = (0.5, 1.6)  # of the sweep, relative to the mode
@@ -42,51 +43,39 @@ NEIGHBOUR = 1.25  # a mode this close to the band is taken into it, with as much
 CYCLES = 16.0  # of the mode in a sweep
 SHARE = 0.5  # of what pressures and strokes leave
 LOWEST_PRESSURE = -0.5 * bar  # gauge, above the vapour's
-DETUNING = 0.02  # relative change of the linear frequency at the ends of the swing
+# Relative change of the linear frequency at the ends of the swing. A sine that begins at zero
+# moves the piston to one side, so that its mean stands off by up to half of the swing.
+DETUNING = 2 * AGREES
 SOFTENING = 0.004  # relative change of the bulk modulus, with air
 BARELY = 0.5 * bar  # above return pressure, or below a relief
 LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
 CREEP = 0.01  # of the supply pressure: a chamber that drifts by more in a sweep
-HOLD_SHARE = (
-    0.25  # corner of the slow loop that holds the mean, of the lowest frequency of the band
-)
+HOLD_SHARE = 0.25  # corner of the loop that holds the mean, of the lowest frequency of the band
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """Common ground of the sweeps of one cylinder at one pose.
 
-    Attributes:
-        machine: under the payload at work.
-        pose: (nq,) [rad, m].
-        index: of the cylinder that sweeps.
-        mode: that it sweeps over, 0 is the lowest.
-        linear: the plant linearised at its equilibrium.
-        frequencies: its natural frequencies (k,) [Hz]; if damping leaves fewer pairs than joints
-            and springs, the modes' on trapped oil. The two differ where oil with air rests under
-            other pressures than the load alone makes.
-        band: of the sweep [Hz].
-        duration: of the sweep [s].
-        plant: the nonlinear model.
-        preloaded: chamber pressures that the sweeps run about, see ``find_equilibrium``.
-        equilibrium: its state there (size,).
-        valve: of the cylinder, with the same flow to both sides.
+    If damping leaves fewer pairs than joints and springs, ``frequencies`` are the modes' on
+    trapped oil. The two differ where oil with air rests under other pressures than the load alone
+    makes.
     """
 
-    machine: Machine
-    pose: Array
-    index: int
-    mode: int
-    linear: LinearModel
-    frequencies: Array
-    band: tuple[float, float]
-    duration: float
-    plant: Plant
-    preloaded: bool | None
-    equilibrium: Array
-    valve: SymmetricValve
+    machine: Machine  # under the payload at work
+    pose: Array  # (nq,) [rad, m]
+    index: int  # of the cylinder that sweeps
+    mode: int  # that it sweeps over, 0 is the lowest
+    linear: LinearModel  # the plant linearised at its equilibrium
+    frequencies: Array  # its natural frequencies (k,) [Hz]
+    band: tuple[float, float]  # of the sweep [Hz]
+    duration: float  # of the sweep [s]
+    plant: Plant  # the nonlinear model
+    preloaded: bool | None  # pressures that the sweeps run about, see ``find_equilibrium``
+    equilibrium: Array  # its state there (size,)
+    valve: SymmetricValve  # of the cylinder, with the same flow to both sides
 
     @classmethod
     def of(cls, machine: Machine, pose: Array, index: int, mode: int) -> Experiment:
@@ -168,19 +157,17 @@ class Experiment:
         """Spool commands: the excitation for one valve; those that make up for leakage hold."""
         spools = self.plant.split(self.equilibrium)[4].tolist()
         centre = float(self.valve.opening(spools[self.index]))
+        pairs = zip(self.machine.actuators, spools, strict=True)
         commands: dict[str, Callable[[float], float]] = {
-            cylinder.name: Step(size=spool)
-            for cylinder, spool in zip(self.machine.actuators, spools, strict=True)
-            if spool != 0
+            cylinder.name: Step(size=spool) for cylinder, spool in pairs if spool != 0
         }
         return commands | {self.cylinder: SymmetricCommand(self.valve, centre, excitation)}
 
     def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
-        """A run of the nonlinear model under an excitation; a slow loop holds the mean position.
+        """A run under an excitation of the mean opening; a slow loop holds the mean position.
 
-        Args:
-            excitation: of the mean opening, ``swept_sine`` or another function of time.
-            duration: [s]; default: the sweep's.
+        The excitation is ``swept_sine`` or another function of time, the duration the sweep's
+        unless one is given [s].
         """
         return Case(
             machine=self.machine,
@@ -211,23 +198,17 @@ class Experiment:
 
     def peak(self, motion: Simulation) -> float:
         """Frequency near the mode at which the spectrum of the piston's speed peaks [Hz]."""
-        near = (
-            max(self.band[0], self.target / NEIGHBOUR),
-            min(self.band[1], self.target * NEIGHBOUR),
-        )
-        speed, step = motion.speeds[:, self.index], float(motion.time[1])
+        low, high = self.target / NEIGHBOUR, self.target * NEIGHBOUR
+        near = max(self.band[0], low), min(self.band[1], high)
+        speed, part = motion.speeds[:, self.index], f"{self.machine.name}: {self.cylinder}"
         padded = np.concatenate([speed, np.zeros((FINER - 1) * len(speed))])
-        return spectral_peak(
-            step * np.arange(len(padded)), padded, near, f"{self.machine.name}: {self.cylinder}"
-        )
+        return spectral_peak(float(motion.time[1]) * np.arange(len(padded)), padded, near, part)
 
     def default_amplitude(self) -> float:
         """Mean opening at which the linear response to the sweep is small in every respect."""
         joints, cap, annulus, pistons = self._swing(self.linear)
         _, _, caps, annuli, _, _ = self.plant.split(self.equilibrium)
-        room = np.concatenate(
-            [self._pressure_room(caps), self._pressure_room(annuli), self._ends()]
-        )
+        room = np.concatenate([*map(self._pressure_room, (caps, annuli)), self._ends()])
         used = np.concatenate([cap, annulus, pistons])
         largest = min(float(np.min(room / np.maximum(used, 1e-12))), LARGEST_OPENING)
         return largest * self._undetuned(largest * joints)
@@ -281,10 +262,8 @@ class Experiment:
 
     def _ends(self) -> Array:
         """Room of the pistons to swing (nc,) [m]; motors have no end."""
-        places = self.plant.evaluate(
-            self.equilibrium[None], np.zeros((1, self.plant.nc))
-        ).extensions[0]
-        strokes = np.array([actuator.stroke for actuator in self.machine.actuators])
+        still, strokes = np.zeros((1, self.plant.nc)), self.machine.strokes
+        places = self.plant.evaluate(self.equilibrium[None], still).extensions[0]
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from armdesign.arrays import Array, ReadOnly
 from armdesign.machine.machine import Machine
+from armdesign.simulation.identification.column_names import tells_pose
 from armdesign.simulation.identification.modal_fit import ModalFit
 from armdesign.simulation.identification.pressure_ratio import PressureRatio
 from armdesign.simulation.identification.recording import Recording
@@ -19,6 +22,7 @@ from armdesign.simulation.identification.swings import Swings
 if TYPE_CHECKING:
     import pandas as pd
 
+MOVES = {"mm": 5.0, "deg": 1.0}  # by more than a ring does
 PRESSURE_COLUMNS = [
     "begin_s",
     "end_s",
@@ -48,7 +52,7 @@ class IdentifiedWindow(ReadOnly):
         ratios: of the pressure swings of each cylinder of which both were recorded.
         means: means of the columns that tell pose and pressures, by the name of a column in a
             file of measurements.
-        remarks: what makes the answer doubtful, in words.
+        remarks: what makes the answer doubtful: a word for the table, and why.
         pose: of the machine (nq,) [rad, m]; None without a machine, or where none can be told.
         pose_remarks: what to know of the pose, in words by joint.
     """
@@ -62,7 +66,7 @@ class IdentifiedWindow(ReadOnly):
     swings: Swings | None
     ratios: tuple[PressureRatio, ...]
     means: Mapping[str, float]
-    remarks: tuple[str, ...] = ()
+    remarks: Mapping[str, str] = field(default_factory=dict)
     pose: Array | None = None
     pose_remarks: Mapping[str, str] = field(default_factory=dict)
 
@@ -92,8 +96,8 @@ class Identified:
         """A row for each mode of each window; ``armdesign calibrate`` reads it.
 
         Columns: begin_s, end_s, signal, frequency_hz, deviation_hz, damping_ratio,
-        damping_deviation, amplitude (of the signal at the window's begin), and the means of the
-        columns that tell pose and pressures.
+        damping_deviation, amplitude (of the signal at the window's begin), remark, and the means
+        of the columns that tell pose and pressures.
         """
         import pandas as pd
 
@@ -106,8 +110,8 @@ class Identified:
                 row |= {"frequency_hz": frequency, "deviation_hz": fit.frequency_deviations[k]}
                 row |= {"damping_ratio": fit.damping_ratios[k]}
                 row |= {"damping_deviation": fit.damping_deviations[k]}
-                row |= {"amplitude": math.nan if sizes is None else sizes[k], **window.means}
-                rows.append(row)
+                row |= {"amplitude": math.nan if sizes is None else sizes[k]}
+                rows.append({**row, "remark": ", ".join(window.remarks), **window.means})
         return pd.DataFrame(rows)
 
     @cached_property
@@ -173,7 +177,8 @@ class Identified:
         """What makes the answers of windows doubtful."""
         for window in self.windows:
             if window.remarks:
-                yield f"{window.begin:g}–{window.end:g} s: {'; '.join(window.remarks)}"
+                words = "; ".join(window.remarks.values())
+                yield f"{window.begin:g}–{window.end:g} s: {words}"
 
     def _changes(self) -> Iterator[str]:
         """How frequencies depend on the swing."""
@@ -185,7 +190,26 @@ class Identified:
                     f"{window.begin:g}–{window.end:g} s: large swings ring"
                     f" {'lower' if first < second else 'higher'}: {first:.3f} Hz at ±{big:.3g},"
                     f" {second:.3f} Hz at ±{small:.3g}"
+                    f"{self.motion(window) and f'; but {self.motion(window)}'}"
                 )
+
+    def motion(self, *windows: IdentifiedWindow) -> str:
+        """In words that and how far the machine moves in windows; empty if it does not."""
+        columns, ends = self.recording.columns, []
+        for name in filter(tells_pose, columns):
+            parts = [
+                columns[name][(self.recording.time >= w.begin) & (self.recording.time <= w.end)]
+                for w in windows
+            ]
+            values = np.concatenate(parts)
+            values = values[np.isfinite(values)]
+            if len(values) and np.ptp(values) > MOVES[name.rpartition("_")[2]]:
+                ends.append(f"{name} {values.min():.4g} to {values.max():.4g}")
+        return (
+            f"the machine moves ({', '.join(ends)}): its pose changes the frequency"
+            if ends
+            else ""
+        )
 
     def _verdicts(self) -> Iterator[str]:
         """What the pressure swings say of the oil."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,8 @@ from armdesign.simulation.identification.decaying_modes import detrended
 from armdesign.simulation.identification.modal_fit import identify_forced_response
 from armdesign.simulation.identification.pressure_ratio import PressureRatio, pressure_ratio
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
-from armdesign.simulation.identification.ringdown import identify_ringdown
-from armdesign.simulation.identification.swings import swings
+from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
+from armdesign.simulation.identification.swings import Swings, swings
 from armdesign.simulation.identification.windows import found_windows, stated_windows, strongest
 from armdesign.simulation.identified import Identified, IdentifiedWindow
 from armdesign.simulation.recorded_poses import with_pose
@@ -44,6 +45,8 @@ DOMINATES = 3.0  # ratio of spectral lines
 NOTABLE = 0.2  # of the largest pressure swing
 PERIODS = 2.0  # fewest in a window
 PER_PERIOD = 40  # samples that are enough; more are averaged
+SURE = 2.0  # deviations by which a ring grows
+LEFT = 0.3  # of the root mean square about the trend: a large residual
 BAND = 1.6  # default ends of a band, relative to the strongest frequency
 
 
@@ -87,8 +90,11 @@ def identify(
                   2.0           0.02
     """
     whole = _recording(recording)
-    name = signal or strongest_column(whole)
+    name = signal or strongest_column(whole, excitation)
     whole.column(name)
+    if name == excitation:
+        problem = f"{name} is both the signal and its excitation"
+        raise SimulationError(whole.source, problem, "name the column that answers as the signal")
     if modes < 1:
         raise SimulationError(whole.source, f"{modes} modes", "ask for 1 or more modes")
     if band and not excitation:
@@ -105,6 +111,7 @@ def identify(
                 one = _forced(part, name, modes, excitation, band)
             else:
                 one = _rung(part, name, modes)
+            one = replace(one, remarks={**one.remarks, **_missing(whole, begin, end)})
             found.append(with_pose(one, machine) if machine else one)
         except SimulationError as error:
             refused.append(error)
@@ -134,6 +141,15 @@ def _windows_of(
         raise
 
 
+def _missing(whole: Recording, begin: float, end: float) -> dict[str, str]:
+    """That a window reaches beyond the recording, if it does."""
+    first, last = float(whole.time[0]), float(whole.time[-1])
+    step = (last - first) / (len(whole.time) - 1)
+    if begin >= first - step and end <= last + step:
+        return {}
+    return {"cut": f"the recording holds {first:g}–{last:g} s, not all of {begin:g}–{end:g} s"}
+
+
 def _recording(given: str | Path | Recording | Mapping[str, Any]) -> Recording:
     if isinstance(given, Recording):
         return given
@@ -161,6 +177,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         problem = f"shorter than two periods of {name} ({first:.2g} Hz)"
         raise SimulationError(part.source, problem, too_short)
     fitted = fit.fitted[:, 0]
+    pieces = swings(time, signal, signal - fitted, first, damping) if modes == 1 else None
     return IdentifiedWindow(
         begin=float(part.time[0]),
         end=float(part.time[-1]),
@@ -168,10 +185,32 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         time=time,
         signal=signal,
         fitted=fitted,
-        swings=swings(time, signal, signal - fitted, first, damping) if modes == 1 else None,
+        swings=pieces,
         ratios=tuple(_ratios(part, step, first, damping)),
         means=means_of(part),
+        remarks=_remarks(fit, pieces),
     )
+
+
+def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
+    """What makes a free decay doubtful: a word, and why."""
+    remarks = {}
+    grows = fit.damping_ratios < 0
+    if np.any(fit.damping_ratios < -SURE * fit.damping_deviations):
+        remarks["grows"] = "it grows, as no free decay does: something still excites it"
+    elif grows.any():
+        remarks["undamped"] = "its damping is too small to be told from none"
+    if fit.residual > LEFT:
+        remarks["large residual"] = (
+            f"the fit leaves {fit.residual:.0%} of it: it is no free decay, or holds more modes"
+        )
+    again = pieces.rise if pieces else None
+    if again is not None:
+        remarks["excited again"] = (
+            f"its swing rises again about {again:.3g} s: it is excited again, or two modes beat;"
+            " choose a window of one decay"
+        )
+    return remarks
 
 
 def _forced(

@@ -40,15 +40,12 @@ from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
 class Breaks(NamedTuple):
     """Instants at which the rates of a case, or a derivative of them, jump.
 
-    Attributes:
-        instants: ascending [s]; those outside of the run do not matter.
-        complete: whether there are no others. Else no step is longer than half the interval
-            between records, so that nothing longer than half of that passes unseen, though the
-            case be at rest.
+    Where they are not ``complete`` no step is longer than half the interval between records, so
+    that nothing longer than half of that passes unseen, though the case be at rest.
     """
 
-    instants: Sequence[float] = ()
-    complete: bool = False
+    instants: Sequence[float] = ()  # ascending [s]; those outside of the run do not matter
+    complete: bool = False  # whether there are no others
 
 
 class Stretch(NamedTuple):

@@ -14,14 +14,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
-from armdesign.hydraulics.friction import Friction
+from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.equilibrium import find_equilibrium, refuse_overcome
 from armdesign.simulation.plant.plant import Plant
@@ -36,6 +36,7 @@ COMMAND_STEP = 1e-2
 ROUNDING = 1e-10  # of a damping ratio
 # Of the fastest pole: slower ones are the trapped oil's zeros with their rounding.
 NEGLIGIBLE = 1e-5
+F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +103,8 @@ class LinearModel(ReadOnly):
         try:
             import control
         except ImportError:
-            remedy = "pip install 'armdesign[control]'"
-            raise SimulationError(
-                "to_control", "needs the package python-control", remedy
-            ) from None
+            fault, remedy = "needs the package python-control", "pip install 'armdesign[control]'"
+            raise SimulationError("to_control", fault, remedy) from None
         unit = np.array([bar if name.endswith("pressure") else 1.0 for name in self.states])
         return control.ss(
             self.A * unit / unit[:, None],
@@ -154,14 +153,11 @@ def linearize(machine: Machine, q: ArrayLike, *, preloaded: bool | None = None) 
 def without_dry_friction(machine: Machine) -> Machine:
     """The machine with viscous friction alone: dry friction has no derivative at rest."""
 
-    def smooth(friction: Friction) -> Friction:
-        return replace(friction, coulomb=0.0, static=0.0)
+    def smooth(actuator: F) -> F:
+        return replace(actuator, friction=replace(actuator.friction, coulomb=0.0, static=0.0))
 
-    return replace(
-        machine,
-        cylinders=tuple(replace(c, friction=smooth(c.friction)) for c in machine.cylinders),
-        motors=tuple(replace(m, friction=smooth(m.friction)) for m in machine.motors),
-    )
+    cylinders, motors = map(smooth, machine.cylinders), map(smooth, machine.motors)
+    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
 
 
 def _rows(values: Array, like: Array) -> Array:

@@ -18,18 +18,19 @@ from armdesign.machine.machine import Machine
 from armdesign.simulation.controlled_plant import ENERGY
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
-from armdesign.units import bar, mm
+from armdesign.units import bar, deg, mm
 
 if TYPE_CHECKING:
     import pandas as pd
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
+STILL = 1e-5  # [rad/s, m/s] peak to peak: within some 10 µm at the tool, as creep and rounding
 SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ring(ReadOnly):
-    """What a run rings with while its spools rest; arrays are read-only.
+    """Ring of a run while its spools rest; arrays are read-only.
 
     Attributes:
         begin: first instant of the window [s].
@@ -49,10 +50,10 @@ class Ring(ReadOnly):
     @property
     def words(self) -> str:
         """The answer in one line."""
-        found = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
+        modes = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
         empty = f"; {'; '.join(self.cavitated)}" if self.cavitated else ""
         linear = f"{self.linear_frequencies[0]:.3f} Hz"
-        return f"{self.begin:.3g}…{self.end:.3g} s: {found}, lowest linear {linear}{empty}"
+        return f"{self.begin:.3g}…{self.end:.3g} s: {modes}, lowest linear {linear}{empty}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +133,17 @@ class Simulation(ReadOnly):
     def frame(self) -> pd.DataFrame:
         """One row per instant, with the columns of a recording, which ``identify`` reads.
 
-        time_s; joints [rad or m]; of every actuator <name>_cap_bar, <name>_annulus_bar and
-        <name>_spool, of a cylinder <name>_pin_to_pin_mm, too.
+        time_s; of every joint, springs' last, <joint>_deg, of a slide <joint>_mm; of every
+        actuator <name>_cap_bar, <name>_annulus_bar and <name>_spool, of a cylinder
+        <name>_pin_to_pin_mm, too.
         """
         import pandas as pd
 
         columns: dict[str, Array] = {"time_s": self.time}
-        columns |= dict(zip(self.joints, self.q.T, strict=True))
+        positions = np.concatenate([self.q, self.springs], axis=1).T
+        for joint, position in zip(self.machine.arm.coordinates, positions, strict=True):
+            unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+            columns[f"{joint.name}_{unit}"] = position / factor
         rigid = self.machine.rigid_poses(self.q)
         for i, (name, drive) in enumerate(zip(self.cylinders, self.machine.drives, strict=True)):
             for k, side in enumerate(SIDES):
@@ -157,8 +162,8 @@ class Simulation(ReadOnly):
             modes: how many are asked for, the strongest.
 
         Raises:
-            SimulationError: spools move to the end, there is no such window, or see
-                ``identify_ringdown``.
+            SimulationError: spools move to the end, there is no such window, nothing rings, or
+                see ``identify_ringdown``.
 
         Example:
             >>> import armdesign as ad
@@ -178,8 +183,12 @@ class Simulation(ReadOnly):
         end = float(self.time[-1]) if end is None else end
         inside = (self.time >= begin) & (self.time <= end)
         if inside.sum() < 2:
-            problem = f"{begin:g}…{end:g} s holds no two of its instants"
-            raise SimulationError(part, problem, f"stay in 0…{self.time[-1]:g} s")
+            fault = f"{begin:g}…{end:g} s holds no two of its instants"
+            raise SimulationError(part, fault, f"stay in 0…{self.time[-1]:g} s")
+        swing = float(np.ptp(np.hstack([self.velocity, self.spring_speeds])[inside], axis=0).max())
+        if swing < STILL:
+            fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
+            raise SimulationError(part, fault, "move the machine first, or begin earlier")
         fit = identify_ringdown(self.time[inside], self.velocity[inside], modes, part)
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(

@@ -95,19 +95,8 @@ def simulate(
         PoseError: the pose cannot be taken, or the load case does not exist there.
         SimulationError: a valve is missing, or the integration gives up.
     """
-    case = Case(
-        machine=machine,
-        q=q,
-        command=command,
-        duration=duration,
-        payload=payload,
-        rate=rate,
-        velocity=velocity,
-        hold=hold,
-        preloaded=preloaded,
-        supply_pressure=supply_pressure,
-    )
-    return simulate_all([case], tolerance=tolerance)[0]
+    arguments = {name: value for name, value in locals().items() if name != "tolerance"}
+    return simulate_all([Case(**arguments)], tolerance=tolerance)[0]
 
 
 def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation]:
@@ -172,9 +161,8 @@ def _supplied(case: Case) -> Case:
     if pressure is None:
         return case
     if not (math.isfinite(pressure) and pressure >= 0):
-        raise SimulationError(
-            f"{machine.name}: supply_pressure", f"{pressure:g} Pa is not allowed", "give 0 or more"
-        )
+        part = f"{machine.name}: supply_pressure"
+        raise SimulationError(part, f"{pressure:g} Pa is not allowed", "give 0 or more")
 
     def set_as_today(actuator: F) -> F:
         valve = actuator.valve
@@ -197,28 +185,22 @@ def _refuse(case: Case) -> None:
     name, hold = case.machine.name, 1.0 if case.hold is None else case.hold
     for what, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
         if not (math.isfinite(value) and value > 0):
-            raise SimulationError(
-                f"{name}: {what}", f"{value:g} is not allowed", "give a positive number"
-            )
+            fault = f"{value:g} is not allowed"
+            raise SimulationError(f"{name}: {what}", fault, "give a positive number")
     if case.velocity is not None:
         given, joints = np.asarray(case.velocity, dtype=float), case.machine.joints
         if given.shape != (len(joints),) or not np.all(np.isfinite(given)):
             fault = f"{given.tolist()} is not one finite number per joint"
-            raise SimulationError(
-                f"{name}: velocity", fault, f"give {', '.join(joints)} [rad/s, m/s]"
-            )
+            remedy = f"give {', '.join(joints)} [rad/s, m/s]"
+            raise SimulationError(f"{name}: velocity", fault, remedy)
 
 
 def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
     """Runs of one shape."""
     plants = [Plant(case.machine) for case in cases]
     starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
-    system = ControlledPlant.of(
-        plants,
-        [start.state for start in starts],
-        [case.command for case in cases],
-        [case.hold for case in cases],
-    )
+    commands, holds = [case.command for case in cases], [case.hold for case in cases]
+    system = ControlledPlant.of(plants, [start.state for start in starts], commands, holds)
     runs: list[Simulation | SimulationError] = []
     for row, states in enumerate(_states(system, cases, tolerance)):
         alone = system.picked([row])
@@ -256,15 +238,9 @@ def _states(
         spools.append(max(valve.natural_frequency for valve in valves))
     omega = 2 * math.pi * np.array(undamped)
     largest = np.maximum(omega, 2 * math.pi * np.array(spools))
-    return integrate(
-        system,
-        system.start,
-        Span.of([case.duration for case in cases], [case.rate for case in cases]),
-        Pace(omega, largest),
-        system.breaks,
-        tolerance,
-        MOST_STEPS,
-    )
+    span = Span.of([case.duration for case in cases], [case.rate for case in cases])
+    pace, breaks = Pace(omega, largest), system.breaks
+    return integrate(system, system.start, span, pace, breaks, tolerance, MOST_STEPS)
 
 
 def _failure(system: ControlledPlant, stop: GaveUpError, tolerance: float) -> SimulationError:
@@ -294,19 +270,14 @@ def likely_cause(
         if margin == -np.inf:
             return f"the four-bar of {cylinder.name} does not close there: command it less far"
         if margin < -FAR_BEYOND:
-            return (
-                f"{cylinder.name} is {-100 * margin:.0f} % of its stroke beyond a stop: command it"
-                " less far"
-            )
+            beyond = f"{-100 * margin:.0f} % of its stroke beyond a stop"
+            return f"{cylinder.name} is {beyond}: command it less far"
     fast = "a spool, friction or chamber a thousand times faster than the arm"
     if NO_LIMIT in cause:
         return f"smooth a command that jumps again and again, or slow down {fast}"
     if TOO_MANY in cause:
-        remedy = (
-            f"give a coarser tolerance than {tolerance:g}, a shorter duration or a smoother"
-            " command"
-        )
-        return f"{remedy}, or slow down {fast}"
+        remedy = f"give a coarser tolerance than {tolerance:g}, a shorter duration"
+        return f"{remedy} or a smoother command, or slow down {fast}"
     return f"a joint driven out of its range, or {fast}"
 
 

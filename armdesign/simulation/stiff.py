@@ -58,16 +58,9 @@ def integrate_stiff(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # LSODA warns and fails; the caller goes on otherwise
         try:
-            solver = LSODA(
-                finite,
-                begin,
-                state,
-                end,
-                min(FIRST_STEP, limits.longest, end - begin),
-                max_step=limits.longest,
-                rtol=tolerance,
-                atol=tolerance,
-            )
+            first = min(FIRST_STEP, limits.longest, end - begin)
+            steps = {"max_step": limits.longest, "rtol": tolerance, "atol": tolerance}
+            solver = LSODA(finite, begin, state, end, first, **steps)
             while solver.status == "running":
                 marks.append(solver.t)
                 solver.step()

@@ -114,12 +114,10 @@ def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[R
     smooth, rough = group[:2], group[2:] or (None, None)
     balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
     remark = _remark([one for one in smooth if isinstance(one, Run)], creeps)
-    pairs = zip(smooth, rough, strict=True)
+    words = {"remark": remark if balanced else "energy"}
     return [
-        dataclasses.replace(one, remark=remark if balanced else "energy", with_friction=other)
-        if isinstance(one, Run)
-        else one
-        for one, other in pairs
+        dataclasses.replace(one, **words, with_friction=other) if isinstance(one, Run) else one  # type: ignore[arg-type]
+        for one, other in zip(smooth, rough, strict=True)
     ]
 
 

@@ -82,7 +82,7 @@ class Validation:
     def _row(self, sweep: Run | Failure) -> dict[str, object]:
         """All columns in their order; of a failure only what a sweep is known by."""
         run, rough = (sweep, sweep.with_friction) if isinstance(sweep, Run) else (None, None)
-        with_friction = rough if isinstance(rough, Run) else None
+        dry = rough if isinstance(rough, Run) else None
         remark = f"failed: {sweep.error}" if isinstance(sweep, Failure) else sweep.remark
         if isinstance(rough, Failure):
             remark += f"; with dry friction failed: {rough.error}"
@@ -99,10 +99,8 @@ class Validation:
             "amplitude": sweep.amplitude,
             "pose": sweep.pose,
             "at_rest_hz": sweep.frequency_at_rest,
-            "with_friction_hz": with_friction.identified_frequency if with_friction else math.nan,
-            "with_friction_damping": with_friction.identified_damping
-            if with_friction
-            else math.nan,
+            "with_friction_hz": dry.identified_frequency if dry else math.nan,
+            "with_friction_damping": dry.identified_damping if dry else math.nan,
             "remark": remark,
         }
         return row | (self._details(run) if run else {})
@@ -177,9 +175,8 @@ def validate(
             and fitted; those that can are worth having without the others, which are ``failures``.
     """
     if amplitude is not None and not 0 < amplitude <= 1:
-        raise SimulationError(
-            f"{machine.name}: amplitude", f"{amplitude:g} is not in (0, 1]", "give a valve opening"
-        )
+        part = f"{machine.name}: amplitude"
+        raise SimulationError(part, f"{amplitude:g} is not in (0, 1]", "give a valve opening")
     _refuse_empty(machine, q=q, payloads=payloads, cylinders=cylinders)
     if q is None:
         map_ = frequency_map(machine, workspace or Workspace.grid(machine))
@@ -187,10 +184,8 @@ def validate(
     else:
         names = [machine.payload.name] if payloads is None else payloads
         loaded = [machine if payloads is None else machine.with_payload(name) for name in names]
-        numbered = enumerate(machine.at(q).q, 1)
-        places = [
-            NamedPose(str(number), case, pose) for number, pose in numbered for case in loaded
-        ]
+        poses = enumerate(machine.at(q).q, 1)
+        places = [NamedPose(str(number), case, pose) for number, pose in poses for case in loaded]
     validation = _validations([_plan(places, cylinders, amplitude)])[0]
     if not validation.runs:
         raise_together([failure.error for failure in validation.failures])
@@ -226,15 +221,11 @@ def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[
     cases = {name: machine.with_payload(name).payload.name for name in names}
     worst = min((map_.worst_of[cases[name]] for name in names), key=lambda w: w.frequency)
     frame = map_.frame[map_.frame["payload"].isin(names)].sort_values("f1_hz", kind="stable")
-    rows = {"median": frame.iloc[len(frame) // 2], "best": frame.iloc[-1]}
-    return [NamedPose("worst", machine.with_payload(worst.payload), worst.q)] + [
-        NamedPose(
-            name,
-            machine.with_payload(str(row["payload"])),
-            row[list(machine.joints)].to_numpy(dtype=float),
-        )
-        for name, row in rows.items()
-    ]
+    places = [NamedPose("worst", machine.with_payload(worst.payload), worst.q)]
+    for name, row in (("median", frame.iloc[len(frame) // 2]), ("best", frame.iloc[-1])):
+        pose = row[list(machine.joints)].to_numpy(dtype=float)
+        places.append(NamedPose(name, machine.with_payload(str(row["payload"])), pose))
+    return places
 
 
 def _cylinders_and_modes(
@@ -330,10 +321,8 @@ def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> lis
     # Without a pair left it is overdamped.
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
-    versions = [experiment]
-    if any(
-        actuator.friction.coulomb or actuator.friction.static for actuator in machine.actuators
-    ):
+    versions, frictions = [experiment], [actuator.friction for actuator in machine.actuators]
+    if any(friction.coulomb or friction.static for friction in frictions):
         versions = [experiment.of_machine(without_dry_friction(machine)), experiment]
     return [
         PlannedSweep(dataclasses.replace(sweep, amplitude=size), version)

@@ -52,8 +52,8 @@ BAD = {
     table("deviation_hz=0"): "row 1, deviation_hz: '0' is not allowed; give a number above 0",
     table(
         row=ROW.replace("full", "fulll")
-    ): 'payload fulll: no such load case; did you mean "full"',
-    table(row=ROW.replace("full", "-3")): "payload: -3 kg is not allowed",
+    ): ': row 1, loader_crane: payload fulll: no such load case; did you mean "full"',
+    table(row=ROW.replace("full", "-3")): ": row 1, loader_crane: payload: -3 kg is not allowed",
     table("mode=4"): "row 1, mode: 4 is not there; give 1 to 3",
     table("mode=1.5"): "row 1, mode: 1.5 is not there; give 1 to 3",
     table("lift_chambers=rod"): (
@@ -84,6 +84,9 @@ OPTIONS = {
         'fit fluid.bulk_modulus_mpa: the machine file has no such key; did you mean "fluid.bulk_'
     ),
     ("--fit", "nonsense"): "the machine file has no such key",
+    ("--fit", "cylinder.lift.barrel_wall_mm"): (
+        "fit cylinder.lift.barrel_wall_mm: has no value in the file; write one first: a number in"
+    ),
     ("--fit", "name"): "fit name: 'loader_crane' is no number that can vary",
     ("--fit", "cylinder.lift.count"): "1 is no number that can vary",
     ("--fit", "cylinder.lift.base.at_mm"): "[260.0, 0.0, -1040.0] is no number that can vary",
@@ -141,6 +144,17 @@ def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
     assert '"lift_presure_bar" is not used' in words
     found = ad.calibrate(machine, rows, [BETA])
     assert any("inclinometer" in line for line in found.findings)
+
+
+def test_columns_that_there_may_be_are_told_in_order() -> None:
+    """Before, in the order of a set: another one in every process."""
+    machine = crane()
+    rows = measurements(machine, poses(2), zzz=1.0)
+    (line,) = (w for w in measured_of(rows.to_dict("records"), machine).warnings if "zzz" in w)
+    told = line.partition("choose from: ")[2].split(", ")
+    joints = [f"{joint.name}_{'deg' if joint.revolute else 'mm'}" for joint in machine.arm.joints]
+    assert [name for name in told if name in joints] == joints
+    assert told.index("payload") < told.index("lift_cap_bar") < told.index("begin_s")
 
 
 def test_a_pressure_alone_is_not_used_and_said() -> None:

@@ -97,6 +97,17 @@ def test_what_no_measurement_depends_on_is_not_claimed() -> None:
     assert alone.correlations.empty
 
 
+def test_values_that_no_oil_or_structure_has_are_said() -> None:
+    """Oil softer than any and a structure ten times as soft as oil fit, but are named."""
+    machine = crane()
+    soft = 10 * machine.actuators[0].oil_compliance(machine.fluid, machine.supply)
+    for path, value in ((BETA, 300.0), (LIFT, soft)):
+        for truth, implausible in ((value, True), (TRUTH[path], False)):
+            table = measurements(machine.replace({path: truth}), poses())
+            words = " ".join(ad.calibrate(machine, table, [path]).findings)
+            assert (f"{path} {truth:.3g}" in words and "is implausible" in words) is implausible
+
+
 def test_a_weak_direction_changes_as_little_as_is_said() -> None:
     """The change that is named, made to the machine: frequencies differ by what is said."""
     machine = crane().replace({LIFT: 4e-8})

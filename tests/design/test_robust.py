@@ -417,7 +417,8 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
             )
         )
         assert "oil 0.7 to 1.1 ×" in sheet.note
-        assert sheet.note.endswith(f"; the new machine was designed {words}")
+        least = f"least gain within the bands {100 * found.least_gain:+.1f} %"
+        assert sheet.note.endswith(f"; the new machine was designed {words}; {least}")
         assert (": in the worst case of the bands; before rounding" in first.note) == (
             made_for == "worst"
         )

@@ -204,11 +204,12 @@ def lowest_by_search(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> n
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["grid", "sobol"])
-@pytest.mark.parametrize("name", ["slewing"])
+@pytest.mark.parametrize("name", ["slewing", "random_3"])
 def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
     """Within 2 %: of 3229 cells of the slewing machine one on a pitch limit was 3.6 % too high.
 
-    With quasi-random poses nothing was interpolated between them.
+    With quasi-random poses nothing was interpolated between them. Of the machine with four joints
+    3 of 3022 cells were too high, about slivers that so few poses met only by chance.
     """
     machine = machines.named(name)
     space = ad.Workspace.grid(machine) if kind == "grid" else ad.Workspace.sobol(machine, 3000)

@@ -17,6 +17,8 @@ from tests.commands import main
 from tests.inspection.inspected import EXCAVATOR, odd, written
 from tests.machine.file.bad_files import URDF
 from tests.machine.file.damage import damaged
+from tests.sprung import rocking
+from tests.sprung import written as saved
 
 # -------------------------------------------------------------------------------- everything wrong
 
@@ -316,3 +318,71 @@ def test_a_supply_that_cannot_pull() -> None:
     """
     found = odd({"supply.pressure_bar": 300, "supply.return_pressure_bar": 299})
     assert "more than the supply's 300 bar can hold" in found["cylinder.stick"]
+
+
+# ----------------------------------------------------------------------------------------- springs
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('joint = "rocking"', "joint = 3", "spring.carriage.joint: 3 is not allowed; give a text"),
+        (
+            'joint = "rocking"',
+            'joint = "rocking"\nat_deg = 20',
+            'spring.carriage.at_deg: 20 is outside the limits of "rocking"',
+        ),
+        (
+            "[spring.carriage]",
+            "[spring]",
+            "spring: has no name beside the keys of one spring, joint, stiffness_N_m_per_rad;"
+            " write [spring.…] with a name",
+        ),
+        (
+            "[cylinder.stick]",
+            "[cylinder]",
+            "cylinder: has no name beside the keys of one cylinder, bore_mm, rod_mm, stroke_mm,",
+        ),
+    ],
+)
+def test_one_fault_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """Of `load` and `check`: neither tables nor joints that stand in are complained of."""
+    path = saved(rocking(), tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new).replace('["stick", "bucket"]', '["bucket"]'))
+    (fault,) = faults(path)
+    assert words in str(fault)
+    with pytest.raises(ad.ArmDesignError, match=re.escape(words)):
+        ad.load(path)
+
+
+def test_check_tells_of_a_spring_too_soft_within_its_band(tmp_path: Path) -> None:
+    """Stiff enough in the file, not at a tenth of it where structure is soft too."""
+    path = saved(rocking(stiffness=4e6), tmp_path)
+    assert faults(path) == []
+    text = path.read_text()
+    path.write_text(
+        re.sub(r"(?m)^\[bands\].*", "[bands]\nspring_stiffness_share = [0.1, 1.0]", text)
+    )
+    (fault,) = faults(path)
+    assert "(0.1 of it, within the bands) does not hold the machine upright" in str(fault)
+    enough = float(fault.remedy.removeprefix("give more than ").removesuffix(" N m/rad"))
+    path.write_text(path.read_text().replace("4000000.0", repr(1.001 * enough)))
+    assert faults(path) == []
+
+
+def test_the_least_stiffness_is_that_of_all_poses_and_loads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However few poses a chunk has, maps and `check` name what is enough for all of them."""
+    machine = rocking(stiffness=1e5)
+    workspace = ad.Workspace.grid(machine, points=5)
+    monkeypatch.setattr("armdesign.arrays.CHUNK", 30)
+    with pytest.raises(ad.ArmDesignError, match="upright") as caught:
+        ad.frequency_map(machine, workspace)
+    enough = float(caught.value.remedy.removeprefix("give more than ").removesuffix(" N m/rad"))
+    path = "spring.carriage.stiffness_N_m_per_rad"
+    ad.frequency_map(machine.replace({path: 1.001 * enough}), workspace)
+    with pytest.raises(ad.ArmDesignError, match="upright"):
+        ad.frequency_map(machine.replace({path: 0.999 * enough}), workspace)

@@ -12,7 +12,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.frequency.modes import natural_modes
 from armdesign.inspection.inspection import inspect
+from armdesign.simulation.linearization import linearize
 from armdesign.units import cm3, deg, litre
 from tests import machines
 
@@ -34,6 +36,28 @@ def test_the_slewing_frequency_by_hand(slewing: ad.Machine) -> None:
     expected = math.sqrt(stiffness / poses.mass_matrix[0, 0, 0]) / (2 * math.pi)
     assert_allclose(ad.natural_modes(poses).locked_frequencies[0, 3], expected, rtol=1e-12)
     assert_allclose(poses.oil_stiffness[0, 3], stiffness, rtol=1e-12)
+
+
+def test_the_swing_of_the_20_t_machine_is_damped() -> None:
+    """Anchors of issue 13: damping ratios between 0.01 and 0.05 at mid reach."""
+    machine = ad.load("excavator_20t").replace({"joints": SLEWING})
+    q = machine.ranges.mean(axis=1)
+    for case in machine.payloads:
+        linear = linearize(machine.with_payload(case.name), q)
+        swing = natural_modes(machine.with_payload(case.name).at(q)).locked_frequencies[0, 3]
+        mode = np.argmin(np.abs(linear.natural_frequencies - swing))
+        assert linear.natural_frequencies[mode] == pytest.approx(swing, rel=1e-3)
+        assert 0.01 < linear.damping_ratios[mode] < 0.05
+
+
+def test_a_motor_drives_its_joint_alone(slewing: ad.Machine) -> None:
+    """No spring on the joint, whether the motor is at work or idle."""
+    table = '\n[spring.slew]\njoint = "swing"\nstiffness_N_m_per_rad = 1e7\n'
+    for machine in (slewing, ad.load("excavator_20t")):
+        text = machine.text.replace("swing = 0.0", "") + table
+        with pytest.raises(ad.ArmDesignError, match="swing") as caught:
+            ad.Machine.from_text(text, machine.urdf_text, machine.source)
+        assert "spring.slew.joint" in caught.value.part
 
 
 def test_slewing_leaves_the_planar_modes_alone(slewing: ad.Machine, excavator: ad.Machine) -> None:
@@ -106,6 +130,7 @@ def test_full_valve_turns_at_the_speed_of_its_flow(slewing: ad.Machine) -> None:
     With rated flow Q_r at Δp_r, Q = Q_r √((p_s − p_r)/2/Δp_r): by hand 2.9 rad/s at a tenth of the
     valve.
     """
+    slewing = slewing.replace({"damped": False})
     run = ad.simulate(
         slewing, [0.0, 0.2, -1.2, -0.5], {"swing": lambda t: 0.1 * min(t / 4, 1.0)}, duration=12.0
     )

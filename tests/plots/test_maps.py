@@ -36,6 +36,9 @@ def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
     least = min(found.frame["f1_hz"].min() for found in pair.values())
     meshes = [scale for scale in scales if scale[0] == pytest.approx(least, rel=1e-12)]
     assert len(meshes) == 1
+    fig.canvas.draw()
+    one, other = (ax.get_window_extent() for ax in fig.axes[:2])
+    assert (one.width, one.height) == pytest.approx((other.width, other.height))
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 

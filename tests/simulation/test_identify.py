@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.special import ellipk
 
 import armdesign as ad
 from armdesign.errors import SimulationError
+from armdesign.report.recordings import identified_sheets
 from armdesign.simulation.simulate import simulate
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -32,17 +34,25 @@ def ring(
     return time, 70 - 0.8 * time + size * decay
 
 
-def coloured(random: np.random.Generator, count: int, colour: float) -> np.ndarray:
-    """Noise e_k = colour e_{k−1} + white, of unit variance."""
-    white = random.normal(size=count + 200)
+def coloured(random: np.random.Generator, count: int, colour: float | str) -> np.ndarray:
+    """Noise e_k = colour e_{k−1} + white, or with a spectrum in proportion to 1/f, of unit
+    variance.
+    """
+    if colour == "1/f":
+        lines = np.fft.rfftfreq(8 * count)
+        lines[0] = math.inf
+        spectrum = np.fft.rfft(random.normal(size=8 * count)) / np.sqrt(lines)
+        noise = np.fft.irfft(spectrum)[:count]
+        return np.asarray(noise / np.std(noise))
+    colour, white = float(colour), random.normal(size=count + 200)
     return np.asarray(lfilter([math.sqrt(1 - colour**2)], [1, -colour], white)[200:])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.01, 0.05, 0.1])
-@pytest.mark.parametrize("colour", [0.6, 0.95])
-def test_deviations_hold_under_coloured_noise(noise: float, colour: float) -> None:
-    """100 recordings each; the noise is a share of the ring's root mean square."""
+@pytest.mark.parametrize("colour", [0.5, 0.9, 0.98, "1/f"])
+def test_deviations_hold_under_coloured_noise(noise: float, colour: float | str) -> None:
+    """100 recordings each, two deviations; the noise is a share of the ring's root mean square."""
     random, (time, clean) = np.random.default_rng(1), ring()
     size = noise * float(np.std(clean - np.polyval(np.polyfit(time, clean, 1), time)))
     held, ratios = np.zeros(2), []
@@ -51,7 +61,7 @@ def test_deviations_hold_under_coloured_noise(noise: float, colour: float) -> No
         found = ad.identify({"time_s": time, "boom_cap_bar": noisy}, [(0, 4)]).windows[0].fit
         errors = [found.natural_frequencies[0] - 2, found.damping_ratios[0] - 0.02]
         deviations = np.array([found.frequency_deviations[0], found.damping_deviations[0]])
-        held += np.abs(errors) <= 3 * deviations
+        held += np.abs(errors) <= 2 * deviations
         ratios.append(np.abs(errors) / deviations)
     assert np.all(held >= 90)
     # not by being too large: the median error of a normal law is 0.67 deviations
@@ -72,6 +82,80 @@ def test_a_recording_that_rings_from_begin_to_end() -> None:
         ad.identify({"time_s": time, "boom_cap_bar": 0 * clean + 3})
 
 
+def random_ring(random: np.random.Generator, periods: float) -> tuple[float, float, Any]:
+    """Frequency, damping ratio and recording of a ring about a slope; noise of 0, 0.3 or 3 %."""
+    frequency, zeta = np.exp(random.uniform(np.log([0.3, 0.005]), np.log([10, 0.3])))
+    rate = max(100, 40 * frequency)
+    time = np.arange(0, periods / frequency, 1 / rate)
+    omega, phase = 2 * math.pi * frequency, random.uniform(0, 2 * math.pi)
+    swing = np.cos(omega * math.sqrt(1 - zeta**2) * time + phase)
+    clean = 3 * np.exp(-zeta * omega * time) * swing
+    noise = random.choice([0, 0.003, 0.03]) * np.std(clean) * random.normal(size=len(time))
+    slope = random.uniform(-3, 3) * time * frequency / periods
+    return frequency, zeta, {"time_s": time, "boom_cap_bar": 70 + slope + clean + noise}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_window_of_less_than_two_periods_is_not_answered_wrongly(seed: int) -> None:
+    """Its trend swallows the ring: before, one of five answered with a frequency of the noise.
+
+    Where one is answered, it is right within its deviations; windows of 3 to 7 periods all are.
+    """
+    random = np.random.default_rng(seed)
+    for periods in random.uniform(0.3, 1.9, size=15):
+        frequency, zeta, columns = random_ring(random, periods)
+        window = [(0.0, float(columns["time_s"][-1]))]
+        try:
+            fit = ad.identify(columns, window).windows[0].fit
+        except SimulationError:
+            continue
+        assert abs(fit.natural_frequencies[0] - frequency) < 3 * fit.frequency_deviations[0]
+        assert abs(fit.damping_ratios[0] - zeta) < 3 * fit.damping_deviations[0]
+    for periods in random.uniform(3, 7, size=5):
+        frequency, zeta, columns = random_ring(random, periods)
+        fit = ad.identify(columns, [(0.0, float(columns["time_s"][-1]))]).windows[0].fit
+        most = 4 * fit.frequency_deviations[0] + 1e-4 * frequency
+        assert abs(fit.natural_frequencies[0] - frequency) < most
+
+
+def test_what_is_no_free_decay_is_said() -> None:
+    """A start, a motion and a stop in one window; a ring that grows; one beneath much noise."""
+    time, first = ring(8.0, zeta=0.05)
+    stop = np.where(time >= 4, ring(4.0, zeta=0.05)[1][np.arange(len(time)) % 400], 70)
+    noise = np.random.default_rng(4).normal(size=len(time))
+    omega = 2 * math.pi * 2
+    for pressure, word, message in (
+        (first + stop, "excited again", "its swing rises again about "),
+        (70 + np.exp(0.02 * omega * time) * np.cos(omega * time), "grows", "it grows, as no free"),
+        (first + 1.0 * noise, "large residual", "the fit leaves "),
+    ):
+        found = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(0, 7.99)])
+        assert word in found.frame["remark"][0]
+        assert any(message in line for line in found.findings if line[:9] == "0–7.99 s:")
+        assert word in identified_sheets(found)[0].rows[0][4]
+    decay = ad.identify({"time_s": time, "boom_cap_bar": first}, [(0, 7.99)])
+    assert decay.frame["remark"].to_list() == [""]
+    assert decay.findings == []
+
+
+def test_a_window_beyond_the_recording_is_said() -> None:
+    time, pressure = ring()
+    found = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(-5, 4)])
+    assert "cut" in found.frame["remark"][0]
+    assert "the recording holds 0–3.99 s, not all of -5–4 s" in found.findings[0]
+
+
+def test_the_motion_of_a_machine_is_told_beside_its_swings() -> None:
+    time, pressure = ring(8.0)
+    columns = {"time_s": time, "boom_cap_bar": pressure, "boom_length_mm": 900 + 10 * time}
+    moving = ad.identify(columns, [(0, 7.99)])
+    still = ad.identify({**columns, "boom_length_mm": 900 + 0.5 * time}, [(0, 7.99)])
+    words = "the machine moves (boom_length_mm 900 to 979.9): its pose changes the frequency"
+    assert moving.motion(*moving.windows) == words
+    assert moving.plot().axes[2].get_title() == f"{words}, too"
+    assert still.plot().axes[2].get_title() == ""
+
+
 def test_found_windows_and_swings() -> None:
     pressure = ring(12.0, zeta=0.03)[1]
     before = np.full(200, pressure[0])
@@ -80,6 +164,8 @@ def test_found_windows_and_swings() -> None:
     found = ad.identify({**columns, "boom_cap_bar": noisy})
     assert len(found.windows) >= 2
     assert found.windows[0].begin > 2.0
+    ends = [end for window in found.windows for end in (window.begin, window.end)]
+    assert ends == pytest.approx(np.round(ends, 2), abs=1e-9)
     assert found.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=0.01)
     assert found.swings["amplitude"].is_monotonic_decreasing
     assert len(found.plot().axes) == 3
@@ -129,6 +215,8 @@ def test_faults_of_recordings(tmp_path: Path) -> None:
     ):
         with pytest.raises(SimulationError, match=message):
             ad.identify(given, windows)  # type: ignore[arg-type]
+    with pytest.raises(SimulationError, match="boom_cap_bar is both the signal and its exc"):
+        ad.identify(columns, signal="boom_cap_bar", excitation="boom_cap_bar")
     with pytest.raises(SimulationError, match='has no column "boom_cap"; did you mean'):
         ad.identify(columns, [(0, 4)], signal="boom_cap")
     file = tmp_path / "r.csv"

@@ -49,14 +49,24 @@ def test_the_window_begins_when_the_spools_rest() -> None:
     assert (given.begin, given.end) == (2.0, 6.0)
     frame = run.frame
     assert list(frame.columns[:6]) == [
-        "time_s", "boom", "stick", "bucket", "boom_cap_bar", "boom_annulus_bar",
+        "time_s", "boom_deg", "stick_deg", "bucket_deg", "boom_cap_bar", "boom_annulus_bar",
     ]  # fmt: skip
+    np.testing.assert_allclose(np.radians(frame["stick_deg"]), run.q[:, 1], rtol=1e-14)
     np.testing.assert_array_equal(frame["boom_cap_bar"], run.pressures[:, 0, 0] / bar)
     boom = run.machine.cylinders[0]
     force = run.pressures[:, 0] @ (boom.bore_area, -boom.annulus_area)
     length = 1e-3 * frame["boom_pin_to_pin_mm"].to_numpy()
     yields = boom.closed_length + run.extensions[:, 0] - boom.compliance * force
     np.testing.assert_allclose(length, yields, atol=1e-4)  # dry friction: 1e-5 m
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "loader_crane"])
+def test_a_machine_at_rest_rings_with_nothing(name: str) -> None:
+    """Before, it answered with 0.978 and 36.2 Hz from creep and rounding."""
+    machine = ad.load(name)
+    run = simulate(machine, machine.ranges.mean(axis=1), {}, duration=2.0)
+    with pytest.raises(SimulationError, match=r"ring: nothing rings: speeds swing by .*; move"):
+        run.ring()
 
 
 def test_faults_of_rings() -> None:

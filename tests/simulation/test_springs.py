@@ -53,6 +53,7 @@ def test_at_rest_it_stays(machine: ad.Machine) -> None:
         assert_allclose(run.q, np.tile(q, (len(run.q), 1)), atol=1e-7)
         assert_allclose(run.springs, math.radians(0.5), atol=1e-7)
         assert run.springs.shape == (len(run.time), 1)
+        assert_allclose(run.frame["rocking_deg"], 0.5, atol=1e-5)
 
 
 def test_poles_are_the_modes(machine: ad.Machine) -> None:
@@ -84,6 +85,18 @@ def test_damping_ratio_is_that_of_the_joint_alone() -> None:
     assert linear.damping_ratios[0] == pytest.approx(zeta, rel=2e-3)
     alone = math.sqrt(kappa / 1300.0) / (2 * math.pi)
     assert linear.natural_frequencies[0] == pytest.approx(alone, rel=2e-3)
+
+
+def test_nothing_damps_where_the_file_says_so() -> None:
+    """`damped = false` leaves out the spring's own damping, too, and no frequency changes."""
+    damped = rocking(more="damping_ratio = 0.1")
+    still = damped.replace({"damped": False})
+    q = middle(damped)
+    assert linearize(damped, q).damping_ratios.min() > 1e-3
+    linear = linearize(still, q)
+    assert_allclose(linear.damping_ratios, 0, atol=1e-7)
+    modes = natural_modes(damped.at(q)).frequencies[0]
+    assert_allclose(linear.natural_frequencies, modes, rtol=1e-6)
 
 
 def test_two_masses_ring_as_by_hand() -> None:

@@ -18,12 +18,14 @@ from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import simulate as motion
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 from armdesign.simulation.linearization import linearize, without_dry_friction
-from armdesign.simulation.sweeps import Run, with_remarks
+from armdesign.simulation.sweeps import AGREES, Run, with_remarks
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation import valves as helpers
 from tests.simulation.valves import WORST
+
+BEST = (-0.3805, -2.3537, -0.7667)  # of the 20 t machine: its map says so
 
 COLUMNS = [
     "payload",
@@ -271,6 +273,21 @@ def test_deviation_vanishes_with_amplitude() -> None:
     assert deviations[0] > deviations[1] > deviations[2]
     assert max(deviations[2:]) < 2e-4
     assert runs[0].remark == "agrees" or runs[0].remark == "amplitude"
+
+
+def test_the_default_amplitude_lets_the_mean_stand_where_it_agrees() -> None:
+    """Bucket of the 20 t machine at its best pose, where the frequency changes most with the
+    position: the sine moves the piston to one side, so that half the amplitude halves the
+    deviation, and most of it is that of the linear frequency at the mean pose of the run.
+    """
+    machine = ad.load("excavator_20t").with_payload("empty")
+    full, half = validate(machine, BEST, cylinders=["bucket"]).runs
+    assert {full.remark, half.remark} == {"agrees"}
+    assert 0.4 < half.deviation / full.deviation < 0.6
+    at_mean = natural_modes(machine.at(full.mean)).frequencies[0, full.mode - 1]
+    there = at_mean / full.linear_frequency - 1
+    assert 0.5 < there / full.deviation < 1.0
+    assert abs(there) < AGREES
 
 
 def test_paper_machine() -> None:

@@ -3,8 +3,8 @@
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
 enclosed from above by branch and bound on intervals (``cylinder_term``), which no local optimum
-can fool. Every round of better multipliers gives a bound; the lowest counts. What remains of the
-gap is the duality gap between designs and their mixtures.
+can fool. Every round of better multipliers gives a bound; the lowest counts. The duality gap
+between designs and their mixtures shrinks where the designs are taken in parts (``regions``).
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
 at, and a stiffer arm.
@@ -23,9 +23,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.bound.mass_enclosure import bar_enclosures
+from armdesign.design.bound.regions import lowest_bound
 from armdesign.design.program.constraints import (
     CONSTRAINT_TOLERANCE,
     constraints_at,
@@ -98,11 +99,7 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
     return bound
 
 
-# of branching, without and with air in the oil, which makes two more numbers of every cylinder
-ROUNDS, AIRY = 6, 2
 WATCHED = 300  # lowest rows that may enter, of a corner of the bands
-CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
-COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
 ROUNDING = (
     1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
@@ -223,12 +220,14 @@ def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
         return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     bars = bar_enclosures(problem)
     driving = (
-        () if problem.dynamics.corners.proportional or bars is None else sole_drives(problem, bars)
+        ()
+        if problem.dynamics.corners.proportional or bars is None
+        else joint_drives(problem, bars)
     )
     if not driving or bars is None:
         return None
     dual = LagrangianDual.start(problem, driving, x, rows, bars)
-    best = _lowest(dual)
+    best = lowest_bound(dual)
     if not math.isfinite(best):
         return None
     driven = {d.cylinder for d in driving}
@@ -238,23 +237,6 @@ def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
         held=held,
         assumptions=_assumptions(problem, held),
     )
-
-
-def _lowest(dual: LagrangianDual) -> float:
-    """The lowest bound on ω² of a few rounds, over the reference."""
-    best = math.inf
-    for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else ROUNDS):
-        try:
-            multipliers = dual.converged()
-        except InfeasibleError:  # the solver gave up: what is known so far still holds
-            break
-        tolerance = float(np.clip(0.2 * (best - multipliers.mixed), FINE, COARSE))
-        maxima = dual.maxima(multipliers, tolerance)
-        best = min(best, dual.bound(multipliers, maxima))
-        if best - multipliers.mixed < CLOSE or not all(math.isfinite(m.value) for m in maxima):
-            break
-        dual.learn(multipliers, maxima)
-    return best
 
 
 def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,15 +1,17 @@
-"""Columns: designs of single cylinders that drive a joint alone."""
+"""Columns: designs of single cylinders that each move one joint."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, shape_of
+from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
 
@@ -18,8 +20,12 @@ NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the regi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SoleDrive:
-    """A cylinder with the joint that it alone drives, and its shape at the workspace's angles."""
+class JointDrive:
+    """A cylinder with the one joint that it moves, and its shape at the workspace's angles.
+
+    ``partners`` are the cylinders that move that joint, this one too. How they share its load
+    depends on all their designs.
+    """
 
     cylinder: int
     joint: int
@@ -29,37 +35,67 @@ class SoleDrive:
     dead: Array  # (2,) dead volumes of oil [m³]
     hoses: Array  # (2,) what hoses add, as oil without air [m³]
     compliance: Array  # of structure in series at each corner of the bands [m/N]
+    partners: int
+
+    @property
+    def region(self) -> tuple[Array, Array]:
+        """Lowest and highest b, scale and swept volumes (5,)."""
+        low, high = self.shape.region
+        return np.append(low, self.limits.volume[0]), np.append(high, self.limits.volume[1])
+
+    def within(self, low: Array, high: Array) -> JointDrive:
+        """The drive with its designs in a part (5,) of the region."""
+        scale = float(low[2]), float(high[2])
+        shape = replace(self.shape, low=low[:2], high=high[:2], scale=scale)
+        limits = replace(self.limits, volume=np.stack([low[3:], high[3:]]))
+        return replace(self, shape=shape, limits=limits)
+
+    def torque(self, whole: Interval) -> Interval:
+        """Its own part of torques that all partners hold together."""
+        if self.partners == 1:
+            return whole
+        return Interval(np.minimum(whole.low, 0.0), np.maximum(whole.high, 0.0))
 
 
-def sole_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[SoleDrive, ...]:
-    """Cylinders that drive one joint alone and vary in a way that ``cylinder_shape`` knows."""
-    machine, drives, corners = problem.machine, [], problem.dynamics.corners
-    for i, (linkage, cylinder) in enumerate(zip(machine.linkages, machine.cylinders, strict=True)):
-        others = [other for other in machine.drives if other is not linkage]
-        if any({*linkage.joints} & {*other.joints} for other in others):
-            continue
-        limits = cylinder_constraints(problem, i, bars)
-        if limits is None:
-            continue
-        joint, rows = linkage.joints[0], problem.dynamics.rows
-        angles, index = np.unique(problem.workspace.q[rows.pose, joint], return_inverse=True)
-        shape = shape_of(problem, i, angles)
-        assert shape is not None
-        hoses = np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume])
-        drive = SoleDrive(
-            cylinder=i,
-            joint=joint,
-            shape=shape,
-            angle=index,
-            limits=limits,
-            dead=np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]),
-            hoses=hoses / cylinder.hose_modulus * machine.fluid.bulk_modulus,
-            compliance=np.array(
-                [corners.machines[end].cylinders[i].compliance for end in corners.end]
-            ),
-        )
-        drives.append(drive)
-    return tuple(drives)
+def joint_drives(problem: Problem, bars: Sequence[BarEnclosure] = ()) -> tuple[JointDrive, ...]:
+    """Cylinders of joints that no other actuator moves but such cylinders.
+
+    Each moves one joint and varies in a way that ``cylinder_shape`` knows.
+    """
+    drives = [
+        drive
+        for i in range(len(problem.machine.cylinders))
+        if (drive := _joint_drive(problem, i, bars))
+    ]
+    counts = Counter(drive.joint for drive in drives)
+    return tuple(drive for drive in drives if counts[drive.joint] == drive.partners)
+
+
+def _joint_drive(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> JointDrive | None:
+    machine, linkage = problem.machine, problem.machine.linkages[i]
+    partners = sum(linkage.joints[0] in drive.joints for drive in machine.drives)
+    limits = cylinder_constraints(problem, i, bars, alone=partners == 1)
+    if limits is None:
+        return None
+    cylinder, joint, corners = machine.cylinders[i], linkage.joints[0], problem.dynamics.corners
+    own = problem.workspace.q[problem.dynamics.rows.pose, joint]
+    angles, index = np.unique(own, return_inverse=True)
+    shape = shape_of(problem, i, angles)
+    assert shape is not None
+    hoses = np.array([cylinder.cap_hose_volume, cylinder.annulus_hose_volume])
+    return JointDrive(
+        cylinder=i,
+        joint=joint,
+        shape=shape,
+        angle=index,
+        limits=limits,
+        dead=np.array([cylinder.cap_dead_volume, cylinder.annulus_dead_volume]),
+        hoses=hoses / cylinder.hose_modulus * machine.fluid.bulk_modulus,
+        compliance=np.array(
+            [corners.machines[end].cylinders[i].compliance for end in corners.end]
+        ),
+        partners=partners,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,17 +112,30 @@ class Columns:
     def __len__(self) -> int:
         return len(self.drive)
 
+    @property
+    def place(self) -> Array:
+        """Where they lie in the drives' regions (c, 5)."""
+        return np.column_stack([self.design, self.volume])
 
-def joined(some: Columns, more: Columns) -> Columns:
-    """Two sets of columns as one."""
-    return Columns(
-        drive=np.concatenate([some.drive, more.drive]),
-        design=np.concatenate([some.design, more.design]),
-        volume=np.concatenate([some.volume, more.volume]),
-    )
+    def within(self, k: int, drive: JointDrive) -> Columns:
+        """These without those of drive ``k`` that lie outside ``drive``'s region."""
+        low, high = drive.region
+        inside = np.all((self.place >= low) & (self.place <= high), axis=1)
+        return self[(self.drive != k) | inside]
 
 
-def allowed_columns(drive: SoleDrive, k: int, designs: Array) -> Columns:
+def column(k: int, design: Array, volume: Array) -> Columns:
+    """One design (3,) of drive ``k`` with swept volumes (2,)."""
+    return Columns(drive=np.array([k]), design=design[None], volume=volume[None])
+
+
+def joined(*parts: Columns) -> Columns:
+    """Several sets of columns as one."""
+    names = ("drive", "design", "volume")
+    return Columns(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
+
+
+def allowed_columns(drive: JointDrive, k: int, designs: Array) -> Columns:
     """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
     kept, _, volume = drive.limits.allowed(designs, designs)
     kept, volume = kept[:KEPT], volume[:KEPT]
@@ -99,13 +148,10 @@ def allowed_columns(drive: SoleDrive, k: int, designs: Array) -> Columns:
 
 
 def columns_around(
-    some: tuple[SoleDrive, ...], designs: Array, random: np.random.Generator
+    drive: JointDrive, k: int, design: Array, random: np.random.Generator
 ) -> Columns:
-    """Columns at and around one design (nd, 3) of each drive."""
-    pool = Columns(drive=np.empty(0, dtype=int), design=np.empty((0, 3)), volume=np.empty((0, 2)))
-    for k, drive in enumerate(some):
-        low, high = drive.shape.region
-        steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
-        near = np.clip(designs[k] + np.vstack([np.zeros(3), steps]), low, high)
-        pool = joined(pool, allowed_columns(drive, k, near))
-    return pool
+    """Columns at and around one design (3,)."""
+    low, high = drive.shape.region
+    steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
+    near = np.clip(design + np.vstack([np.zeros(3), steps]), low, high)
+    return allowed_columns(drive, k, near)

@@ -1,20 +1,22 @@
 """Requirements of one cylinder alone, over boxes of shapes and swept volumes.
 
 For a given shape a larger scale means more moment arm, dead length and thrust, but a more slender
-rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding and digging are torques,
-pressure × v ρ, and do not know the scale. The requirements themselves are in ``requirements/``
-(``oil``, ``strength``, ``leverage``, ``holding``); ``test_branching_against_dense_sampling`` ties
+rod: with v = A S the rod must keep v1 − v2 ≥ ℓ_max √(C S v1). Holding, lifting and digging are
+torques, pressure × v ρ, and do not know the scale. The requirements themselves are in
+``requirements/`` (``oil``, ``strength``, ``leverage``, ``torque``, ``holding``);
+``test_branching_against_dense_sampling`` and ``test_limits_of_single_cylinders`` tie
 the two statements.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.design.bound.cylinder_loads import Loads, loads_of
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
@@ -22,7 +24,9 @@ from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_
 from armdesign.design.program.problem import Problem
 from armdesign.machine.file.schema import share_of
 
-HOLDING_ANGLES = 5  # of most push and pull today
+# of the largest moment arm: by what a parabola through its samples may rise above them
+PEAK = 1e-3
+NO_LOADS = Loads(angle=np.empty(0), held=np.empty((2, 0)), place=np.empty(0, dtype=int))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +36,7 @@ class CylinderConstraints:
     Attributes:
         shape: the cylinder's, at the angles where requirements are looked at.
         area: least and largest areas (2, 2: ends, sides) [m²], > 0.
-        volume: largest swept volumes (2,) [m³].
+        volume: least and largest swept volumes (2, 2: ends, sides) [m³].
         rod: area [m²] of a rod that stays while its bore varies; 0 where it varies too, or neither
             does.
         dead_length: least closed length less stroke [m].
@@ -40,9 +44,10 @@ class CylinderConstraints:
             the joint's range.
         ranged: how many.
         buckling: C in rod area ≥ L √(C A1).
-        torque: least bore area × largest moment arm at the first ``ranged`` angles [m³/rad].
-        hold: static torques (2, n) [N m] over the holding share, by which they push and by which
-            they pull; or 0.
+        torque: least area × largest moment arm (2,: sides) at the first ``ranged`` angles
+            [m³/rad].
+        end_torque: least area × moment arm (2, 2: closed and open, sides) at the ends [m³/rad].
+        loads: that it must hold, at the last angles of the shape.
         supply, back: pressures of supply and return [Pa].
     """
 
@@ -54,8 +59,9 @@ class CylinderConstraints:
     arm: float
     ranged: int
     buckling: float
-    torque: float
-    hold: Array
+    torque: Array
+    end_torque: Array
+    loads: Loads
     supply: float
     back: float
 
@@ -73,14 +79,13 @@ class CylinderConstraints:
             kept = np.flatnonzero(~(scale.low > scale.high))
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
         scale = self._long_enough(e, scale[kept])
-        least = self._least_volumes(e, scale)
-        most = np.minimum(self.volume, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        floor, top = (low[kept, 3:], high[kept, 3:]) if low.shape[1] > 3 else self.volume
+        least = self._least_volumes(e, scale, floor)
+        most = np.minimum(top, self.area[1] * (e.stroke.high * scale.high)[:, None])
         # at scale 1; grows with its 3/2th power
         slender = e.wide.open.low * np.sqrt(e.stroke.low * self.buckling)
         scale = self._buildable(e, scale, least, most, slender)
         most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
-        if low.shape[1] > 3:
-            least, most = np.maximum(least, low[kept, 3:]), np.minimum(most, high[kept, 3:])
         left = ~(np.any(least > most, axis=1) | (scale.low > scale.high))
         least, most, slender = least[left], most[left], slender[left] * scale.low[left] ** 1.5
         if self.rod > 0 and low.shape[1] == 3:
@@ -102,13 +107,14 @@ class CylinderConstraints:
             return Interval(np.where(spare <= 0, np.inf, np.maximum(low, needed)), scale.high)
         return Interval(low, np.where(spare < 0, np.minimum(scale.high, needed), scale.high))
 
-    def _least_volumes(self, e: Enclosure, scale: Interval) -> Array:
-        """Swept volumes (m, 2) that digging and holding need at least."""
+    def _least_volumes(self, e: Enclosure, scale: Interval, floor: Array) -> Array:
+        """Swept volumes (m, 2) that torques and loads need at least, from a floor up."""
         size = e.rate.size
         least = self.area[0] * (e.stroke.low * np.minimum(scale.low, scale.high))[:, None]
-        push, pull = ((hold / size).max(axis=1) for hold in self.hold)
-        cap = np.maximum(least[:, 0], self.torque / size[:, : self.ranged].max(axis=1))
-        annulus = least[:, 1]
+        least = np.maximum(least, self.torque / size[:, : self.ranged].max(axis=1)[:, None])
+        least = np.maximum(least, (self.end_torque / size[:, :2, None]).max(axis=1))
+        cap, annulus = np.maximum(least, floor).T
+        push, pull = self.loads.most(size[:, size.shape[1] - len(self.loads.angle) :])
         for _ in range(2):
             cap = np.maximum(
                 cap, np.where(push > 0, push + self.back * annulus, 0.0) / self.supply
@@ -164,69 +170,54 @@ def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tup
 
 
 def cylinder_constraints(
-    problem: Problem, i: int, bars: Sequence[BarEnclosure] = ()
+    problem: Problem, i: int, bars: Sequence[BarEnclosure] = (), alone: bool = True
 ) -> CylinderConstraints | None:
-    """Limits of cylinder ``i`` under ``bars``, each wider by ``CONSTRAINT_TOLERANCE``; or None."""
+    """Limits of cylinder ``i`` under ``bars``, each wider by ``CONSTRAINT_TOLERANCE``; or None.
+
+    Without loads where it does not move its joint ``alone``.
+    """
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
     vector, poses, more = problem.vector, problem.vector.range_poses[i], 1 + CONSTRAINT_TOLERANCE
     if poses is None:
         return None
-    digs = cylinder.name in r.digging
-    # the best of all poses digs; the least arm may be looked for at some
-    ranged = poses.q[:: 1 if digs else 10, machine.linkages[i].joints[0]]
     arms, today = np.abs(vector.arms_today[i]), vector.areas_today[i]
-    angles, torques = _holding(problem, i, bars)
-    shape = shape_of(problem, i, np.concatenate([ranged, angles]))
+    sign = float(np.sign(vector.arms_today[i][0]))
+    torque, end_torque = _torques(problem, i)
+    # of all poses one has the largest arm; the least may be looked for at some
+    ranged = poses.q[:: 1 if torque.any() else 10, machine.linkages[i].joints[0]]
+    loads = loads_of(problem, i, bars, sign) if alone else NO_LOADS
+    shape = shape_of(problem, i, np.concatenate([ranged, loads.angle]))
     if shape is None:
         return None
+    oil = share_of(r.oil_each_share, cylinder.name)
     # an annulus may follow its bore
     low, high = (vector.areas(end)[i] / today for end in problem.bounds)
     high = np.minimum(high, [share_of(r.thrust_share, cylinder.name), np.inf])
     bore_varies, rod_varies = vector.resized[i]
-    hold = np.maximum(np.stack([torques, -torques]) * shape.sign, 0.0).max(axis=2)
-    hold = np.pad(hold, ((0, 0), (2 + len(ranged), 0)))
     return CylinderConstraints(
         shape=shape,
         area=np.stack([low * today / more, high * today * more]),
-        volume=share_of(r.oil_each_share, cylinder.name) * today * cylinder.stroke * more,
+        volume=np.stack([np.zeros(2), oil * today * cylinder.stroke * more]),
         rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
         dead_length=cylinder.dead_length - CONSTRAINT_TOLERANCE * cylinder.stroke,
         arm=share_of(r.moment_arm_share, cylinder.name) * float(arms.min()) / more,
         ranged=2 + len(ranged),
         buckling=buckling_factor(problem, i) / more**2,
-        torque=r.digging_share * float(today[0] * arms.max()) / more if digs else 0.0,
-        hold=hold / (share_of(r.holding_share, cylinder.name) * more),
+        torque=torque * (1 - PEAK) / more,
+        end_torque=end_torque / more,
+        loads=replace(loads, held=loads.held / more),
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
     )
 
 
-def _holding(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> tuple[Array, Array]:
-    """Angles (n,) at which today's cylinder pushes or pulls most, and torques (n, 2) [N m].
-
-    The greatest that some load asks for at least, and the least that some load asks for at most.
-    """
-    joint = problem.machine.linkages[i].joints[0]
-    own, torque = (
-        problem.workspace.q[problem.dynamics.nominal_rows.pose, joint],
-        problem.dynamics.nominal_rows.gravity[:, joint],
-    )
-    angles, index = np.unique(own, return_inverse=True)
-    order = np.lexsort([torque, index])
-    starts = np.searchsorted(index[order], np.arange(len(angles) + 1))
-    rows = np.stack([order[starts[1:] - 1], order[starts[:-1]]], axis=1)
-    extremes = torque[rows]
-    ranged = problem.vector.range_poses[i]
-    assert ranged is not None
-    order = np.argsort(ranged.q[:, joint])
-    arms = np.interp(angles, ranged.q[order, joint], problem.vector.arms_today[i][order])
-    chosen = np.unique(
-        [np.argsort(sign * end / arms)[-HOLDING_ANGLES:] for end in extremes.T for sign in (1, -1)]
-    )
-    enclosed = extremes[chosen]
-    for bar in bars:
-        rigid = problem.workspace.rigid[problem.dynamics.nominal_rows.pose[rows[chosen].ravel()]]
-        added = bar.gravity(rigid)[:, joint]
-        enclosed[:, 0] += added.low[::2]
-        enclosed[:, 1] += added.high[1::2]
-    return angles[chosen], enclosed
+def _torques(problem: Problem, i: int) -> tuple[Array, Array]:
+    """Area × moment arm that cylinder ``i`` keeps: the largest (2,), and at the ends (2, 2)."""
+    r, name = problem.requirements, problem.machine.cylinders[i].name
+    arms, areas = np.abs(problem.vector.arms_today[i]), problem.vector.areas_today[i]
+    share = np.full(2, share_of(r.torque_share, name))
+    if name in r.digging:
+        share[0] = max(share[0], r.digging_share)
+    closed = 0 if problem.vector.arms_today[i][0] > 0 else -1
+    ends = arms[[closed, -1 - closed]]
+    return share * arms.max() * areas, share_of(r.end_torque_share, name) * np.outer(ends, areas)

@@ -44,25 +44,26 @@ class Spring:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Air:
-    """Oil with air, and the largest static torques (n,) [N m, ≥ 0] of push and pull."""
+    """Oil with air, and the static torques (n,) [N m, + pushes]."""
 
     fluid: Fluid
     back: float  # pressure of the chamber without load, at most [Pa]
-    push: Array
-    pull: Array
+    torque: Interval
 
-    def stiffening(self, rate: Array, least: Array, most: Array) -> tuple[Array, Array]:
+    def stiffening(self, rate: Interval, least: Array, most: Array) -> tuple[Array, Array]:
         """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
 
-        For rates (m, n) of at least this size and swept volumes between ``least`` and ``most`` (m,
-        2): p1 = (F + A2 p0)/A1 with F/A1 = torque/(v1 ρ), the other chamber at p0 or below.
+        For |ρ| (m, n) and swept volumes between ``least`` and ``most`` (m, 2): p0, or p1 = (F + A2
+        p0)/A1 where that is more, with F = torque/(|ρ| S); in the annulus likewise with −F.
         """
         ratios = []
-        for torque, own, other in ((self.push, 0, 1), (self.pull, 1, 0)):
+        for torque, own, other in ((self.torque.high, 0, 1), (-self.torque.low, 1, 0)):
             volume = least[:, own, None]
             with np.errstate(divide="ignore", invalid="ignore"):
-                load = np.where(torque > 0, torque / (volume * rate), 0.0)
-                pressure = np.maximum(self.back, load + self.back * most[:, other, None] / volume)
+                needed = self.back * most[:, other, None] + torque / np.where(
+                    torque > 0, rate.low, rate.high
+                )
+                pressure = np.maximum(self.back, needed / volume)
             beta = (
                 bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
                 / self.fluid.bulk_modulus

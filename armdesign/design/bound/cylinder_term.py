@@ -128,10 +128,9 @@ class CylinderTerm:
         stiffening = self._stiffening(e, volume)
         if self.structure is None:
             return Spring(stiffening=stiffening)
-        sign, middle = self.shape.sign, (scale.low + scale.high) / 2
+        middle = (scale.low + scale.high) / 2
         spring = Spring(
-            stiffening=stiffening,
-            shift=self.structure.shift((e.rate * sign).above(LEAST), e.stroke * scale),
+            stiffening=stiffening, shift=self.structure.shift(self._size(e), e.stroke * scale)
         )
         volume = np.concatenate([volume, volume.mean(axis=1, keepdims=True)], axis=1)
         place, stroke = e.centre.place.low, e.centre.stroke.low * middle
@@ -148,8 +147,11 @@ class CylinderTerm:
         """Largest bulk moduli of both chambers over oil's alone, over volumes (m, v, 2)."""
         if self.air is None:
             return 1.0, 1.0
-        rate = _least_rate(e)
-        return self.air.stiffening(rate, volume.min(axis=1), volume.max(axis=1))
+        return self.air.stiffening(self._size(e), volume.min(axis=1), volume.max(axis=1))
+
+    def _size(self, e: Enclosure) -> Interval:
+        """Size |ρ| of the rates (m, n)."""
+        return (e.rate * self.shape.sign).above(LEAST)
 
     def _by_volume(
         self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: Spring
@@ -158,7 +160,7 @@ class CylinderTerm:
 
         ``best`` (m, 2) are the volumes of the bound.
         """
-        rate, added = _least_rate(e), np.zeros((len(volume), 2))
+        rate, added = self._size(e), np.zeros((len(volume), 2))
         least, most = volume.min(axis=1), volume.max(axis=1)
         if self.air is not None:
             square = (e.rate.high**2) @ self.weight
@@ -289,13 +291,8 @@ class CylinderTerm:
         return np.stack(by_b, axis=2), known
 
 
-def _least_rate(e: Enclosure) -> Array:
-    """Smallest |ρ| at the ends of the enclosed rates (m, n)."""
-    return np.asarray(np.minimum(np.abs(e.rate.low), np.abs(e.rate.high)))
-
-
 BATCH = 1500  # cells branched at a time
-TRIALS = 200  # middles of cells tried as designs
+TRIALS = 50  # middles of cells tried as designs
 WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
 FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
@@ -315,8 +312,8 @@ def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
     low, high = first_cells(term.shape)
     if term.air or term.structure:
-        zero, most = np.zeros((len(low), 2)), np.tile(term.limits.volume, (len(low), 1))
-        low, high = np.column_stack([low, zero]), np.column_stack([high, most])
+        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.volume)
+        low, high = np.column_stack([low, least]), np.column_stack([high, most])
     cells, looked, pruned = term.upper(low, high), len(low), -math.inf
     best = Maximum(
         upper=math.inf, value=-math.inf, design=np.zeros(3), volume=np.zeros(2), cells=0

@@ -5,9 +5,10 @@ rows (poses and load cases) is at most, for every design x that the requirements
 
     Σ_j ⟨Z_j, L_j⁻¹ K_j(x) L_j⁻ᵀ⟩ + μ·(budget − Σ_i v_i(x)),    M_j = L_j L_jᵀ.
 
-Where a joint has a cylinder of its own, K_j is the part of gravity and springs, which no design
-changes, plus a diagonal whose entry there, k r² − g H/r, depends on that cylinder alone and is
-zero for springs. So the maximum over x falls apart.
+Where a joint has a cylinder of its own, K_j is the part of gravity, springs and motors, which no
+design changes, plus a diagonal whose entry there, k r² − g H/r, depends on that cylinder alone and
+is zero for the others. So the maximum over x falls apart. Where several cylinders move a joint and
+no other, their entries add, each with a part of g between nothing and the whole.
 
 The budget is what ``requirements/oil.py`` allows of all cylinders;
 ``test_no_random_design_exceeds_the_bound`` ties the two.
@@ -38,8 +39,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.bound.columns import (
     Columns,
-    SoleDrive,
+    JointDrive,
     allowed_columns,
+    column,
     columns_around,
     joined,
 )
@@ -48,6 +50,7 @@ from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, maximum
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
+from armdesign.design.bound.motors import motor_joints, motor_stiffness
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
@@ -69,7 +72,8 @@ class Multipliers:
     """Multipliers of one programme, ω² in units of the reference."""
 
     rows: Array  # the rows that it had (n,)
-    weight: Array  # L⁻ᵀ Z L⁻¹ (n, k, k) over drives' joints, springs and the reference
+    columns: Columns  # and the designs
+    weight: Array  # L⁻ᵀ Z L⁻¹ (n, k, k) over the free coordinates and the reference
     trace: Array  # of each Z (n,)
     oil: Array  # μ of both sides (2,) [1/m³]
     constant: float  # the part of the upper bound that no design changes
@@ -83,11 +87,11 @@ class LagrangianDual:
     """The search for multipliers: rows and columns of the programme, a pool of more columns."""
 
     problem: Problem
-    drives: tuple[SoleDrive, ...]
+    drives: tuple[JointDrive, ...]
     bars: Sequence[BarEnclosure]  # own masses that depend on x
-    loads: Rows  # all rows, with the own masses of one design
-    # λ0: that design's lowest ω² where own masses depend on x, else 0, over the reference
-    near: float
+    fixed: Rows  # all rows, without own masses that depend on x; ∂g/∂q with motors' stiffness
+    loads: Rows  # the same with the own masses of one design
+    reached: float  # that design's lowest ω² over the reference
     watched: Array  # rows that may enter
     reference: float  # [rad²/s²]
     rows: Array
@@ -98,7 +102,7 @@ class LagrangianDual:
     def start(
         cls,
         problem: Problem,
-        some: tuple[SoleDrive, ...],
+        some: tuple[JointDrive, ...],
         x: Array,
         watched: Array,
         bars: Sequence[BarEnclosure] = (),
@@ -113,18 +117,50 @@ class LagrangianDual:
             design=np.array([coordinates(problem, d.cylinder, d.shape, x) for d in some]),
             volume=(problem.vector.areas(x) * stroke[:, None])[chosen],
         )
-        pool = columns_around(some, columns.design, random)
+        pool = [columns_around(d, k, columns.design[k], random) for k, d in enumerate(some)]
         for k, drive in enumerate(some):
-            low, high = drive.shape.region
-            pool = joined(pool, allowed_columns(drive, k, random.uniform(low, high, (SAMPLES, 3))))
+            drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
+            pool.append(allowed_columns(drive, k, drawn))
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
-        mass, gravity, slope = problem.dynamics.inertia_and_gravity(
-            x, problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
+        rows, all_rows = problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
+        fixed = replace(rows, slope=rows.slope + motor_stiffness(problem, bool(bars)))
+        mass, gravity, slope = problem.dynamics.inertia_and_gravity(x, fixed, all_rows)
+        return cls(
+            problem=problem,
+            drives=some,
+            bars=bars,
+            fixed=fixed,
+            loads=replace(rows, mass=mass, gravity=gravity, slope=slope),
+            reached=float(squared.min()) / reference,
+            watched=watched,
+            reference=reference,
+            rows=watched[np.argsort(squared)[:ROWS]],
+            columns=columns,
+            pool=joined(*pool),
         )
-        loads = replace(problem.dynamics.rows, mass=mass, gravity=gravity, slope=slope)
-        near = max(float(squared.min()), 0.0) / reference if bars else 0.0
-        rows = watched[np.argsort(squared)[:ROWS]]
-        return cls(problem, some, bars, loads, near, watched, reference, rows, columns, pool)
+
+    def within(self, k: int, drive: JointDrive, multipliers: Multipliers) -> LagrangianDual:
+        """The search with drive ``k`` in a part of its region, ``drive``'s, from multipliers on.
+
+        ``join`` gives it a column of that drive.
+        """
+        drives = (*self.drives[:k], drive, *self.drives[k + 1 :])
+        order = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - 1]
+        columns = multipliers.columns[order].within(k, drive)
+        pool = self.pool.within(k, drive)
+        return replace(self, drives=drives, columns=columns, pool=pool)
+
+    def join(self, k: int, most: Maximum) -> None:
+        """Take the design of drive ``k`` that branching found, and others around it."""
+        random = np.random.default_rng(len(self.pool))
+        self.columns = joined(self.columns, column(k, most.design, most.volume))
+        around = columns_around(self.drives[k], k, most.design, random)
+        self.pool = joined(self.pool, around)
+
+    @property
+    def near(self) -> float:
+        """λ0: what the design at hand reaches where own masses depend on x, else 0."""
+        return max(self.reached, 0.0) if self.bars else 0.0
 
     @cached_property
     def budget(self) -> tuple[float, Array]:
@@ -160,15 +196,14 @@ class LagrangianDual:
         pick = self._pick(self.rows)
         return Multipliers(
             rows=self.rows,
+            columns=self.columns,
             weight=weight,
             trace=trace / total,
             oil=oil / today,
             constant=float(
-                np.einsum("nij,nij->", weight, self.problem.dynamics.rows.slope[pick])
-                + oil.sum() * budget
+                np.einsum("nij,nij->", weight, self.fixed.slope[pick]) + oil.sum() * budget
             ),
-            light=self.reference
-            * float(np.einsum("nij,nij->", weight, self.problem.dynamics.rows.mass[pick])),
+            light=self.reference * float(np.einsum("nij,nij->", weight, self.fixed.mass[pick])),
             mixed=step.value - step.violation,
             mixture=step.change[: len(self.columns)],
         )
@@ -195,18 +230,24 @@ class LagrangianDual:
         )
 
     def _pick(self, rows: Array) -> tuple[Array, ...]:
-        """Index of rows over the drives' joints and the springs, the other joints held."""
+        """Index of rows over the free coordinates, the others held."""
         return np.ix_(rows, np.array(self._free), np.array(self._free))
 
     @cached_property
     def _free(self) -> list[int]:
-        """Coordinates that are not held: the drives' joints, then the springs."""
-        arm = self.problem.machine.arm
-        springs = range(len(arm.joints), len(arm.coordinates))
-        return [*(d.joint for d in self.drives), *springs]
+        """Coordinates that are not held: of the drives, of motors, and the springs."""
+        machine = self.problem.machine
+        springs = range(len(machine.arm.joints), len(machine.arm.coordinates))
+        driven = {d.joint for d in self.drives} | {joint for _, joint in motor_joints(machine)}
+        return [*sorted(driven), *springs]
+
+    @cached_property
+    def _place(self) -> Array:
+        """Where each drive's joint is among the free coordinates."""
+        return np.array([self._free.index(d.joint) for d in self.drives])
 
     def scaled_bases(self, rows: Array) -> tuple[Array, Array]:
-        """L⁻¹ over drives' joints and springs (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
+        """L⁻¹ over free coordinates (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
         inverse = inverse_cholesky(self.loads.mass[pick])
         return (
@@ -216,10 +257,10 @@ class LagrangianDual:
 
     def _matrices(self, inverse: Array, rows: Array) -> Array:
         """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, k, k)."""
-        across = inverse[:, :, self.columns.drive]
-        return np.einsum("cn,nic,njc->cnij", self._diagonals(self.columns, rows), across, across)
+        across = inverse[:, :, self._place[self.columns.drive]]
+        return np.einsum("cn,nic,njc->cnij", self.diagonals(self.columns, rows), across, across)
 
-    def _diagonals(self, columns: Columns, rows: Array) -> Array:
+    def diagonals(self, columns: Columns, rows: Array) -> Array:
         """Entry k r² − g H/r of K (c, n) that each column makes at rows, over the reference."""
         entries = np.empty((len(columns), len(rows)))
         for k, d in enumerate(self.drives):
@@ -230,12 +271,12 @@ class LagrangianDual:
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
             beta, gravity = (
                 self.problem.machine.fluid.bulk_modulus,
-                self.loads.gravity[rows, d.joint],
+                self.loads.gravity[rows, d.joint] / d.partners,
             )
             stiff: Stiffening = (1.0, 1.0)
             if air := self._air(d, interval(gravity)):
                 both = columns.volume[own]
-                cap_side, annulus_side = air.stiffening(np.abs(rate), both, both)
+                cap_side, annulus_side = air.stiffening(interval(np.abs(rate)), both, both)
                 stiff = cap_side[:, 0], annulus_side[:, 0]
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
             structure, stroke = (
@@ -251,22 +292,17 @@ class LagrangianDual:
             entries[own] = beta * rate**2 * oil - gravity * bend
         return entries / self.reference
 
-    def _air(self, drive: SoleDrive, gravity: Interval) -> Air | None:
+    def _air(self, drive: JointDrive, gravity: Interval) -> Air | None:
         """Softening of a drive's oil by air under torques (n,) [N m]; None without air."""
         fluid, sign = self.problem.machine.fluid, drive.shape.sign
         if fluid.air == 0:
             return None
-        machine, turned = self.problem.machine, gravity * sign
+        machine = self.problem.machine
         # reliefs make it but less
         back = machine.cylinders[drive.cylinder].preload(machine.supply.return_pressure)
-        return Air(
-            fluid=fluid,
-            back=back,
-            push=np.maximum(turned.high, 0.0),
-            pull=np.maximum(-turned.low, 0.0),
-        )
+        return Air(fluid=fluid, back=back, torque=gravity * sign)
 
-    def _structure(self, drive: SoleDrive, gravity: Interval, rows: Array) -> Structure | None:
+    def _structure(self, drive: JointDrive, gravity: Interval, rows: Array) -> Structure | None:
         """Structure in series with a drive at rows under torques (n,) [N m]; None: rigid at all.
 
         Torques may begin with some that belong to no row.
@@ -282,18 +318,19 @@ class LagrangianDual:
 
     def _best_of_pool(self, multipliers: Multipliers) -> tuple[float, Columns]:
         """The bound by the pool's best designs, and the two best of each drive."""
-        entries = self._diagonals(self.pool, multipliers.rows) * self.reference
-        own = np.diagonal(multipliers.weight, axis1=1, axis2=2)
-        value = (
-            np.einsum("cn,nc->c", entries, own[:, self.pool.drive])
-            - self.pool.volume @ multipliers.oil
-        )
+        value = self.values(self.pool, multipliers)
         order = np.argsort(-value)
         best = [order[self.pool.drive[order] == k][:2] for k in range(len(self.drives))]
         return (
             multipliers.constant + float(sum(value[b[0]] for b in best if len(b) > 0)),
             self.pool[np.concatenate(best)],
         )
+
+    def values(self, columns: Columns, multipliers: Multipliers) -> Array:
+        """Each column's part (c,) of the upper bound."""
+        entries = self.diagonals(columns, multipliers.rows) * self.reference
+        own = np.diagonal(multipliers.weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
+        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.volume @ multipliers.oil)
 
     def _take_rows(self, multipliers: Multipliers) -> float:
         """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
@@ -316,52 +353,50 @@ class LagrangianDual:
 
     def learn(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> None:
         """Take the best designs that branching found, and those around them into the pool."""
-        design, volume = np.array([m.design for m in maxima]), np.array([m.volume for m in maxima])
+        random = np.random.default_rng(len(self.pool))
         self._take(
-            multipliers, Columns(drive=np.arange(len(maxima)), design=design, volume=volume)
+            multipliers,
+            joined(*(column(k, most.design, most.volume) for k, most in enumerate(maxima))),
         )
-        self.pool = joined(
-            self.pool, columns_around(self.drives, design, np.random.default_rng(len(self.pool)))
+        around = (
+            columns_around(d, k, maxima[k].design, random) for k, d in enumerate(self.drives)
         )
+        self.pool = joined(self.pool, *around)
 
     # ----------------------------------------------------------------------------------- branching
 
     def terms(self, multipliers: Multipliers) -> list[CylinderTerm]:
         """Each drive's part of the upper bound at these multipliers."""
-        terms, beta = [], self.problem.machine.fluid.bulk_modulus
-        gravity, mass_terms = self._gravity(multipliers.rows), dict(self._mass_terms(multipliers))
-        for k, d in enumerate(self.drives):
-            own = np.flatnonzero(multipliers.weight[:, k, k] > 0)
-            given = multipliers.weight[own, k, k]
-            torque = gravity[own, d.joint]
-            angles, back = np.unique(d.angle[multipliers.rows[own]], return_inverse=True)
-            padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
-            air, structure = (
-                self._air(d, padded),
-                self._structure(d, padded, multipliers.rows[own]),
-            )
-            if air or structure:
-                # of one angle, other loads
-                angles, back = d.angle[multipliers.rows[own]], np.arange(len(own))
-            weight, least, most = np.zeros((3, len(angles) + 2))
-            np.add.at(weight, back + 2, beta * given)
-            np.add.at(least, back + 2, given * torque.low)
-            np.add.at(most, back + 2, given * torque.high)
-            terms.append(
-                CylinderTerm(
-                    shape=d.shape.at(angles),
-                    limits=d.limits,
-                    weight=weight,
-                    bend=Interval(least, most),
-                    price=multipliers.oil,
-                    dead=d.dead,
-                    hoses=d.hoses,
-                    air=air,
-                    structure=structure,
-                    own=mass_terms.get(d.cylinder, (0.0, 0.0))[:2],
-                )
-            )
-        return terms
+        return [self._term(multipliers, k) for k in range(len(self.drives))]
+
+    def _term(self, multipliers: Multipliers, index: int) -> CylinderTerm:
+        beta = self.problem.machine.fluid.bulk_modulus
+        d, k = self.drives[index], self._place[index]
+        own = np.flatnonzero(multipliers.weight[:, k, k] > 0)
+        rows, given = multipliers.rows[own], multipliers.weight[own, k, k]
+        torque = d.torque(self._gravity(rows)[:, d.joint])
+        padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
+        air, structure = self._air(d, padded), self._structure(d, padded, rows)
+        angles, back = np.unique(d.angle[rows], return_inverse=True)
+        if air or structure:
+            # of one angle, other loads
+            angles, back = d.angle[rows], np.arange(len(own))
+        weight, least, most = np.zeros((3, len(angles) + 2))
+        np.add.at(weight, back + 2, beta * given)
+        np.add.at(least, back + 2, given * torque.low)
+        np.add.at(most, back + 2, given * torque.high)
+        return CylinderTerm(
+            shape=d.shape.at(angles),
+            limits=d.limits,
+            weight=weight,
+            bend=Interval(least, most),
+            price=multipliers.oil,
+            dead=d.dead,
+            hoses=d.hoses,
+            air=air,
+            structure=structure,
+            own=dict(self._mass_terms(multipliers)).get(d.cylinder, (0.0, 0.0))[:2],
+        )
 
     def _gravity(self, rows: Array) -> Interval:
         """Gravity torques (n, k) at rows, whatever the design [N m]."""
@@ -403,7 +438,9 @@ class LagrangianDual:
 
     def maxima(self, multipliers: Multipliers, tolerance: float) -> list[Maximum]:
         """The most that each term can be, all together to within a tolerance."""
-        each = tolerance / len(self.drives)
-        return [
-            maximum(term, each, AIRY if term.air else CELLS) for term in self.terms(multipliers)
-        ]
+        return [self.maximum(multipliers, k, tolerance) for k in range(len(self.drives))]
+
+    def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
+        """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
+        term = self._term(multipliers, k)
+        return maximum(term, tolerance / len(self.drives), AIRY if term.air else CELLS)

@@ -7,7 +7,7 @@ length c, see ``moving_masses``.
 
 Where a four-bar moves, its knee is anywhere within the rocker's length of the pivot, fixed to the
 pivot's link: that is so for all joints but its cylinder's own, which the bound holds then
-(``columns.sole_drives``): nothing depends on that one.
+(``columns.joint_drives``): nothing depends on that one.
 """
 
 from __future__ import annotations

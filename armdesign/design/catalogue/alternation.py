@@ -64,9 +64,9 @@ def sizes_and_pins(
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
     if best.violation <= MISSED:
-        found = with_sizes(best, sizes, start)
-        if found.violation <= MISSED:
-            return found, outcomes
+        sized = with_sizes(best, sizes, start)
+        if sized.violation <= MISSED:
+            return sized, outcomes
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
@@ -84,7 +84,10 @@ def with_sizes(
     pins want them; or as in ``start``. The best of these goes through ``improve_in_turn``.
     """
     problem = search.problem
-    searches = [run_to_end(_cylinder_by_cylinder(search, sizes), trust=0.05)]
+    followed = search  # the largest cylinder takes a size first, while the rest follows
+    for i in _largest_first(search):
+        followed = _best_near_size(followed, i, sizes)
+    searches = [run_to_end(followed, trust=0.05)]
     if start and _in_catalogue(problem, start[1], sizes):
         searches.append(run_to_end(_search_with(problem, *start), trust=0.1))
     try:
@@ -118,15 +121,10 @@ def improve_in_turn(search: Search, sizes: Sizes) -> Search:
 
 
 def refuse_fixed_sizes(problem: Problem) -> None:
-    """Raise where no size varies.
-
-    Raises:
-        ArmDesignError: none does.
-    """
+    """Raise where no size varies."""
     if not problem.vector.any_size_varies:
-        raise ArmDesignError(
-            "catalogue", "has no use where sizes stay as they are", 'add "areas" to what varies'
-        )
+        fault = "has no use where sizes stay as they are"
+        raise ArmDesignError("catalogue", fault, 'add "areas" to what varies')
 
 
 def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
@@ -138,18 +136,9 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
     )
 
 
-def _cylinder_by_cylinder(search: Search, sizes: Sizes) -> Search:
-    """Sizes near a search's, the largest cylinder first, while the rest follows."""
-    for i in _largest_first(search):
-        search = _best_near_size(search, i, sizes)
-    return search
-
-
 def _largest_first(search: Search) -> list[int]:
-    cylinders = search.problem.machine.cylinders
-    return sorted(
-        range(len(cylinders)), key=lambda i: -cylinders[i].bore_area * cylinders[i].stroke
-    )
+    oil = [cylinder.bore_area * cylinder.stroke for cylinder in search.problem.machine.cylinders]
+    return sorted(range(len(oil)), key=lambda i: -oil[i])
 
 
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:

@@ -27,6 +27,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
     concessions,
     conflict_error,
+    largest_share,
     nearest_error,
 )
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
@@ -61,35 +62,37 @@ class SlackSums:
             if len(left) == 0:
                 return None
             left = left[_undominated(change[np.ix_(left, shared)])]
-            reached = np.repeat(reached, len(left), axis=0) + np.tile(
-                change[np.ix_(left, shared)], (len(reached), 1)
-            )
-            chosen = np.column_stack(
-                [np.repeat(chosen, len(left), axis=0), np.tile(left, len(chosen))]
-            )
+            more = np.tile(change[np.ix_(left, shared)], (len(reached), 1))
+            reached = np.repeat(reached, len(left), axis=0) + more
+            before = np.repeat(chosen, len(left), axis=0)
+            chosen = np.column_stack([before, np.tile(left, len(chosen))])
             best = _undominated(reached)
             reached, chosen = reached[best], chosen[best]
         meets = np.flatnonzero(np.all(reached >= 0, axis=1))
         return chosen[meets[0]] if len(meets) > 0 else None
 
-    def nearest(self, give: Array, keep: Array) -> Array | None:
-        """The combination that meets ``keep`` and misses ``give`` least in order, or None."""
+    def nearest(self, give: Array, keep: Array, most: Array) -> Array | None:
+        """The combination that meets ``keep`` and misses ``give`` least in order, or None.
+
+        Of all combinations, so the largest share is proved least, then each share in turn. Nothing
+        gives more than the share ``most`` (m,).
+        """
         shares, every = np.zeros(len(self.slack)), np.union1d(keep, give)
-        shares[give] = 2 * LOST
+        shares[give] = most[give]
         best = self.eased(shares).combination(every)
         if best is None:
             return None
         for some in (give, *give[:, None]):
             low, trial, high = 0.0, 0.0, self._missed(best, some)
             while trial < high:
-                shares[some] = trial
+                shares[some] = np.minimum(trial, most[some])
                 met = self.eased(shares).combination(every)
                 if met is None:
                     low = trial
                 else:
                     best, high = met, self._missed(met, some)
                 trial = (low + high) / 2 if high - low > TOLERANCE * (1 + high) else high
-            shares[some] = high + ROUNDING * (1 + high)
+            shares[some] = np.minimum(high + ROUNDING * (1 + high), most[some])
         return best
 
     def eased(self, shares: Array) -> SlackSums:
@@ -169,9 +172,8 @@ class Judge:
     def slacks(self, areas: Array) -> Array:
         """Slack (b, m) of every requirement at areas (b, nc, 2); below −``LOST`` all is lost."""
         parts = np.array_split(areas, -(-len(areas) // BATCH))
-        return np.maximum(
-            np.concatenate([self._judged(part)[1] for part in parts]) + self.tolerance, -LOST
-        )
+        judged = np.concatenate([self._judged(part)[1] for part in parts])
+        return np.maximum(judged + self.tolerance, -LOST)
 
     def _judged(self, areas: Array) -> tuple[list[str], Array]:
         return slacks(self.placed, areas, self.today, self.workspace, self.limits, self._loads)
@@ -190,20 +192,14 @@ class Judge:
 class AllowedSizes:
     """Cylinders to choose from, and the requirements that they share.
 
-    Attributes:
-        cylinders: of every actuator, the cylinders that meet all requirements of their own.
-        slack: of the shared requirements (m,), without the changes, and the tolerance; a
-            combination is allowed at ≥ 0.
-        changes: of every actuator, what each of its cylinders changes on them (sizes, m).
-        judge: of all requirements.
-        touched: indices of the requirements that depend on the sizes, which ``meets`` judges.
+    A combination is allowed where ``slack`` and what its cylinders change on it are ≥ 0.
     """
 
-    cylinders: tuple[tuple[Cylinder, ...], ...]
-    slack: Array
-    changes: tuple[Array, ...]
-    judge: Judge
-    touched: Array
+    cylinders: tuple[tuple[Cylinder, ...], ...]  # of every actuator those that meet its own limits
+    slack: Array  # of the shared requirements (m,), without the changes, with the tolerance
+    changes: tuple[Array, ...]  # of every actuator, by each of its cylinders (sizes, m)
+    judge: Judge  # of all requirements
+    touched: Array  # indices of requirements that depend on the sizes, which ``meets`` judges
 
     def meets(self, combinations: Array) -> Flags:
         """Whether combinations (k, nc) meet every requirement that sizes touch (k,)."""
@@ -225,7 +221,7 @@ class AllowedSizes:
     def _touched_slacks(self, combinations: Array) -> Array:
         areas = np.tile(self.judge.own, (len(combinations), 1, 1))
         for i, sizes in enumerate(self.cylinders):
-            areas[:, i] = _areas(sizes)[combinations[:, i]]
+            areas[:, i] = areas_of(sizes)[combinations[:, i]]
         return self.judge.slacks(areas)[:, self.touched]
 
 
@@ -258,41 +254,25 @@ def allowed_sizes(
             other.
     """
     if len(placed.actuators) > len(placed.joints):
-        raise ArmDesignError(
-            "catalogue",
-            f"{placed.name} has {len(placed.actuators)}"
-            f" {'cylinders and motors' if placed.motors else 'cylinders'} on {len(placed.joints)}"
-            " joints: their static forces depend on the sizes",
-            "choose sizes without a catalogue",
-        )
-    judge = Judge(
-        placed=placed,
-        today=today,
-        workspace=workspace,
-        requirements=requirements,
-        tolerance=tolerance,
-    )
+        drives = f"{len(placed.actuators)} cylinders{' and motors' * bool(placed.motors)}"
+        fault = f"{placed.name} has {drives} on {len(placed.joints)} joints: their static forces"
+        fault += " depend on the sizes"
+        raise ArmDesignError("catalogue", fault, "choose sizes without a catalogue")
+    within = {"today": today, "workspace": workspace, "requirements": requirements}
+    judge = Judge(placed=placed, **within, tolerance=tolerance)  # type: ignore[arg-type]
     cylinders = []
     for i, old in enumerate(today.cylinders):
-        stroke, closed = placed.cylinders[i].stroke, placed.cylinders[i].closed_length
-        own_sizes = offered(old, sizes, *free[i]) if free else sizes
-        cylinders.append(
-            [
-                replace(sized(old, bore, rod, proportional), stroke=stroke, closed_length=closed)
-                for bore, rod in own_sizes
-            ]
-        )
+        now = placed.cylinders[i]
+        pairs = offered(old, sizes, *free[i]) if free else sizes
+        others = (sized(old, *pair, proportional) for pair in pairs)
+        stroke, closed = now.stroke, now.closed_length
+        cylinders.append([replace(one, stroke=stroke, closed_length=closed) for one in others])
     return _allowed(judge, cylinders)
-
-
-def _areas(cylinders: Sequence[Cylinder]) -> Array:
-    """Areas of cylinders (sizes, 2) [m²]."""
-    return areas_of(cylinders)
 
 
 def _allowed(judge: Judge, cylinders: list[list[Cylinder]]) -> AllowedSizes:
     """The cylinders that meet all requirements of their own, and the shared requirements."""
-    areas = [_areas(sizes) for sizes in cylinders]
+    areas = [areas_of(sizes) for sizes in cylinders]
     (slack,), changes = judge.slacks(judge.own), []
     for i, own in enumerate(areas):
         tried = np.tile(judge.own, (len(own), 1, 1))
@@ -342,7 +322,11 @@ def _refusal(
     subsets = disjoint_subsets(sums, every)
     columns = np.concatenate(subsets)
     others = np.setdiff1d(every, columns)
-    together = sums.nearest(columns, others)
+    any_share, most = np.full(len(sums.slack), 2 * LOST), _largest_shares(judge)
+    together = sums.nearest(columns, others, most)
+    if together is None:  # no file may state enough
+        most = any_share
+        together = sums.nearest(columns, others, most)
     assert together is not None  # what is left can be met
     checks = _checks(judge, cylinders, together)
     alone: dict[str, float | None] = {}
@@ -351,17 +335,22 @@ def _refusal(
         given = np.setdiff1d(columns, subset)
         eased[given] = [max(-checks[column].slack, 0.0) + ROUNDING for column in given]
         for column in subset:
-            only = sums.eased(eased).nearest(np.array([column]), every[every != column])
-            c = checks[column]
-            alone[c.name] = (
-                None if only is None else _missed(_checks(judge, cylinders, only)[column])
-            )
+            only = sums.eased(eased).nearest(np.array([column]), every[every != column], most)
+            amount = None if only is None else _missed(_checks(judge, cylinders, only)[column])
+            alone[checks[column].name] = amount
     names = [tuple(checks[column].name for column in subset) for subset in subsets]
     amounts = {checks[column].name: _missed(checks[column]) for column in columns}
     conflict = concessions(judge.requirements, names, {c.name: c for c in checks}, amounts, alone)
     return conflict_error(
         judge.placed.name, conflict, "no sizes of the catalogue meet", otherwise=OTHERWISE
     )
+
+
+def _largest_shares(judge: Judge) -> Array:
+    """Shares (m,) by which requirements can be relaxed, until no file allows their settings."""
+    checks = check(judge.placed, judge.today, judge.workspace, judge.limits)
+    shares = [largest_share(judge.requirements, c) for c in checks]
+    return np.minimum(shares, 2 * LOST)
 
 
 def _checks(

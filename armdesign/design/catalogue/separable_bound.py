@@ -48,12 +48,8 @@ class ScaledPoses:
 
     def joined(self, other: ScaledPoses) -> ScaledPoses:
         """These poses and others."""
-        return ScaledPoses(
-            **{
-                name: np.concatenate([value, getattr(other, name)])
-                for name, value in vars(self).items()
-            }
-        )
+        pairs = ((name, (value, getattr(other, name))) for name, value in vars(self).items())
+        return ScaledPoses(**{name: np.concatenate(pair) for name, pair in pairs})
 
     def lowest_with(self, oil: Array) -> Array:
         """Lowest eigenvalue of K_0 + Σ k r rᵀ with oil stiffnesses (nc, …, n)."""
@@ -65,15 +61,15 @@ class ScaledPoses:
 
     def oil(self, cylinders: Sequence[Sequence[Cylinder]], corners: Corners) -> list[Array]:
         """Stiffness of every size of each cylinder (sizes, n) [N/m], with the oil of the ends."""
-        found = [np.empty((len(sizes), len(self))) for sizes in cylinders]
+        stiffness = [np.empty((len(sizes), len(self))) for sizes in cylinders]
         for k, (softest, today) in enumerate(zip(corners.ends, corners.machines, strict=True)):
             rows, oil = self.end == k, (today.fluid, today.supply)
             extension, force = self.extension[rows], self.force[rows]
             for i, sizes in enumerate(cylinders):
                 at_end = corners.bands.actuators_at_end(sizes, softest, corners.today)
                 for n, one in enumerate(at_end):
-                    found[i][n, rows] = one.stiffness(extension[:, i], force[:, i], *oil)
-        return found
+                    stiffness[i][n, rows] = one.stiffness(extension[:, i], force[:, i], *oil)
+        return stiffness
 
 
 def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]:
@@ -106,12 +102,8 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
     for part in parts[1:]:
         whole = whole.joined(part)
     reference = float(max(whole.lowest.min(), 0.01 * np.median(np.abs(whole.lowest))))
-    return replace(
-        whole,
-        arm=whole.arm / math.sqrt(reference),
-        rest=whole.rest / reference,
-        lowest=whole.lowest / reference,
-    ), reference
+    arm, rest = whole.arm / math.sqrt(reference), whole.rest / reference
+    return replace(whole, arm=arm, rest=rest, lowest=whole.lowest / reference), reference
 
 
 ROWS = 16  # poses in one programme

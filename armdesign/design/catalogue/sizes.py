@@ -78,11 +78,8 @@ def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:
             (bore, rod) for bore in range(25, 321, GRID_MM) for rod in range(10, bore, GRID_MM)
         ]
     elif isinstance(catalogue, str):
-        raise ArmDesignError(
-            "catalogue",
-            f'"{catalogue:.40}" is not known',
-            'give "iso", "5mm" or pairs of bore and rod',
-        )
+        remedy = 'give "iso", "5mm" or pairs of bore and rod'
+        raise ArmDesignError("catalogue", f'"{catalogue:.40}" is not known', remedy)
     else:
         return _own(list(catalogue))
     return tuple((bore * mm, rod * mm) for bore, rod in pairs)
@@ -97,13 +94,11 @@ def _own(pairs: list[Sequence[float]]) -> Sizes:
         try:
             bore, rod = (float(value) for value in pair)
         except (TypeError, ValueError):
-            raise ArmDesignError(
-                "catalogue", f"{pair!r:.60} is not a pair of numbers", remedy
-            ) from None
+            fault = f"{pair!r:.60} is not a pair of numbers"
+            raise ArmDesignError("catalogue", fault, remedy) from None
         if not 0 < rod < bore < LARGEST:  # false for NaN too
-            raise ArmDesignError(
-                "catalogue", f"({bore:g}, {rod:g}) m is not 0 < rod < bore < {LARGEST:g} m", remedy
-            )
+            fault = f"({bore:g}, {rod:g}) m is not 0 < rod < bore < {LARGEST:g} m"
+            raise ArmDesignError("catalogue", fault, remedy)
     return tuple(sorted({(float(bore), float(rod)) for bore, rod in pairs}))
 
 
@@ -116,24 +111,20 @@ def read_sizes(path: str | Path) -> Sizes:
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise ArmDesignError(
-            str(path), f"cannot be read ({reason})", "give a CSV file, iso or 5mm"
-        ) from None
+        fault = f"cannot be read ({getattr(error, 'strerror', None) or 'not a text file'})"
+        raise ArmDesignError(str(path), fault, "give a CSV file, iso or 5mm") from None
     rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
     remedy = "give columns bore_mm and rod_mm"
     if not {"bore_mm", "rod_mm"} <= set(rows.fieldnames or ()):
-        raise ArmDesignError(
-            str(path), f"has columns {', '.join(rows.fieldnames or ()) or 'none'}", remedy
-        )
+        fault = f"has columns {', '.join(rows.fieldnames or ()) or 'none'}"
+        raise ArmDesignError(str(path), fault, remedy)
     pairs = []
     for row in rows:
         try:
             pairs.append((float(row["bore_mm"]) * mm, float(row["rod_mm"]) * mm))
         except (TypeError, ValueError):
-            raise ArmDesignError(
-                f"{path}: line {rows.line_num}", "is not a pair of numbers", remedy
-            ) from None
+            part = f"{path}: line {rows.line_num}"
+            raise ArmDesignError(part, "is not a pair of numbers", remedy) from None
     return sizes_of(pairs)
 
 
@@ -151,13 +142,10 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
     stays = [k for k, varies in enumerate((bore_varies, rod_varies)) if not varies]
     usable = tuple(size for size in sizes if all(abs(size[k] - own[k]) < SAME for k in stays))
     if not usable:
-        key = ("bore", "rod")[stays[0]]
-        raise ArmDesignError(
-            "catalogue",
-            f"has no size with the {key} of the {cylinder.name} cylinder,"
-            f" {size_in_mm(own[stays[0]]):g} mm",
-            f"offer one, or let cylinder.{cylinder.name}.{key}_mm vary too",
-        )
+        key, size = ("bore", "rod")[stays[0]], size_in_mm(own[stays[0]])
+        fault = f"has no size with the {key} of the {cylinder.name} cylinder, {size:g} mm"
+        remedy = f"offer one, or let cylinder.{cylinder.name}.{key}_mm vary too"
+        raise ArmDesignError("catalogue", fault, remedy)
     return usable
 
 
@@ -166,13 +154,9 @@ def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = Fals
     new = replace(cylinder, bore=bore, rod=rod)
     if not proportional:
         return new
-    return replace(
-        new,
-        cap_dead_volume=cylinder.cap_dead_volume * new.bore_area / cylinder.bore_area,
-        annulus_dead_volume=cylinder.annulus_dead_volume
-        * new.annulus_area
-        / cylinder.annulus_area,
-    )
+    cap = cylinder.cap_dead_volume * new.bore_area / cylinder.bore_area
+    annulus = cylinder.annulus_dead_volume * new.annulus_area / cylinder.annulus_area
+    return replace(new, cap_dead_volume=cap, annulus_dead_volume=annulus)
 
 
 def relative_areas(cylinder: Cylinder, bore: float, rod: float) -> tuple[float, float]:

@@ -165,20 +165,24 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
     """Force of each cylinder alone at the tool (b,) [N]: extending, at its best angle (ISO 6015).
 
     The force is tangential to the tool's arc about the joint that the cylinder turns; joints
-    further out stand where their own cylinders dig best. Cylinders that turn no single joint
-    between root and tool are left out.
+    further out stand where their own cylinders dig best, of several the strongest. Cylinders that
+    turn no single joint between root and tool are left out.
     """
     arm, ranges = reference.today.arm, reference.today.ranges
-    # by joint: cylinder, its best position, torque there
-    best: dict[int, tuple[str, Array, Array]] = {}
+    # by joint: its cylinders with their best positions and torques there, the strongest first
+    known: dict[int, list[tuple[str, Array, Array]]] = {}
     for i, (cylinder, swept) in enumerate(zip(reference.today.cylinders, new.sweeps, strict=True)):
         joint = reference.today.linkages[i].joints[0]
         if swept is None or not arm.joints[joint].revolute:
             continue
         where, most = peak(over(ranges[joint], reference.samples), swept[1])
-        best[joint] = cylinder.name, where, new.machine.supply.pressure * new.areas[:, i, 0] * most
+        torque = new.machine.supply.pressure * new.areas[:, i, 0] * most
+        known.setdefault(joint, []).append((cylinder.name, where, torque))
+    for several in known.values():
+        several.sort(key=lambda one: float(-one[2][0].real))
+    best = {joint: several[0][1] for joint, several in known.items()}
     q = arm.limits.mean(axis=1)
-    for joint, (_, where, _) in best.items():
+    for joint, where in best.items():
         q[joint] = where[0].real
     poses, tool = arm.kinematics(q[None]), reference.today.tool
     chain, forces = arm.chain(tool.link), {}
@@ -189,11 +193,11 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
         distance = float(np.linalg.norm(lever))
         if distance > 0:
             turned = sum(
-                (best[k][1] - q[k]) * float(motion.first[0, k] @ lever)
+                (best[k] - q[k]) * float(motion.first[0, k] @ lever)
                 for k in _beyond(chain, joint, best)
             )
-            name, _, torque = best[joint]
-            forces[name] = torque / (distance + turned / distance)
+            for name, _, torque in known[joint]:
+                forces[name] = torque / (distance + turned / distance)
     return forces
 
 

@@ -29,10 +29,8 @@ def least_moved_pins(problem: Problem, x: Array) -> Array:
         if len(entries) == 0:
             continue
         today = _levers(problem, problem.vector.start, i, centres, mirrored)
-        levers = _levers(problem, x, i, centres, mirrored)
-        moved = (
-            _turned_towards(levers, today, problem.vector.pin_box) - today
-        ) / problem.vector.pin_box
+        levers, box = _levers(problem, x, i, centres, mirrored), problem.vector.pin_box
+        moved = (_turned_towards(levers, today, box) - today) / box
         x[entries[:, 0]] = moved.real
         x[entries[:, 1]] = np.where(mirrored, -moved.imag, moved.imag)
     return x
@@ -54,26 +52,18 @@ def _turned_towards(levers: Array, today: Array, box: float) -> Array:
 def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
     """Entries of x of a cylinder's pins (pins, 2), and where their links see the joint.
 
-    The last tells which links see it from behind.
-
-    Empty where they cannot turn.
+    The last tells which links see it from behind. Empty where they cannot turn.
     """
-    arm, linkage = problem.machine.arm, problem.machine.linkages[i]
-    joint, index = (
-        linkage.joints[0],
-        {move: entry for entry, move in problem.vector.moves(i).items()},
-    )
+    arm, joint = problem.machine.arm, problem.machine.linkages[i].joints[0]
+    index = {move: entry for entry, move in problem.vector.moves(i).items()}
     pose = arm.kinematics(np.zeros((1, len(arm.joints))))
     entries, centres, mirrored = [], [], []
     for link, name in _pins(problem, i):
         into_link = arm.link_rotation(pose, link)[0].T
         axis = into_link @ pose.axis[0, joint]
-        free = [axis_ for name_, axis_ in index if name_ == name]
-        if (
-            sorted(free) != [0, 2]
-            or abs(abs(axis[1]) - 1) > 1e-9
-            or not arm.joints[joint].revolute
-        ):
+        in_plane = sorted(axis_ for name_, axis_ in index if name_ == name) == [0, 2]
+        level = arm.joints[joint].revolute and abs(abs(axis[1]) - 1) <= 1e-9
+        if not (in_plane and level):
             return np.empty((0, 2), dtype=int), np.empty(0), np.empty(0, dtype=bool)
         entries.append([index[name, 0], index[name, 2]])
         centre = into_link @ (pose.translation[0, joint] - arm.point(pose, link, np.zeros(3))[0])

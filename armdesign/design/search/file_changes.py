@@ -56,17 +56,12 @@ def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
 def changes_of(
     problem: Problem, x: Array, sizes: Sequence[float], x_of_sizes: Array
 ) -> dict[str, Any]:
-    """All changes that pins of x, rounded, and bores and rods in a row [mm] make.
+    """All changes that pins and bars of x, rounded, and bores and rods in a row [mm] make.
 
-    Args:
-        problem: of today's machine.
-        x: the design whose pins and bars count.
-        sizes: bore and rod of every cylinder [mm].
-        x_of_sizes: a design with these sizes, for dead volumes that follow them.
+    ``x_of_sizes`` is a design with these sizes, for dead volumes that follow them.
     """
-    return _with_masses(
-        problem, pin_changes(problem, x) | _size_changes(problem, sizes, x_of_sizes)
-    )
+    changes = pin_changes(problem, x) | _size_changes(problem, sizes, x_of_sizes)
+    return _with_masses(problem, changes)
 
 
 def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
@@ -80,9 +75,8 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         name = f"cylinder.{today.cylinders[i].name}"
         for place in sorted({place for place, _ in problem.vector.moves(i).values()}):
             limit = requirements.box_of(today.cylinders[i].name, place, common) / mm
-            pairs = zip(
-                linkages[i].place(place) or (), today.linkages[i].place(place) or (), strict=True
-            )
+            both = (linkage.place(place) or () for linkage in (linkages[i], today.linkages[i]))
+            pairs = zip(*both, strict=True)
             at = [_rounded(value / mm, before / mm, limit, grid) for value, before in pairs]
             changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
             linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
@@ -92,10 +86,8 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         length = linkages[i].length(poses) / mm
         closed = math.floor(length.min() / grid + 1e-9) * grid
         steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
-        changes |= {
-            f"{name}.closed_length_mm": round(closed, 1),
-            f"{name}.stroke_mm": round(steps * problem.grid.strokes, 1),
-        }
+        changes[f"{name}.closed_length_mm"] = round(closed, 1)
+        changes[f"{name}.stroke_mm"] = round(steps * problem.grid.strokes, 1)
     return changes
 
 
@@ -111,9 +103,8 @@ def _rounded(value: float, before: float, limit: float, grid: float) -> float:
 def _size_changes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[str, Any]:
     """Bores and rods that vary, and dead volumes where they follow the areas."""
     changes: dict[str, Any] = {}
-    for i, (cylinder, free) in enumerate(
-        zip(problem.machine.cylinders, problem.vector.resized, strict=False)
-    ):
+    pairs = zip(problem.machine.cylinders, problem.vector.resized, strict=False)
+    for i, (cylinder, free) in enumerate(pairs):
         name = f"cylinder.{cylinder.name}"
         own = zip(SIZES, sizes[2 * i : 2 * i + 2], free, strict=True)
         changes |= {f"{name}.{key}": size for key, size, varies in own if varies}

@@ -14,6 +14,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.places import refuse_pins_outside
 from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.arm_shapes import linkages_of_every_shape
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import improve_by_slsqp
@@ -32,9 +33,7 @@ ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 GAINED = 1e-5  # of today's lowest ω², by the last of them
-# pins from the best are drawn in such a share of their box, so many designs at a time, until so
-# often in a row none is better
-HOP, HOPS, PATIENCE = 0.5, 4, 6
+SHAPES = 24  # of the moment arm of every four-bar that moves, from which the best is searched on
 BETTER = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
 NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
@@ -122,7 +121,7 @@ def multistart(
         searches[k] = search
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
     if problem.vector.moves_within:
-        best = _hop(with_least_moved_pins(best), seed, workers)
+        best = _of_other_shapes(with_least_moved_pins(best), workers)
     return with_least_moved_pins(best), Starts.of(searches)
 
 
@@ -150,24 +149,34 @@ def _closing(problem: Problem, x: Array, near: Array) -> Array:
     return x
 
 
-def _hop(best: Search, seed: int, workers: int) -> Search:
-    """The best design found from some with other pins about the best, as long as there are better.
+def _of_other_shapes(best: Search, workers: int) -> Search:
+    """The best design, or a better one that is found with a four-bar of another shape.
 
-    Four-bars have several optima, of which a start rarely finds the highest; from a good one it is
-    nearer.
+    Four-bars have several optima, each with moment arms of its own shape, see ``arm_shapes``.
     """
-    problem, random, failures = best.problem, np.random.default_rng((seed, HOPS)), 0
-    moving = np.array([v.pin is not None for v in problem.vector.variables])
-    while failures < PATIENCE:
-        moves = moving * random.uniform(-HOP, HOP, (HOPS, len(moving)))
-        drawn = [_closing(problem, best.x + move, best.x) for move in moves]
-        rough = [Search(problem=problem, x=x) for x in drawn]
-        found = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
-        if found.merit > best.merit + BETTER:
-            found = follow(found, curved=True, **TO_THE_END)
-        failures = 0 if found.merit > best.merit + BETTER else failures + 1
-        best = max(best, found, key=lambda s: (s.violation < NEARLY, s.merit))
+    problem = best.problem
+    shapes = [
+        (np.array(list(problem.vector.moves(i))), x)
+        for i in problem.vector.moving
+        if problem.vector.moved_within(i)
+        for x in linkages_of_every_shape(problem, i, SHAPES)
+    ]
+    while shapes:
+        rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in shapes]
+        other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
+        if other.merit > best.merit + BETTER:
+            other = follow(other, curved=True, **TO_THE_END)
+        if other.merit <= best.merit + BETTER or other.violation > max(NEARLY, best.violation):
+            break
+        best = other
     return best
+
+
+def _with(x: Array, other: Array, entries: Array) -> Array:
+    """The design x with some entries of another."""
+    x = x.copy()
+    x[entries] = other[entries]
+    return x
 
 
 def run_to_end(search: Search, trust: float) -> Search:

@@ -13,10 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdesign.arrays import Array
 from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.trust_region import box_around
 from armdesign.errors import InfeasibleError
@@ -56,9 +54,7 @@ def prices(search: Search) -> dict[str, Price]:
     for names in together.values():
         expected = sum(margins[name] for name in names)
         share = _gain(optimum, names, expected) / expected if expected > LEAST_PRICE else 1.0
-        priced |= {
-            name: Price(at_margin=margins[name], gain=share * margins[name]) for name in names
-        }
+        priced |= {name: Price(margins[name], share * margins[name]) for name in names}
     return priced
 
 
@@ -76,24 +72,17 @@ def marginal_prices(search: Search) -> dict[str, float]:
     multipliers[model.kept] = search.strictness * step.multipliers[: len(model.kept)]
     # a limit that no variable moves has no price, whatever the solver's multiplier says
     multipliers[~np.any(at.jacobian[:, bounds[1] > bounds[0]] != 0, axis=1)] = 0.0
+    # of the ends of x; the trust region's are left out
+    at_end = np.where(box[1] < TRUST, step.high_multipliers, 0)
+    at_end = at_end + np.where(box[0] > -TRUST, step.low_multipliers, 0)
+    names = (*at.names, *_pin_boxes(search.problem))
+    of_boxes = RELAXED * bounds[1] * at_end * scale
+    all_gains = np.concatenate([multipliers * at.per_percent * scale, of_boxes])
     gains: dict[str, float] = {}
-    for name, gain in (
-        *zip(at.names, multipliers * at.per_percent * scale, strict=True),
-        *zip(
-            _pin_boxes(search.problem),
-            RELAXED * bounds[1] * _at_end(step, box) * scale,
-            strict=True,
-        ),
-    ):
-        gains[name] = gains.get(name, 0.0) + float(gain)
+    for name, gain in zip(names, all_gains.tolist(), strict=True):
+        gains[name] = gains.get(name, 0.0) + gain
     gains.pop("", None)
     return gains
-
-
-def _at_end(step: ProgrammeStep, box: tuple[Array, Array]) -> Array:
-    """Multipliers of the ends of x; the trust region's are left out."""
-    upper = np.where(box[1] < TRUST, step.high_multipliers, 0)
-    return np.asarray(upper + np.where(box[0] > -TRUST, step.low_multipliers, 0))
 
 
 def _pin_boxes(problem: Problem) -> list[str]:

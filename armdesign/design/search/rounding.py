@@ -61,9 +61,8 @@ class CheckedMachine:
     @classmethod
     def of(cls, machine: Machine, problem: Problem) -> CheckedMachine:
         """Judged on the whole workspace of a problem."""
-        return cls(
-            machine, check(machine, problem.machine, problem.workspace, problem.requirements)
-        )
+        within = problem.machine, problem.workspace, problem.requirements
+        return cls(machine, check(machine, *within))
 
     @property
     def allowed(self) -> bool:
@@ -160,9 +159,7 @@ def nearest_misses(search: Search) -> list[Check]:
         machine = _sized(problem, placed, sizes)
         checks = check(machine, problem.machine, problem.workspace, limits, loads)
         missed.append([c for c in checks if c.slack < -TOLERANCE])
-    return min(
-        missed, key=lambda checks: (max((-c.slack for c in checks), default=0.0), len(checks))
-    )
+    return min(missed, key=lambda some: (max((-c.slack for c in some), default=0.0), len(some)))
 
 
 def _hardly_gained(search: Search) -> bool:
@@ -171,9 +168,8 @@ def _hardly_gained(search: Search) -> bool:
     Rounding may then cost more than the gain.
     """
     problem = search.problem
-    if problem.sizes:  # today's machine need not be in the catalogue
-        return False
-    if search.squared > 1.02 * problem.dynamics.omega_squared_today:
+    gained = search.squared > 1.02 * problem.dynamics.omega_squared_today
+    if problem.sizes or gained:  # today's machine need not be in the catalogue
         return False
     return CheckedMachine.of(problem.machine, problem).allowed
 
@@ -276,11 +272,10 @@ def _candidates(search: Search) -> Iterator[dict[str, Any]]:
 
 def _placed(search: Search, workspace: Workspace) -> tuple[Machine, tuple[Array, Array] | None]:
     """Today's sizes on rounded pins and strokes, and static loads; None if these need sizes."""
-    changes = pin_changes(search.problem, search.x)
-    placed = search.problem.machine.replace(changes) if changes else search.problem.machine
-    known = search.problem.vector.moving_masses is None and len(placed.actuators) == len(
-        placed.joints
-    )
+    problem, changes = search.problem, pin_changes(search.problem, search.x)
+    placed = problem.machine.replace(changes) if changes else problem.machine
+    as_many = len(placed.actuators) == len(placed.joints)
+    known = problem.vector.moving_masses is None and as_many
     return placed, static_loads(placed, workspace) if known else None
 
 
@@ -318,9 +313,8 @@ def _options(search: Search) -> tuple[list[list[float]], list[float]]:
     for i, free in enumerate(problem.vector.resized[: len(problem.machine.cylinders)]):
         real = diameters(problem, search.x, i)
         wanted += real
-        options += [
-            neighbours(size) if varies else [size] for size, varies in zip(real, free, strict=True)
-        ]
+        pairs = zip(real, free, strict=True)
+        options += [neighbours(size) if varies else [size] for size, varies in pairs]
     return options, wanted
 
 
@@ -333,11 +327,8 @@ def _nearest_sizes(search: Search, count: int) -> list[SizesInRow]:
 
 def _on_grid(problem: Problem, x: Array) -> list[float]:
     """Bores and rods in a row [mm] of a design that has them on the grid."""
-    return [
-        round(size, 6)
-        for i in range(len(problem.machine.cylinders))
-        for size in diameters(problem, x, i)
-    ]
+    sizes = (diameters(problem, x, i) for i in range(len(problem.machine.cylinders)))
+    return [round(size, 6) for pair in sizes for size in pair]
 
 
 def _resized(machine: Machine, sizes: Sequence[float]) -> tuple[Cylinder, ...]:

@@ -75,15 +75,12 @@ class StepProgramme:
             InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
         """
         if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
-            raise InfeasibleError(
-                "design step", "stiffness or a requirement is not finite here", "start elsewhere"
-            )
-        a, b = self._pairs
-        level = _levelled(base)
-        turned = np.swapaxes(level, 1, 2)
-        unit = np.eye(base.shape[1])
+            fault = "stiffness or a requirement is not finite here"
+            raise InfeasibleError("design step", fault, "start elsewhere")
+        (a, b), level = self._pairs, _levelled(base)
+        turned, pair = np.swapaxes(level, 1, 2), (base, np.eye(base.shape[1]))
         self._base.value, self._unit.value = (
-            (level @ m @ turned)[:, a, b].ravel() for m in (base, unit)
+            (level @ matrix @ turned)[:, a, b].ravel() for matrix in pair
         )
         self._slopes.value = (level @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
         self._value.value, self._jacobian.value = value, jacobian
@@ -109,16 +106,12 @@ def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
 def _levelled(base: Array) -> Array:
     """A congruence T for each A, so that T A Tᵀ has no large entries (stiff modes: 10⁵ ×)."""
     size, vectors = np.linalg.eigh(base)
-    return np.asarray(
-        np.swapaxes(vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :], 1, 2)
-    )
+    scaled = vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :]
+    return np.asarray(np.swapaxes(scaled, 1, 2))
 
 
 def padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Constraints filled up to a multiple of 40 by some that always hold.
-
-    So one programme serves many times.
-    """
+    """Constraints filled up to a multiple of 40, so that one programme serves many times."""
     more = -len(value) % 40
     return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
@@ -181,10 +174,8 @@ def _solve(problem: Any) -> None:
             warnings.simplefilter("ignore")
             problem.solve(solver=cp.CLARABEL, warm_start=False)
     except cp.SolverError as error:
-        raise InfeasibleError(
-            "design step", f"the solver gave up ({error})", "loosen the requirements"
-        ) from None
+        fault = f"the solver gave up ({error})"
+        raise InfeasibleError("design step", fault, "loosen the requirements") from None
     if problem.status not in ("optimal", "optimal_inaccurate"):
-        raise InfeasibleError(
-            "design step", f"the solver says {problem.status}", "loosen the requirements"
-        )
+        fault = f"the solver says {problem.status}"
+        raise InfeasibleError("design step", fault, "loosen the requirements")

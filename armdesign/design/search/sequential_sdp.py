@@ -70,29 +70,18 @@ class Linearised:
 
 @dataclass(eq=False, kw_only=True)
 class Search:
-    """One run from one start: the design reached so far, and the watched rows.
+    """One run from one start: the design reached so far, and the watched rows."""
 
-    Attributes:
-        problem: what is searched.
-        x: the best design so far.
-        strictness: how many times dearer a missed requirement is than usual.
-        within: bounds of x; the problem's if None.
-        reference: the ω² that steps are measured by [rad²/s²], at least the problem's scale.
-        rows: numbers of the watched rows.
-        holding: numbers of the rows at which static forces are watched.
-        squared: lowest ω² of x over the workspace [rad²/s²].
-        limits: requirements at x.
-    """
-
-    problem: Problem
-    x: Array
-    strictness: float = 1.0
-    within: tuple[Array, Array] | None = None
-    reference: float = 0.0
+    problem: Problem  # what is searched
+    x: Array  # the best design so far
+    strictness: float = 1.0  # how many times dearer a missed requirement is than usual
+    within: tuple[Array, Array] | None = None  # bounds of x; the problem's if None
+    reference: float = 0.0  # ω² that steps are measured by [rad²/s²], at least the problem's scale
+    # numbers of the watched rows, and of those at which static forces are watched
     rows: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
-    squared: float = field(init=False, default=0.0)
-    limits: Constraints = field(init=False)
+    squared: float = field(init=False, default=0.0)  # lowest ω² of x over the workspace [rad²/s²]
+    limits: Constraints = field(init=False)  # requirements at x
 
     def __post_init__(self) -> None:
         self.reference = max(self.reference, self.problem.dynamics.omega_squared_scale)
@@ -176,17 +165,12 @@ class Search:
 
     def linearised(self, trial: Trial, rows: Array, box: Box) -> Linearised:
         """Stiffness of rows near a trial, and the limits that a step in the box could reach."""
-        at = trial.limits
-        base, slopes = self.problem.dynamics.scaled_stiffness_and_gradient(
-            trial.x, rows, float(trial.squared.min())
-        )
+        at, squared = trial.limits, float(trial.squared.min())
+        matrices = self.problem.dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
+        base, slopes = (part / self.reference for part in matrices)
         kept = _nearest_limits(at, box, LIMITS)
-        value, jacobian = padded(
-            self.strictness * at.values[kept], self.strictness * at.jacobian[kept]
-        )
-        return Linearised(
-            rows, base / self.reference, slopes / self.reference, kept, value, jacobian
-        )
+        limits = padded(*(self.strictness * part[kept] for part in (at.values, at.jacobian)))
+        return Linearised(rows, base, slopes, kept, *limits)
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest and those that spoilt a step, no two alike."""
@@ -196,9 +180,8 @@ class Search:
             for index in np.argsort(squared):
                 if len(chosen) == min(ACTIVE, len(self.rows)):
                     break
-                if index not in chosen and all(
-                    np.abs(place[index] - place[c]).max() > spacing for c in chosen
-                ):
+                apart = (np.abs(place[index] - place[c]).max() > spacing for c in chosen)
+                if index not in chosen and all(apart):
                     chosen.append(int(index))
         return self.rows[chosen]
 
@@ -236,31 +219,25 @@ class Search:
     def _best_trial(
         self, start: Trial, model: Linearised, change: Array, box: Box, promised: float
     ) -> Trial:
-        """The design that a step leads to.
-
-        If it disappoints, also the step corrected by what it met there.
+        """The design that a step leads to, or where it disappoints the corrected step.
 
         Limits and stiffness bend: the programme is solved again with their values at the trial
         (second-order correction), without which steps along a bent limit would have to be tiny.
         """
-        none = replace(start, merit=-math.inf)
-        trial = (
-            self.trial(start.x + change) if self.problem.vector.closes(start.x + change) else none
+        none, x, dynamics = (
+            replace(start, merit=-math.inf),
+            start.x + change,
+            self.problem.dynamics,
         )
+        trial = self.trial(x) if self.problem.vector.closes(x) else none
         if trial.merit - start.merit > 0.1 * promised or trial is none:
             return trial
         squared = float(start.squared.min())
-        base = (
-            self.problem.dynamics.scaled_stiffness(trial.x, model.rows, start.x, squared)
-            / self.reference
-        )
+        base = dynamics.scaled_stiffness(x, model.rows, start.x, squared) / self.reference
         kept = self.strictness * trial.limits.values[model.kept]
-        bent = replace(
-            model,
-            base=base - np.einsum("vnij,v->nij", model.slopes, change),
-            value=np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0)
-            - model.jacobian @ change,
-        )
+        value = np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0)
+        slope = np.einsum("vnij,v->nij", model.slopes, change)
+        bent = replace(model, base=base - slope, value=value - model.jacobian @ change)
         try:
             again = start.x + bent.solve(box).change
         except InfeasibleError:  # the solver gave up: the first trial has to do

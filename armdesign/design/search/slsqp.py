@@ -40,9 +40,8 @@ def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
         x = _climbed(trial, rows)
         if not search.problem.vector.closes(x):
             break
-        stopped = search.problem.vector.moves_within and bool(
-            np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6)
-        )
+        far = bool(np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6))
+        stopped = search.problem.vector.moves_within and far
         before, trial = trial.merit, trial.at(x)
         best = max(best, trial, key=lambda s: s.merit)
         if before <= trial.merit < before + tolerance:
@@ -61,16 +60,13 @@ def _climbed(search: Search, rows: Array) -> Array:
     from scipy.optimize import minimize
 
     programme = _Programme(search, rows)
+    t = search.squared / search.problem.dynamics.omega_squared_scale
+    ends = zip(*(end[programme.free] for end in programme.bounds), strict=True)
     answer = minimize(
         lambda z: -z[-1],
-        np.append(
-            search.x[programme.free], search.squared / search.problem.dynamics.omega_squared_scale
-        ),
+        np.append(search.x[programme.free], t),
         jac=lambda z: np.append(np.zeros(len(z) - 1), -1.0),
-        bounds=[
-            *zip(*(end[programme.free] for end in programme.bounds), strict=True),
-            (None, None),
-        ],
+        bounds=[*ends, (None, None)],
         constraints={
             "type": "ineq",
             "fun": lambda z: programme.constraints(z)[0],
@@ -108,13 +104,11 @@ class _Programme:
         return self._last[1:]
 
     def _constraints_at(self, x: Array, t: float) -> tuple[Array, Array]:
-        problem = self._search.problem
-        at = constraints_at(problem, x, self._search.holding)
+        problem, dynamics = self._search.problem, self._search.problem.dynamics
+        at, scale = constraints_at(problem, x, self._search.holding), dynamics.omega_squared_scale
         # where masses depend on x, slopes are exact for the ω² that bind
-        matrices = problem.dynamics.scaled_stiffness_and_gradient(
-            x, self._rows, t * problem.dynamics.omega_squared_scale
-        )
-        base, slopes = (part / problem.dynamics.omega_squared_scale for part in matrices)
+        matrices = dynamics.scaled_stiffness_and_gradient(x, self._rows, t * scale)
+        base, slopes = (part / scale for part in matrices)
         squared, vectors = np.linalg.eigh(base)
         slope = np.einsum("nik,vnij,njk->nkv", vectors, slopes, vectors)[:, :MODES]
         slope = slope.reshape(-1, len(x))

@@ -13,7 +13,6 @@ from armdesign.machine.file.schema import (
     BY_ACTUATOR,
     DEFAULT,
     CylinderSection,
-    LiftSection,
     MachineSection,
     PayloadSection,
     RequirementsSection,
@@ -24,30 +23,16 @@ from armdesign.machine.file.schema import (
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
-COLUMNS = {  # of the CSV files, beside the joints'
-    "payload",
-    "tool_x_m",
-    "tool_y_m",
-    "tool_z_m",
-    "reach_m",
-    "height_m",
-    "capacity_kg",
-    "hydraulic_kg",
-    "tipping_kg",
-    "limiting",
-    "cylinder",
-    "mode",
-    "linear_hz",
-    "identified_hz",
-    "deviation",
-}
+COLUMNS = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
+COLUMNS |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
+COLUMNS |= {f"tool_{axis}_m" for axis in "xyz"}  # of the CSV files, beside the joints'
 Fault = tuple[str, str, str]  # key path, words, remedy
 
 
 def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFileError]:
     """Every fault of keys that do not agree with each other."""
-    for path, fault, remedy in _faults(machine):
-        yield MachineFileError(f"{source}: {path}", fault, remedy)
+    faults = _faults(machine)
+    return (MachineFileError(f"{source}: {path}", fault, way) for path, fault, way in faults)
 
 
 def _faults(machine: MachineSection) -> Iterator[Fault]:
@@ -165,21 +150,19 @@ def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
 
 def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
     bore, rod, closed = cylinder.bore_mm, cylinder.rod_mm, cylinder.closed_length_mm
-    slender = bore < closed / 40  # as no barrel is
-    unit = meant(
-        ("cylinder", path, "bore_mm"), bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x
-    )
+    slender, keys = bore < closed / 40, ("cylinder", path, "bore_mm")  # as no barrel is
+    unit = meant(keys, bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x)
+    remedy = f"give a rod in (0, {bore:g}) mm"
     if rod >= bore and unit:
         fault = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"
-        yield f"{path}.bore_mm", fault, f"{unit.remedy}, or give a rod in (0, {bore:g}) mm"
+        yield f"{path}.bore_mm", fault, f"{unit.remedy}, or {remedy}"
     elif rod >= bore:
-        remedy = f"give a rod in (0, {bore:g}) mm"
         yield f"{path}.rod_mm", f"{rod:g} mm does not fit the bore", remedy
-    keys = [kind.key for kind in KINDS]
-    given = [key for key in keys if getattr(cylinder, key) is not None]
+    kinds = [kind.key for kind in KINDS]
+    given = [key for key in kinds if getattr(cylinder, key) is not None]
     if len(given) != 1:
-        words = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(keys)}"
-        yield f"{path}.{keys[0]}", f"{words} given", "give exactly one of them"
+        words = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(kinds)}"
+        yield f"{path}.{kinds[0]}", f"{words} given", "give exactly one of them"
     friction = cylinder.friction
     yield from _of_hoses(path, cylinder.hose, cylinder.dead_volume_l)
     yield from _of_friction(path, friction.static_N, friction.coulomb_N, "N")
@@ -215,7 +198,10 @@ def _of_preload(path: str, valve: ValveSection | None, supply: SupplySection) ->
 
 def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
     for name, lift in machine.requirements.lift.items():
-        yield from _of_place(f"requirements.lift.{name}", lift)
+        if (lift.reach_mm is None) != (lift.height_mm is None):
+            key = "reach_mm" if lift.reach_mm is None else "height_mm"
+            path = f"requirements.lift.{name}.{key}"
+            yield path, "missing: a place has both", f"add {key}"
     for path, kind, names in _names_in(machine.requirements):
         known = {
             "cylinder": machine.cylinder,
@@ -228,12 +214,6 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
                 yield f"requirements.{path}", f'no {kind} "{name}"', remedy
 
 
-def _of_place(path: str, lift: LiftSection) -> Iterator[Fault]:
-    if (lift.reach_mm is None) != (lift.height_mm is None):
-        key = "reach_mm" if lift.reach_mm is None else "height_mm"
-        yield f"{path}.{key}", "missing: a place has both", f"add {key}"
-
-
 def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Iterable[str]]]:
     """Key path, kind and names of all actuators and joints that requirements name."""
     for key in BY_ACTUATOR:
@@ -244,12 +224,11 @@ def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Ite
     yield "digging_kN", "cylinder", requirements.digging_kN
     yield "pin_boxes_mm", "cylinder", requirements.pin_boxes_mm
     for name, speed in requirements.speed.items():
-        yield f"speed.{name}.joint_deg_per_s", "joint", speed.joint_deg_per_s
-        yield f"speed.{name}.joint_mm_per_s", "joint", speed.joint_mm_per_s
-        yield f"speed.{name}.cylinder_mm_per_s", "cylinder", speed.cylinder_mm_per_s
+        for key in ("joint_deg_per_s", "joint_mm_per_s", "cylinder_mm_per_s"):
+            yield f"speed.{name}.{key}", key.partition("_")[0], getattr(speed, key)
     for name, lift in requirements.lift.items():
-        yield f"lift.{name}.joint_deg", "joint", lift.joint_deg
-        yield f"lift.{name}.joint_mm", "joint", lift.joint_mm
+        for key in ("joint_deg", "joint_mm"):
+            yield f"lift.{name}.{key}", "joint", getattr(lift, key)
     for name, clearance in requirements.clearance.items():
         yield f"clearance.{name}.cylinders", "cylinder", clearance.cylinders
 
@@ -288,13 +267,9 @@ def unknown_joints(
     section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
 ) -> list[MachineFileError]:
     """A fault for every motor on a joint that the URDF does not have."""
-    named = ((name, motor.joint or name) for name, motor in section.motor.items())
+    named = {f"{source}: motor.{name}.joint": m.joint or name for name, m in section.motor.items()}
     return [
-        MachineFileError(
-            f"{source}: motor.{name}.joint",
-            f'no joint "{joint}" in the URDF',
-            choose(joint, movable),
-        )
-        for name, joint in named
+        MachineFileError(path, f'no joint "{joint}" in the URDF', choose(joint, movable))
+        for path, joint in named.items()
         if joint not in joints
     ]

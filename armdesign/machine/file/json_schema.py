@@ -28,9 +28,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "bore_mm": "inner diameter of the barrel",
     "rod_mm": "diameter of the rod",
     "closed_length_mm": "pin to pin, rod in",
-    "dead_volume_l": (
-        "oil that the piston never sweeps, hoses included, all parallel cylinders together"
-    ),
+    "dead_volume_l": "oil that the piston never sweeps, hoses included, all parallel cylinders"
+    " together",
     "base": "pin of the barrel",
     "rod_end": "pin of the rod; or give four_bar",
     "four_bar": "rocker and coupler that the rod end drives",
@@ -51,25 +50,20 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "joint": "joint that the motor turns; default: the one of the motor's name",
     "displacement_cm3": "oil per turn of one motor",
     "gear_ratio": "turns of a motor per turn of the joint",
-    "trapped_volume_l": (
-        "oil between valve and pistons, hoses included, all parallel motors together; a drives"
-        " forward"
-    ),
+    "trapped_volume_l": "oil between valve and pistons, hoses included, all parallel motors"
+    " together; a drives forward",
     "compliance_rad_per_N_m": "compliance of gear and mounting in series, at the joint",
     "valve": "one valve for all parallel cylinders or motors together",
     "rated_drop_bar": "pressure drop of one metering edge at the rated flow",
     "overlap_percent": "of full spool stroke; negative: underlap",
-    "leakage_l_per_min_per_bar": (
-        "leakage across the piston, all parallel cylinders or motors together"
-    ),
-    "tank_leakage_l_per_min_per_bar": (
-        "leakage from each chamber to the tank, all parallel cylinders or motors together"
-    ),
+    "leakage_l_per_min_per_bar": "leakage across the piston, all parallel cylinders or motors"
+    " together",
+    "tank_leakage_l_per_min_per_bar": "leakage from each chamber to the tank, all parallel"
+    " cylinders or motors together",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
     "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
-    "preload_bar": (
-        "of the chamber without load while the valve is shut and tight; default: return pressure"
-    ),
+    "preload_bar": "of the chamber without load while the valve is shut and tight; default: return"
+    " pressure",
     "edges": "gains of the four metering edges, relative to the rated flow",
     "load_holding": "counterbalance or pilot-operated check valve on one chamber",
     "side": "the chamber that the valve holds",
@@ -81,10 +75,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "line_volume_l": "oil between a flow-limited pump and its valves",
     "friction": "per cylinder; of a motor at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
-    "structure": (
-        "compliance in series with each actuator over that of its oil at mid stroke: 0 rigid, 1 as"
-        " soft as the oil"
-    ),
+    "structure": "compliance in series with each actuator over that of its oil at mid stroke: 0"
+    " rigid, 1 as soft as the oil",
     "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
@@ -109,27 +101,21 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
     "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
-    "digging_kN": (
-        "digging force at the tool by cylinder, at least: it alone, supply pressure, best angle"
-        " (ISO 6015)"
-    ),
+    "digging_kN": "digging force at the tool by cylinder, at least: it alone, supply pressure,"
+    " best angle (ISO 6015)",
     "buckling_share": "Euler safety of each rod, at least",
-    "buckling_factor": (
-        "buckling load over supply pressure × bore area, at least; default: no such limit"
-    ),
-    "buckling_column": (
-        "what buckles: rod, all of the open cylinder as thick as the rod; stepped, barrel and rod"
-    ),
+    "buckling_factor": "buckling load over supply pressure × bore area, at least; default: no such"
+    " limit",
+    "buckling_column": "what buckles: rod, all of the open cylinder as thick as the rod; stepped,"
+    " barrel and rod",
     "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
     "catalogue": "bores and rods of a new design; pins then on whole mm, strokes on 5 mm",
-    "barrel_wall_mm": (
-        "thickness of the barrel's wall; default: what the supply pressure needs (Lamé)"
-    ),
+    "barrel_wall_mm": "thickness of the barrel's wall; default: what the supply pressure needs"
+    " (Lamé)",
     "speed": "motions at pump flow by name: what one entry names moves together",
     "joint_deg_per_s": "speed of joints, at least; negative: against the joint's direction",
-    "joint_mm_per_s": (
-        "speed of prismatic joints, at least; negative: against the joint's direction"
-    ),
+    "joint_mm_per_s": "speed of prismatic joints, at least; negative: against the joint's"
+    " direction",
     "cylinder_mm_per_s": "speed of cylinders, at least; negative: retracting",
     "at": "mean: over the joint's range (stroke time); every: at every pose of it",
     "lift": "masses to hold within holding_share, by name",
@@ -181,13 +167,9 @@ def json_schema() -> str:
             unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
             words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
             words += "; or a table by actuator, with a default" if key in BY_ACTUATOR else ""
-            _describe(
-                value, " ".join(part for part in (words, f"[{unit}]" if unit else "") if part)
-            )
-    head = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "armdesign machine file",
-    }
+            _describe(value, f"{words} {unit and f'[{unit}]'}".strip())
+    draft = "https://json-schema.org/draft/2020-12/schema"
+    head = {"$schema": draft, "title": "armdesign machine file"}
     return json.dumps({**head, **document}, indent=2, ensure_ascii=False) + "\n"
 
 

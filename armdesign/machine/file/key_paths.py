@@ -113,12 +113,8 @@ def allowed(location: Location) -> str:
 
 def _limits(constraints: list[Any]) -> dict[str, Any]:
     """The limits of a number among its constraints, by gt, ge, lt, le."""
-    return {
-        name: value
-        for constraint in constraints
-        if isinstance(constraint, Gt | Ge | Lt | Le)
-        for name, value in asdict(constraint).items()
-    }
+    limits = (asdict(one) for one in constraints if isinstance(one, Gt | Ge | Lt | Le))
+    return {name: value for limit in limits for name, value in limit.items()}
 
 
 def _interval(constraints: list[Any]) -> str:
@@ -146,10 +142,8 @@ def lengths(constraints: list[Any]) -> tuple[int, int | None]:
 def bounds(location: Location) -> tuple[float, float]:
     """Least and largest number that a key path may have."""
     limits = _limits(annotation(location)[1])
-    return (
-        limits.get("gt", limits.get("ge", -math.inf)),
-        limits.get("lt", limits.get("le", math.inf)),
-    )
+    low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
+    return limits.get("gt", low), limits.get("lt", high)
 
 
 def unit_of(location: Location) -> str:

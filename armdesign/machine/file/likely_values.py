@@ -83,30 +83,19 @@ def units_of(path: tuple[Any, ...]) -> dict[str, float]:
 
 
 def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool]) -> Meant | None:
-    """The units in which a number becomes plausible; None where none makes it so.
-
-    Args:
-        path: of its key.
-        value: as it stands.
-        plausible: whether a number in the unit of the key is.
-    """
+    """The units in which a number becomes ``plausible`` in its key's; None where none makes it."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15:
         return None
     if not unit_of(path) and abs(value) <= 1:
         return None  # a share, not per cent
-    candidates = [
-        (value * factor, unit)
-        for unit, factor in units_of(path).items()
-        if plausible(value * factor)
-    ]
+    converted = ((value * factor, unit) for unit, factor in units_of(path).items())
+    candidates = [(new, unit) for new, unit in converted if plausible(new)]
     low, high = USUAL.get(str(path[-1]), (0.0, 0.0))
     if low > 0:  # the one that is nearer to the middle is likelier
         candidates.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
-    return (
-        Meant(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
-        if candidates
-        else None
-    )
+    if not candidates:
+        return None
+    return Meant(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
 
 
 def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:

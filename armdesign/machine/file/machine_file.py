@@ -15,7 +15,13 @@ from pydantic import ValidationError
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.schema_faults import explained, first_fault, location_of, mend
+from armdesign.machine.file.schema_faults import (
+    explained,
+    first_fault,
+    location_of,
+    mend,
+    unnamed_tables,
+)
 from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
 
 MENDING = 8  # passes in which tables that stand in for others are filled
@@ -33,9 +39,8 @@ def path_of(value: str | Path) -> Path:
     except TypeError:
         raise MachineFileError(str(value), "is not a path", "give a path or a name") from None
     except OSError as error:
-        raise MachineFileError(
-            f"{value!s:.60}…", f"cannot be read ({error.strerror})", "check the path"
-        ) from None
+        fault = f"cannot be read ({error.strerror})"
+        raise MachineFileError(f"{value!s:.60}…", fault, "check the path") from None
     return path
 
 
@@ -66,37 +71,24 @@ def leads_out(folder: Path, urdf: str) -> bool:
 
 
 def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
-    """Text of the URDF that a machine file names.
-
-    Args:
-        path: of the machine file.
-        urdf: as the file names it, relative to it.
-        allow_outside: whether it may lie outside the file's folder.
+    """Text of the URDF that the machine file at a path names, relative to it.
 
     Raises:
-        MachineFileError: it lies outside, is missing or is no text.
+        MachineFileError: it lies outside of the file's folder, is missing or is no text.
     """
+    part = f"{path.name}: urdf"
     if not allow_outside and leads_out(path.parent, urdf):
-        raise MachineFileError(
-            f"{path.name}: urdf",
-            f'"{urdf}" is outside the folder of the machine file',
-            "put it beside the file, or allow it: --allow-outside, in Python load(…,"
-            " allow_outside=True)",
-        )
+        allow = "--allow-outside, in Python load(…, allow_outside=True)"
+        remedy = f"put it beside the file, or allow it: {allow}"
+        raise MachineFileError(part, f'"{urdf}" is outside the folder of the machine file', remedy)
     try:
         return read_text(path.parent / urdf)
     except MachineFileError as error:
-        raise MachineFileError(
-            f"{path.name}: urdf", f'"{urdf}": {error.fault}', error.remedy
-        ) from None
+        raise MachineFileError(part, f'"{urdf}": {error.fault}', error.remedy) from None
 
 
 def parse(text: str, source: str) -> MachineSection:
-    """The data of a machine file's text, checked against the schema.
-
-    Args:
-        text: TOML.
-        source: file name for messages.
+    """The data of a machine file's text, checked against the schema; ``source`` is its name.
 
     Raises:
         MachineFileError: not TOML, or a key that is missing, unknown, of a wrong type or out of
@@ -104,6 +96,8 @@ def parse(text: str, source: str) -> MachineSection:
     """
     data = read_toml(text, source)
     with lines_of(text, source):
+        for unnamed in unnamed_tables(data, source):
+            raise unnamed
         try:
             section = MachineSection.model_validate(data)
         except ValidationError as error:
@@ -118,29 +112,26 @@ def faults(
 ) -> tuple[MachineSection | None, list[MachineFileError], set[str]]:
     """Every fault that a machine file's text has by itself, not the first alone.
 
-    Args:
-        text: TOML.
-        source: file name for messages.
-
-    Returns:
-        The file with stand-ins where it is wrong (None where it is no TOML), its faults, and the
-        key paths at which a stand-in stands.
+    Returns the file with stand-ins where it is wrong (None where it is no TOML), its faults, and
+    the key paths at which a stand-in stands.
     """
     try:
         data = read_toml(text, source)
     except MachineFileError as error:
         return None, [error], set()
-    all_faults: list[MachineFileError] = []
-    wrong: set[str] = set()
-    key_lines = KeyLines(text)
+    all_faults: list[MachineFileError] = list(unnamed_tables(data, source))
+    wrong = {fault.part.removeprefix(f"{source}: ") for fault in all_faults}
+    unnamed, key_lines, stand_ins = frozenset(wrong), KeyLines(text), False
     for _ in range(MENDING):
         try:
             section = MachineSection.model_validate(data)
             break
         except ValidationError as error:
             invalid = error.errors(include_url=False)
-            if not all_faults:  # later ones are faults of stand-ins
-                all_faults += [explained(fault, source, key_lines) for fault in invalid]
+            if not stand_ins:  # later ones are faults of stand-ins
+                named = [fault for fault in invalid if fault["loc"][0] not in unnamed]
+                all_faults += [explained(fault, source, key_lines) for fault in named]
+            stand_ins = True
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))
                 mend(data, location)
@@ -157,15 +148,15 @@ def faults(
 
 def flat(section: MachineSection) -> dict[str, Any]:
     """Every value of a machine file by its key path, defaults included; lists whole."""
-    return dict(_leaves(section.model_dump(), ""))
+    return dict(_leaves(section.model_dump()))
 
 
-def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else key)
-    elif value is not None:
-        yield path, value
+def _leaves(table: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, item in table.items():
+        if isinstance(item, dict):
+            yield from _leaves(item, f"{before}{key}.")
+        elif item is not None:
+            yield f"{before}{key}", item
 
 
 def _table(path: str) -> str:

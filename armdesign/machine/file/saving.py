@@ -39,9 +39,8 @@ def files(machine: Machine, path: str | Path) -> dict[Path, str]:
         urdf = target.parent / Path(named).name
         text = edit(text, {"urdf": urdf.name}, machine.source.name)
     if urdf == target:
-        raise MachineFileError(
-            str(urdf), "is the name of the URDF too", "give machine file and URDF two names"
-        )
+        remedy = "give machine file and URDF two names"
+        raise MachineFileError(str(urdf), "is the name of the URDF too", remedy)
     text, schema = _with_schema_beside(text)
     place = target.parent / schema
     missing = {place: json_schema()} if schema and not place.exists() else {}
@@ -83,10 +82,8 @@ def write_files(texts: Mapping[Path, str]) -> None:
                 (folder / within).mkdir(parents=True, exist_ok=True)
                 (folder / within / path.name).write_bytes(text.encode())
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise MachineFileError(
-            str(first), f"cannot be written ({reason})", "name another place"
-        ) from None
+        fault = f"cannot be written ({getattr(error, 'strerror', None) or error})"
+        raise MachineFileError(str(first), fault, "name another place") from None
     _written.update(map(os.path.realpath, changed))
 
 
@@ -108,11 +105,8 @@ def is_made(text: str) -> bool:
 def refuse_foreign(path: Path, text: str) -> None:
     """Raise if writing a machine file would replace one that this package did not make.
 
-    It made what says so at its top, and what this process has written before.
-
-    Args:
-        path: of the machine file.
-        text: to be written; a file that holds it already is not replaced by anything else.
+    It made what says so at its top, and what this process has written before. A file that holds
+    the text already is not replaced by anything else.
 
     Raises:
         MachineFileError: there is such a file.

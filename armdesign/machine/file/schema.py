@@ -351,9 +351,9 @@ class SpringSection(Section):
     at_mm: Coordinate | None = None
 
 
-ShareBand = Annotated[
-    list[Annotated[float, Field(ge=0.1, le=10)]], Field(min_length=2, max_length=2)
-]
+T = TypeVar("T")
+Pair = Annotated[list[T], Field(min_length=2, max_length=2)]
+ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 
 
 class BandsSection(Section):
@@ -363,23 +363,14 @@ class BandsSection(Section):
     ``structures``: the same of single actuators.
     """
 
-    structure: (
-        Annotated[list[Annotated[float, Field(ge=0, le=10)]], Field(min_length=2, max_length=2)]
-        | None
-    ) = None
-    structures: dict[
-        Name,
-        Annotated[list[Annotated[float, Field(ge=0, le=100)]], Field(min_length=2, max_length=2)],
-    ] = {}
+    structure: Pair[Annotated[float, Field(ge=0, le=10)]] | None = None
+    structures: dict[Name, Pair[Annotated[float, Field(ge=0, le=100)]]] = {}
     spring_stiffness_share: ShareBand | None = None
     bulk_modulus_share: ShareBand | None = None
     dead_volume_share: ShareBand | None = None
     payload_share: ShareBand | None = None
     link_mass_share: ShareBand | None = None
-    entrained_air_percent: (
-        Annotated[list[Annotated[float, Field(ge=0, lt=50)]], Field(min_length=2, max_length=2)]
-        | None
-    ) = None
+    entrained_air_percent: Pair[Annotated[float, Field(ge=0, lt=50)]] | None = None
 
 
 class LiftChartSection(Section):

@@ -6,6 +6,7 @@ A fault names file, key path, value, range and remedy.
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import ValidationError
@@ -19,9 +20,10 @@ from armdesign.machine.file.key_paths import (
     is_table,
     lengths,
     unit_of,
+    unwrap,
 )
 from armdesign.machine.file.likely_values import USUAL, meant, usual
-from armdesign.machine.file.schema import FORMS
+from armdesign.machine.file.schema import FORMS, MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
 
@@ -34,6 +36,19 @@ def first_fault(error: ValidationError, source: str, key_lines: KeyLines) -> Mac
     fault = next((f for f in faults if f["type"] == "extra_forbidden"), faults[0])
     more = f" ({len(faults) - 1} more in this file)" if len(faults) > 1 else ""
     return explained(fault, source, key_lines, more)
+
+
+def unnamed_tables(data: Any, source: str) -> Iterator[MachineFileError]:
+    """Tables of named entries with an entry's own keys: ``[spring]`` for ``[spring.name]``."""
+    for key, field in MachineSection.model_fields.items():
+        entries, table = unwrap(field.annotation)[0], data.get(key)
+        if get_origin(entries) is not dict or not isinstance(table, dict):
+            continue
+        entry = unwrap(get_args(entries)[-1])[0]
+        own = [name for name, value in table.items() if not isinstance(value, dict)]
+        if is_table(entry) and set(own) & set(entry.model_fields):
+            fault = f"has no name beside the keys of one {key}, {', '.join(own)}"
+            yield MachineFileError(f"{source}: {key}", fault, f"write [{key}.…] with a name")
 
 
 def location_of(fault: Any) -> Location:
@@ -57,9 +72,8 @@ def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
     if fault["type"] == "extra_forbidden":
         known = annotation(location[:-1])[0].model_fields
         close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
-        return "unknown key", (
-            f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
-        )
+        keys = f"known keys: {', '.join(known)}"
+        return "unknown key", f'did you mean "{close[0]}"?' if close else keys
     if fault["loc"][-1:] == ("[key]",):
         return "is not a usable name", "start with a letter, then letters, digits, _ or -"
     words = f"{_shown(fault['input'])} is not allowed"

@@ -18,16 +18,13 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.machine.file.key_paths import UNIT_END, UNITS
+from armdesign.machine.file.schema import BY_ACTUATOR
 
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 
 
 def read_toml(text: str, source: str) -> dict[str, Any]:
-    """The data of a TOML text.
-
-    Args:
-        text: TOML.
-        source: file name for messages.
+    """The data of a TOML text; ``source`` is its name in messages.
 
     Raises:
         MachineFileError: it is no TOML.
@@ -86,12 +83,14 @@ def without_groups(written: str) -> str:
 
 
 def fault_of_line(line: str, column: int) -> tuple[str, int, str] | None:
-    """Fault of a number in a line that is no TOML, its column, and the remedy.
+    """Fault of a number or share in a line that is no TOML, its column, and the remedy.
 
-    Args:
-        line: of the file.
-        column: where the parser stopped, counted from 1.
+    ``column`` is where the parser stopped, counted from 1.
     """
+    share = re.match(r"\s*([\w-]+)\.([\w-]+)\s*=\s*([\d.]+)", line)
+    if share and share[1] in BY_ACTUATOR:
+        remedy = f"write {share[1]} = {{ default = …, {share[2]} = {share[3]} }} for both"
+        return f"{share[1]} is a number before", column, remedy
     if point := _bare_point(line):
         return "no digit on one side of a point", column, point
     if number := re.search(rf"(?<==)\s*({_GROUPED.pattern})", line):
@@ -132,9 +131,7 @@ def list_meant(written: str, count: int) -> str:
         items = tomllib.loads(f"list = {points}")["list"]
     except tomllib.TOMLDecodeError:
         return ""
-    return (
-        "[" + ", ".join(map(str, items)) + "]" if points != written and len(items) == count else ""
-    )
+    return f"[{', '.join(map(str, items))}]" * (points != written and len(items) == count)
 
 
 def number_meant(text: str, unit: str) -> tuple[str, str]:
@@ -145,12 +142,8 @@ def number_meant(text: str, unit: str) -> tuple[str, str]:
     if _COMMA.fullmatch(text):
         return "decimal comma, and a text", with_point(text)
     if match := _NUMBER.fullmatch(text):
-        words = (
-            f"write the number alone, in {unit}"
-            if match[2] and unit
-            else "write it without quotes"
-        )
-        return "", f"{words}: {match[1]}"
+        alone = f"write the number alone, in {unit}" if match[2] and unit else ""
+        return "", f"{alone or 'write it without quotes'}: {match[1]}"
     return "", ""
 
 
@@ -185,13 +178,9 @@ def tell_line(error: ArmDesignError, key_lines: KeyLines, source: str) -> None:
 
 @contextlib.contextmanager
 def lines_of(text: str, source: str) -> Iterator[None]:
-    """Within it, errors about keys of a file say the line of its text.
+    """Within it, errors about keys of a file say the line of its text, if it has the key.
 
-    None where the text does not have the key.
-
-    Args:
-        text: TOML, without fault wherever a key is spoken of.
-        source: the file's name in messages.
+    The text is without fault wherever a key is spoken of; ``source`` is its name in messages.
     """
     try:
         yield
@@ -201,11 +190,7 @@ def lines_of(text: str, source: str) -> Iterator[None]:
 
 
 class KeyLines:
-    """Lines and values of all keys of a TOML text.
-
-    Args:
-        text: TOML without fault.
-    """
+    """Lines and values of all keys of a TOML text without fault."""
 
     def __init__(self, text: str) -> None:
         self._text = text

@@ -26,14 +26,12 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
     try:
         document = tomlkit.parse(text)
     except (TOMLKitError, ValueError, RecursionError) as error:
-        raise MachineFileError(
-            source, f"cannot be edited: {error}", "write it as plainer TOML"
-        ) from None
+        fault = f"cannot be edited: {error}"
+        raise MachineFileError(source, fault, "write it as plainer TOML") from None
     for path, value in changes.items():
         if not isinstance(path, str) or not path:
-            raise MachineFileError(
-                source, f"{path!r} is not a key path", "give one such as cylinder.boom.bore_mm"
-            )
+            remedy = "give one such as cylinder.boom.bore_mm"
+            raise MachineFileError(source, f"{path!r} is not a key path", remedy)
         *tables, leaf = path.split(".")
         node: Any = document
         for depth, key in enumerate(tables):
@@ -44,9 +42,8 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
                 node[key] = _inline({DEFAULT: node[key]})
             node = node[key]
             if not hasattr(node, "keys"):
-                raise MachineFileError(
-                    f"{source}: {path}", f'"{key}" is a value, not a table', "shorten the path"
-                )
+                fault = f'"{key}" is a value, not a table'
+                raise MachineFileError(f"{source}: {path}", fault, "shorten the path")
         _set_leaf(node, leaf, value, f"{source}: {path}")
     new = tomlkit.dumps(document)
     windows = "\n" in text and text.count("\n") == text.count("\r\n")
@@ -64,9 +61,8 @@ def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
     parent, _ = annotation(location[:-1])
     known = parent.model_fields if is_table(parent) else node
     if known is node or location[-1] not in known:
-        raise MachineFileError(
-            where, f'no "{location[-1]}" in the file', f"choose from: {', '.join(known)}"
-        )
+        remedy = f"choose from: {', '.join(known)}"
+        raise MachineFileError(where, f'no "{location[-1]}" in the file', remedy)
 
 
 def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
@@ -81,9 +77,8 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
         else:
             node[leaf] = value
     except (TypeError, ValueError, TOMLKitError):
-        raise MachineFileError(
-            where, f"cannot hold {value!r}", "give a number or a text"
-        ) from None
+        fault, remedy = f"cannot hold {value!r}", "give a number or a text"
+        raise MachineFileError(where, fault, remedy) from None
 
 
 def dump(data: Mapping[str, Any], heading: str) -> str:
@@ -110,9 +105,8 @@ def _item(value: Any, path: str) -> Any:
     try:
         return tomlkit.item(value)
     except (TypeError, ValueError, TOMLKitError):
-        raise MachineFileError(
-            path, f"cannot hold {value!r}", "give a number, a text, a list or a table"
-        ) from None
+        fault, remedy = f"cannot hold {value!r}", "give a number, a text, a list or a table"
+        raise MachineFileError(path, fault, remedy) from None
 
 
 def _plain(value: Any) -> Any:

@@ -132,13 +132,10 @@ class _Knee:
     def __init__(
         self, bars: FourBar, poses: RigidPoses, seen_from: str, joints: tuple[int, ...]
     ) -> None:
-        self._bars, arm = bars, bars.arm
-        self._direction = partial(arm.direction, poses, seen_from=seen_from, joints=joints)
-        a, b = bars.rocker, bars.coupler
-        pivot, lug = (
-            arm.motion(poses, pin.link, np.array(pin.at), seen_from, joints)
-            for pin in (bars.pivot, bars.lug)
-        )
+        self._bars, a, b = bars, bars.rocker, bars.coupler
+        self._direction = partial(bars.arm.direction, poses, seen_from=seen_from, joints=joints)
+        pins = (bars.pivot, bars.lug)
+        pivot, lug = (bars._motion(poses, pin, seen_from, joints) for pin in pins)
         self._normal = self._direction(bars.pivot.link, np.array([0.0, -1.0, 0.0]))
         self._u = self._in_plane(lug - pivot)
         self._i = self._u.dot(self._u).reciprocal()
@@ -152,10 +149,8 @@ class _Knee:
         ∂i = −2 i² u·∂u,  ∂x = (a² − b²) ∂i/2 + (a ∂a − b ∂b) i,
         ∂y = (a² ∂i + 2 a ∂a i − 2 x ∂x)/(2y).
         """
-        a, b, u, i, x, y = (
-            *(self._bars.rocker, self._bars.coupler),
-            *(self._u, self._i, self._x, self._y),
-        )
+        a, b, u = self._bars.rocker, self._bars.coupler, self._u
+        i, x, y = self._i, self._x, self._y
         if name in self._bars.bar_names:
             d_x = i * (a if name == "rocker" else -b)
             d_square = i * (2 * a if name == "rocker" else 0.0)

@@ -32,8 +32,11 @@ LENGTHS = ("_pin_to_pin_mm", "_length_mm")
 POSITIONS = ("_deg", "_mm")
 
 
-def strongest_column(recording: Recording) -> str:
-    """The pressure that rings most; if there is none, the speed, or the acceleration."""
+def strongest_column(recording: Recording, excitation: str = "") -> str:
+    """The pressure that rings most; if there is none, the speed, or the acceleration.
+
+    The excitation does not count.
+    """
     if len(recording.time) < 2:
         raise SimulationError(recording.source, "holds no samples", "give a row per instant")
     step = float(np.median(np.diff(recording.time)))
@@ -41,7 +44,7 @@ def strongest_column(recording: Recording) -> str:
         sizes = {
             name: strongest(step, values[np.isfinite(values)])[1]
             for name, values in recording.columns.items()
-            if unit_of(name, units) and np.sum(np.isfinite(values)) > 1
+            if name != excitation and unit_of(name, units) and np.isfinite(values).sum() > 1
         }
         if sizes:
             return max(sizes, key=lambda name: sizes[name])
@@ -69,6 +72,11 @@ def sides_of(part: Recording) -> dict[tuple[str, str], str]:
     return columns
 
 
+def tells_pose(name: str) -> bool:
+    """Whether a column is of lengths or of positions of joints."""
+    return name.endswith(POSITIONS) and not inclined(name)
+
+
 def means_of(part: Recording) -> dict[str, float]:
     """Means of lengths, positions and pressures, named as in a file of measurements.
 
@@ -79,7 +87,7 @@ def means_of(part: Recording) -> dict[str, float]:
         length = next((end for end in LENGTHS if name.endswith(end)), "")
         if length:
             names[name] = f"{name.removesuffix(length)}_length_mm"
-        elif name.endswith(POSITIONS) and not inclined(name):
+        elif tells_pose(name):
             names[name] = name
     factors = dict.fromkeys(names, 1.0)
     for (cylinder, side), name in sides_of(part).items():

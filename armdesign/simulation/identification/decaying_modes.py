@@ -31,6 +31,8 @@ LARGEST_STEP = 0.2  # of λ in a round, relative
 OCCAM = 0.25
 NO_TREND = -1  # degree
 LEAST_PERIODS, OVERDAMPED = 2.0, 0.7  # of what rings about a trend
+AROUND = np.arange(-6, 7)  # lines of the spectrum about a mode that tell its noise
+FREE = 0.5  # share of a sine that a fit leaves
 NO_ROOTS = np.zeros(0, dtype=complex)
 
 
@@ -60,7 +62,7 @@ class Noise:
             trend: degree of the polynomial that is projected out; -1 for none.
         """
         self.length, self.colour, self.trend = length, colour, trend
-        slow = np.linalg.qr(self._filtered(polynomials(length, trend)))[0]
+        self.slow = slow = np.linalg.qr(self._filtered(polynomials(length, trend)))[0]
         columns = ratio * self._filtered(_powers(hidden, length))
         u, size, _ = np.linalg.svd(columns - slow @ (slow.T @ columns), full_matrices=False)
         self._u = np.hstack([slow, u])
@@ -106,7 +108,8 @@ class Refined:
     Attributes:
         roots: λ Δt (m,), ascending by size.
         shapes: c of every mode in every output (m, outputs), complex.
-        left: what the modes leave of the outputs (n, outputs).
+        left: what modes and trend leave of the outputs (n, outputs).
+        slow: the trend (n, outputs).
         covariance: of the real, then the imaginary parts of the roots (2m, 2m).
         noise: what the modes leave is taken for.
         variance: of the white noise of every output (outputs,).
@@ -116,6 +119,7 @@ class Refined:
     roots: Array
     shapes: Array
     left: Array
+    slow: Array
     covariance: Array
     noise: Noise
     variance: Array
@@ -250,14 +254,17 @@ def _with_covariance(
         @ (slopes * sizes[:, None]).T
     )
     both = np.concatenate([order, len(roots) + order])
-    powers = np.exp(roots * np.arange(length)[:, None])
+    levels = np.sqrt(np.tile(_levels(roots, noise, now, slopes, variance), 2))
+    rest = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
+    left = detrended(rest, noise.trend)
     logarithms = np.log(np.maximum(variance, 1e-300)).sum()
     unknowns = len(noise.colour) + len(roots) * (2 + 2 * signals.shape[1])
     return Refined(
         roots=roots[order],
         shapes=now.shapes[order],
-        left=detrended(signals - (powers @ now.shapes).real, noise.trend),
-        covariance=(gain @ gain.T)[np.ix_(both, both)],
+        left=left,
+        slow=rest - left,
+        covariance=(gain @ gain.T * np.outer(levels, levels))[np.ix_(both, both)],
         noise=noise,
         variance=variance,
         likelihood=float(
@@ -265,6 +272,30 @@ def _with_covariance(
             - 0.5 * unknowns * math.log(length)
         ),
     )
+
+
+def _levels(roots: Array, noise: Noise, now: BestShapes, slopes: Array, variance: Array) -> Array:
+    """Variance of what is left about the frequency of each mode, over that of the whole (m,).
+
+    What a mode may be off by depends on the noise near its own frequency alone, where few
+    parameters of a colour may miss it. The lines ``AROUND`` it measure that, freed of
+    what the fit has taken. Never below 1: few lines know little.
+    """
+    length, levels = len(now.left), np.ones(len(roots))
+    fits = list(zip(now.left.T, np.split(slopes, len(variance)), variance, strict=True))
+    for k, root in enumerate(roots):
+        lines = np.round(root.imag * length / (2 * math.pi)) + AROUND
+        lines = lines[(lines >= 1) & (lines < length / 2)]
+        probes, energy, rank = _powers(2j * math.pi / length * lines, length), 0.0, 0
+        for left, own, size in fits:
+            taken = np.linalg.qr(np.hstack([noise.slow, now.basis, own]))[0]
+            free, sizes, _ = np.linalg.svd(probes - taken @ (taken.T @ probes), False)
+            free = free[:, sizes > FREE * math.sqrt(length / 2)]
+            energy += float(np.sum((free.T @ left) ** 2)) / max(size, 1e-300)
+            rank += free.shape[1]
+        if rank > 2:  # Student's t of so many degrees of freedom has the variance n/(n − 2)
+            levels[k] = max(1.0, energy / (rank - 2))
+    return levels
 
 
 def autoregression(left: Array, order: int) -> Array:

@@ -10,12 +10,15 @@ autoregressive, that is
 
     (1 + a_1 q + … + a_p q^p) (y − Re Σ c exp(λt)) = white noise,   q one sample back,
 
-and both sides of the fit are filtered so. Each order p gives an answer. How likely the record is
+and both sides of the fit are filtered so; where a trend bends, that counts as noise when its
+colour is estimated. The deviations are scaled to the noise about each mode's own frequency, which
+few parameters of a colour may miss. Each order p gives an answer. How likely the record is
 under it (Schwarz 1978) weighs it, and the deviation holds how far likely answers differ. So are
 further modes tried beside those asked for, as long as they make the record likelier; the
 strongest are the answer. A mode nearby may be too weak or too damped to show and still pull at the
-answer, so it is given room at 1.3 times the frequency, above and below. A record in which the
-modes asked for do not stand out of the noise is refused.
+answer, so it is given room at 1.3 times the frequency, above and below. About a trend, what does
+not ring for two periods of the record is part of it. A record in which the modes asked for do not
+stand out of noise and trend is refused.
 """
 
 from __future__ import annotations
@@ -47,6 +50,7 @@ NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 TEMPER = 0.5  # power of the likelihood that weighs
 EXACT = 1e-9  # what is left of a record without noise, relative: no colour can be told
 FILTERS = 2
+LINE = 1  # degree
 HIDDEN = (1 / 1.3, 1.3)  # frequencies of modes that may be hidden, relative
 HIDDEN_SHARE = 0.5  # usual amplitude of theirs, relative
 APART = 0.15  # a hidden mode from those found, relative
@@ -118,7 +122,7 @@ def identify_ringdown(
     """
     step, (signals,) = signals_of(part, time, response)
     whole = signals.reshape(len(signals), -1)
-    signals = detrended(whole, trend)
+    signals = detrended(whole, min(trend, LINE))
     scale = np.abs(signals).max(axis=0)
     if not scale.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")
@@ -147,7 +151,7 @@ def identify_ringdown(
         amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
         singular_values=singular,
         fitted=whole - likeliest.left * scale,
-        residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(signals)),
+        residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(detrended(signals, trend))),
     )
 
 
@@ -159,7 +163,7 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
     """
     fits, of_all, least, margin = list[Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
     for count in range(modes, modes + FURTHER + 1):
-        starts, singular, most = _starts(signals, count)
+        starts, singular, most = _starts(detrended(signals, trend), count)
         if count == modes:
             of_all = singular
         group = _group(signals, starts, trend)
@@ -171,8 +175,10 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
         fits += group
         if _exact(signals, group[0]):
             break
+    fewer = [one for one in fits if one.rings.sum() < modes]
     fits = [one for one in fits if one.rings.sum() >= modes]
-    if not fits:
+    likelihoods = [max(map(_likelihood, some), default=-math.inf) for some in (fits, fewer)]
+    if not fits or likelihoods[0] < likelihoods[1] + STANDS_OUT:
         problem = f"holds {most} modes, not {modes}"
         if most >= modes:
             problem = f"holds fewer than {modes} that ring for two periods or more"
@@ -198,15 +204,16 @@ def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
 
 def _without(signals: Array, modes: int, trend: int) -> float:
     """Likelihood of the record with one mode less than asked for."""
+    level = detrended(signals, trend)
     if modes > 1:
         return max(
-            map(_likelihood, _group(signals, _starts(signals, modes - 1)[0], trend)),
+            map(_likelihood, _group(signals, _starts(level, modes - 1)[0], trend)),
             default=-math.inf,
         )
     likelihoods = []
     for order in (0, 1):
         noise = Noise(
-            len(signals), autoregression(signals, order) if order else np.zeros(0), trend=trend
+            len(signals), autoregression(level, order) if order else np.zeros(0), trend=trend
         )
         left = noise.whitened(signals)
         logarithms = np.log(np.mean(left**2, axis=0)).sum()
@@ -283,12 +290,13 @@ def _exact(signals: Array, plain: Refined) -> bool:
 
 
 def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
-    """The fit under noise of an order, its filter found from what the fit before leaves."""
-    fit = plain
+    """The fit under noise of an order, its filter found from what the fit before leaves.
+
+    How a trend bends counts as noise there: a polynomial also takes what slow noise looks like.
+    """
+    fit, trend = plain, plain.noise.trend
     for _ in range(FILTERS):
-        fit = refined(
-            signals,
-            fit.roots,
-            Noise(len(signals), autoregression(fit.left, order), trend=plain.noise.trend),
-        )
+        left = detrended(fit.left + fit.slow, min(trend, LINE))
+        colour = autoregression(left, order)
+        fit = refined(signals, fit.roots, Noise(len(signals), colour, trend=trend))
     return fit

@@ -20,6 +20,7 @@ PERIODS = 3.0  # of a piece
 LEAST = 12  # samples of it
 SURE = 3.0  # deviations from which a difference is one
 LEAST_PIECES = 4  # from which a change can be told
+RISE, LARGE = 1.3, 0.3  # of a swing over an earlier one, of the largest: it is excited again
 NOTABLE = 0.02  # relative difference of frequencies worth a word
 
 
@@ -42,6 +43,14 @@ class Swings(ReadOnly):
     frequency_deviations: Array
     damping_ratios: Array
     damping_deviations: Array
+
+    @property
+    def rise(self) -> float | None:
+        """When the swing rises again [s], as in no free decay; None if it does not."""
+        lowest = np.minimum.accumulate(self.amplitudes)
+        most = self.amplitudes.max(initial=0.0)
+        rises = (self.amplitudes > RISE * lowest) & (self.amplitudes > LARGE * most)
+        return float(self.time[np.argmax(rises)]) if rises.any() else None
 
     @property
     def change(self) -> tuple[float, float, float, float] | None:

@@ -24,6 +24,7 @@ PERIODS = 7.0  # most in a window that is found
 LEAST = 3.0  # fewest in one
 RISE = 1.3  # of the envelope within a decay, which ends it
 QUIET = 4.0  # envelope above its lowest tenth where a window ends, if that tenth is noise
+DECIMALS = 2  # of an end [s]
 SUNK = 0.08  # of its peak, where it ends at the latest
 
 
@@ -81,7 +82,7 @@ def _decays(
     time: Array, envelope: Array, period: float, floor: float
 ) -> list[tuple[float, float]]:
     """Windows after the peaks of an envelope over a floor of noise."""
-    windows, begin, step = [], 0, (time[-1] - time[0]) / (len(time) - 1)
+    windows, begin, step = list[tuple[float, float]](), 0, (time[-1] - time[0]) / (len(time) - 1)
     for peak in _peaks(envelope, round(1.5 * period / step)):
         if peak < begin:
             continue
@@ -89,8 +90,8 @@ def _decays(
         first, last = time[peak] + period / 2, time[min(end, len(time) - 1)]
         count = max(round((last - first) / (PERIODS * period)), 1)
         if last - first >= LEAST * period:
-            marks = np.linspace(first, last, count + 1)
-            windows += [(float(a), float(b)) for a, b in pairwise(marks)]
+            marks = np.linspace(first, last, count + 1).round(DECIMALS).tolist()
+            windows += pairwise(marks)
         begin = end
     return windows
 

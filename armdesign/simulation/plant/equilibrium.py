@@ -241,14 +241,7 @@ def holding(
     """Hold of a static force [N, + pushes] by one actuator.
 
     A valve that leaks but has no balance is taken as closed, as is every valve with ``preloaded``
-    False.
-
-    Args:
-        actuator: cylinder or motor.
-        supply: its pump.
-        force: that it holds.
-        preloaded: see ``find_equilibrium``.
-        law: of its ports, at the supply pressure that they see.
+    (see ``find_equilibrium``) False. The law of its ports is at the supply pressure that they see.
     """
     unloaded = _closed_pressures(actuator, supply, force, preloaded=False)
     pressures = unloaded
@@ -265,11 +258,8 @@ def holding(
         cap, annulus, spool, balanced = balance(law, *ends)
         if balanced and ends[0].min() >= low.min():
             return StaticHold(cap, annulus, spool)
-    words = (
-        f"{actuator.name}'s valve leaks, and at no spool position does it make up for that: the"
-        " load creeps"
-    )
-    return StaticHold(*pressures, creeps=words)
+    words = "valve leaks, and at no spool position does it make up for that: the load creeps"
+    return StaticHold(*pressures, creeps=f"{actuator.name}'s {words}")
 
 
 def _closed_pressures(

@@ -34,7 +34,7 @@ STOP_DAMPING = 12.0  # [s/m] of the end stops, a
 LEAST_VOLUME_SHARE = 1e-3
 
 _ACTUATOR = "count", "closed_length", "stroke", "compliance"
-_VALVE = [
+_VALVE = (
     "natural_frequency",
     "damping_ratio",
     "overlap",
@@ -42,7 +42,7 @@ _VALVE = [
     "tank_leakage",
     "fastest",
     "gain",
-]
+)
 _FRICTION = [field.name for field in fields(Friction)]
 _PAIRS = "areas", "sweep", "volumes", "least", "hoses", "into", "out"  # of cap and annulus
 _HOLDING = "setting", "pilot_ratio", "opening_range"
@@ -138,9 +138,8 @@ def _set_holding(row: Record, actuator: Actuator) -> None:
 def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
     if actuator.valve is None:
         part = f"{machine.name}: {actuator.kind}.{actuator.name}.valve"
-        raise SimulationError(
-            part, "missing", "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
-        )
+        remedy = "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
+        raise SimulationError(part, "missing", remedy)
     return actuator.valve
 
 

@@ -135,10 +135,7 @@ class Plant:
         joints = [joint.name for joint in self.machine.arm.coordinates]
         cylinders = [f.name for f in self.machine.actuators]
         kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
-        kinds += [
-            ("annulus pressure", cylinders),
-            ("pressure", ["supply"] if self.has_line else []),
-        ]
+        kinds += [("annulus pressure", cylinders), ("pressure", ["supply"] * self.has_line)]
         kinds += [("spool", cylinders), ("spool speed", cylinders)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
 

@@ -15,9 +15,9 @@ import pytest
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
-from armdesign.design.bound import certificate, lagrangian
+from armdesign.design.bound import lagrangian, regions
 from armdesign.design.bound.certificate import Bound, upper_bound
-from armdesign.design.bound.columns import sole_drives
+from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.catalogue import branch_and_bound
@@ -113,8 +113,9 @@ def holds(problem: Problem) -> float | None:
 @pytest.fixture
 def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     """Branching and multipliers that stop early are only less tight."""
-    monkeypatch.setattr(certificate, "ROUNDS", 2)
-    monkeypatch.setattr(certificate, "AIRY", 1)
+    monkeypatch.setattr(regions, "ROUNDS", 2)
+    monkeypatch.setattr(regions, "AIRY", 1)
+    monkeypatch.setattr(regions, "REGIONS", 3)
     monkeypatch.setattr(lagrangian, "CELLS", 3000)
     monkeypatch.setattr(lagrangian, "AIRY", 1000)
 
@@ -160,7 +161,7 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
     assert found.held == ()
     # measured, rounded up
     assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    assert found.frequency**2 <= wide.frequency**2 * (1 + 2 * certificate.CLOSE)
+    assert found.frequency**2 <= wide.frequency**2 * (1 + regions.ENOUGH) ** 2
 
 
 def test_a_bore_alone_leaves_an_annulus() -> None:
@@ -181,7 +182,7 @@ def test_what_is_not_a_number_is_not_known() -> None:
     """A share whose value is nowhere a number has no upper bound: no box may be dropped."""
     problem = problem_of("double")
     dual = LagrangianDual.start(
-        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+        problem, joint_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
     share = dual.terms(dual.multipliers())[0]
     assert maximum(replace(share, price=np.full(2, np.nan)), 0.02, 500).upper == math.inf
@@ -193,7 +194,7 @@ def test_no_share_at_all_is_no_proof() -> None:
     """
     problem = problem_of("double")
     dual = LagrangianDual.start(
-        problem, sole_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
+        problem, joint_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
     multipliers = dual.multipliers()
     some = maximum(dual.terms(multipliers)[0], 0.1, 200)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from armdesign.design.requirements.check import digging_forces
+from armdesign.design.requirements.performance import performances
 from tests.design.designs import MACHINES
 from tests.design.requirements.shared import own, reference
+from tests.machines import redundant
 
 
 def test_digging_force_by_the_independent_reference() -> None:
@@ -21,3 +23,14 @@ def test_digging_force_by_the_independent_reference() -> None:
     assert found["digging_force.stick"].slack == pytest.approx(
         found["digging_force.stick"].value / 100e3 - 1
     )
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_each_of_two_cylinders_on_one_joint_has_its_force(reverse: bool) -> None:
+    """About one joint forces are as torques, p A r; the order of the file does not matter."""
+    machine = redundant(reverse)
+    forces, other = digging_forces(machine), digging_forces(redundant(not reverse))
+    assert set(forces) == {"lift", "help", "fold"}
+    torques = {machine.actuators[p.actuator].name: p.largest[0] for p in performances(machine)}
+    assert forces["lift"] / forces["help"] == pytest.approx(torques["lift"] / torques["help"])
+    assert forces == pytest.approx(other)

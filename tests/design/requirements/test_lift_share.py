@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 import armdesign as ad
 from armdesign import Bands, InfeasibleError, Machine, Requirements, Workspace
 from armdesign.design.requirements.check import check, slacks, static_loads
-from tests.design.designs import MACHINES, workspace_of
+from armdesign.design.search.prices import prices
+from tests.design.designs import MACHINES, problem_of, solved, workspace_of
 from tests.design.requirements.shared import judged, own
 from tests.machine.test_lift_chart import _two_elbows
 from tests.machines import named
@@ -111,6 +113,19 @@ def test_a_conflict_names_the_share_that_grants_it() -> None:
     granted = requirements.granting(conflict)
     design = ad.size_cylinders(machine, workspace, granted)
     assert min(design.slacks.values()) >= -1e-9
+
+
+@pytest.mark.slow
+def test_price_is_what_relaxing_by_one_percent_buys() -> None:
+    """Both actuators' prices together against solving again with 1 % less lift kept, 5 %."""
+    before, after = (
+        solved(problem_of("excavator", ("areas", "pins"), lift_share=share), 1e-8)
+        for share in (0.95, 0.95 * 0.99)
+    )
+    priced = [p.gain for name, p in prices(before).items() if name.startswith("lift_share.")]
+    gain = math.sqrt(after.squared / before.squared) - 1
+    assert gain > 1e-3
+    assert sum(priced) == pytest.approx(gain, rel=0.05)
 
 
 @pytest.mark.slow

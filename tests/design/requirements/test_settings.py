@@ -92,6 +92,10 @@ BAD_FILES = [
     ),
     ("[requirements.outline.boom]\npoints_mm = [[0, 0], [1, 0]]", r"points_mm"),
     ('buckling_column = "tube"', r"buckling_column"),
+    (
+        "thrust_share = 1.2\nthrust_share.boom = 0.9",
+        r"thrust_share is a number before .*write thrust_share = { default = …, boom = 0.9 } for",
+    ),
     ("thrust_share = { spade = 1 }", r'requirements.thrust_share: no actuator "spade"; choose fr'),
     ("thrust_share = { boom = 11 }", r"requirements.thrust_share.boom: 11 is not allowed; give a"),
     ("thrust_share = { default = -1 }", r"requirements.thrust_share.default: -1 is not allowed"),

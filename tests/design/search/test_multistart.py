@@ -156,6 +156,7 @@ def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) ->
     [
         ("rigid_excavator_20t", ("cylinder.bucket",), (3, 3, 5)),
         ("rigid_mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
+        ("mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
     ],
 )
 def test_seeds_agree_where_four_bars_move(
@@ -163,9 +164,10 @@ def test_seeds_agree_where_four_bars_move(
 ) -> None:
     """Whatever is drawn, to 0.05 %.
 
-    The mini excavator has an optimum at 5.474 Hz, which one of 17 random starts reached, and one
-    at 5.433 Hz, where nearly all others ended; from seed 1 it still does. As shipped, its
-    structure yielding, seeds 0 and 5 end at 4.302 and 4.255 Hz.
+    The rigid mini excavator has an optimum at 5.474 Hz, where the bucket's moment arm falls over
+    its range, and others up to 5.433 Hz, where it has a hump, in which nearly all random starts
+    end: seed 1 did, from pins drawn about the best as well. As shipped, its structure yielding,
+    seeds 0 and 5 ended at 4.302 and 4.255 Hz.
     """
     machine = named(name)
     problem = Problem.of(
@@ -174,5 +176,5 @@ def test_seeds_agree_where_four_bars_move(
         requirements=Requirements.of(machine),
         vary=vary,
     )
-    found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 5)]
-    assert found == pytest.approx([max(found)] * 2, rel=5e-4)
+    found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 1, 5)]
+    assert found == pytest.approx([max(found)] * 3, rel=5e-4)

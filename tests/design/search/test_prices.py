@@ -77,7 +77,6 @@ LEAST_PRICE = {  # settings with the limit relaxed by a factor k − 1, and wher
             "lifts": (Lift(name="mid", mass=4940 / k, joints={"boom": 0.0, "stick": 0.0}),)
         },
     ),
-    "lift_share.lift": (("areas", "pins"), lambda k: {"lift_share": 1.0 * (2 - k)}),
 }
 
 

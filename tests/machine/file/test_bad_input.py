@@ -58,6 +58,8 @@ OPTIONAL = {  # have a default
         )
     ),
     *("motor", "motor.swing", "motor.swing.valve", "bands", "bands.structure"),
+    *("motor.swing.valve.leakage_l_per_min_per_bar", "motor.swing.friction"),
+    *(f"motor.swing.friction.{key}" for key in DATA["motor"]["swing"]["friction"]),
 }
 
 

@@ -101,7 +101,9 @@ def test_preload_stays_below_the_relief(excavator: Machine) -> None:
 
 
 def test_preload_of_a_motor_and_round_trip(tmp_path: Path) -> None:
-    machine = machines.named("slewing").replace({"motor.swing.valve.preload_bar": 30.0})
+    """Behind a tight valve: a leak would pull both chambers to one pressure."""
+    tight = {"motor.swing.valve.leakage_l_per_min_per_bar": 0.0}
+    machine = machines.named("slewing").replace(tight | {"motor.swing.valve.preload_bar": 30.0})
     saved = ad.load(machine.save(tmp_path / "again.toml"))
     assert saved.motors[0].valve == machine.motors[0].valve
     assert saved.motors[0].valve.preload == 30 * bar

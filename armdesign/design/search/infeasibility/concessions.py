@@ -92,6 +92,7 @@ def conflict_error(
     none_meets: str = "no design meets",
     settled: bool = True,
     otherwise: str = "",
+    left: Sequence[str] = (),
 ) -> InfeasibleError:
     """The error that says a conflict in one line, and several requirements in a table.
 
@@ -101,6 +102,7 @@ def conflict_error(
         none_meets: what was looked for in vain.
         settled: whether what they give is enough for all requirements to be met.
         otherwise: what else helps.
+        left: names of those that conflict still when all before are granted.
     """
     parts = [
         [c for c in conflict if c.part == part] for part in dict.fromkeys(c.part for c in conflict)
@@ -111,6 +113,8 @@ def conflict_error(
         names = ", nor ".join(" together with ".join(c.name for c in one) for one in parts)
         amount = ""
     more = "" if settled else "; others conflict besides"
+    if left:
+        more = f"; when all before was granted, {', '.join(left)} conflicted still"
     return InfeasibleError(
         machine,
         f"{none_meets} {names}{more}",

@@ -136,9 +136,9 @@ class ElasticProgramme:
         at = self._rooms(x, None)
         return {name for name, room in zip(at.names, at.room, strict=True) if room < -MET}
 
-    def feasible(self, names: Collection[str]) -> bool:
-        """Whether some design meets these requirements."""
-        return not names or self.solve(Roles((), names), ROUGH).met
+    def feasible(self, names: Collection[str], starts: int = STARTS) -> bool:
+        """Whether some design meets these requirements, sought from so many starts."""
+        return not names or self.solve(Roles((), names), ROUGH, starts).met
 
     @np.errstate(invalid="ignore", divide="ignore")
     def amounts(self, x: Array) -> dict[str, tuple[Evaluation, float]]:

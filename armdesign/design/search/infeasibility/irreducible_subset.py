@@ -67,7 +67,9 @@ class ConflictSearch(ElasticProgramme):
         involved = [n for n in everything if n in nearest.tight or n in missed]
         if self.feasible(involved):
             involved = list(everything)
-        subset = self._deletion_filter(involved, missed)
+        subset = self._deletion_filter(involved, missed, 1)
+        if self.feasible(subset):  # one start took for infeasible what others show to be feasible
+            subset = self._deletion_filter(involved, missed, STARTS)
         pairs = [(a, b) for a in missed for b in involved if a != b]
         if len(subset) > 2 and len(pairs) <= PAIRS:
             subset = next((pair for pair in pairs if not self.feasible(pair)), subset)
@@ -83,16 +85,16 @@ class ConflictSearch(ElasticProgramme):
         return tuple(subsets)
 
     def _deletion_filter(
-        self, suspects: Sequence[str], missed: Collection[str]
+        self, suspects: Sequence[str], missed: Collection[str], starts: int
     ) -> tuple[str, ...]:
-        """What is left when all goes without which the rest still conflicts.
+        """What is left when all goes without which the rest still conflicts, by so many starts.
 
         What is missed goes last.
         """
         kept = list(suspects)
         for name in sorted(suspects, key=lambda n: n in missed):
             others = [n for n in kept if n != name]
-            if not self.feasible(others):
+            if not self.feasible(others, starts):
                 kept = others
         return tuple(kept)
 
@@ -111,14 +113,12 @@ class ConflictSearch(ElasticProgramme):
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
-        is sought from several starts, fewer if one is ``near``.
+        is sought from several starts; from that one and today's machine if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets)
         self.x = self.x if near is None else near
         solution = self.solve(roles, starts=2 if near is not None else STARTS)
-        if solution.missed > MET and near is not None:
-            solution = self.solve(roles)
         if solution.missed > MET:
             return None
         rounded = self.on_grid(solution, roles)

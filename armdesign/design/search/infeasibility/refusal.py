@@ -38,7 +38,7 @@ DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
-OTHER_SIZES = " or offer other sizes"
+OTHER_SIZES = ", which is enough but not proved least, or offer other sizes"
 
 T = TypeVar("T")
 
@@ -70,8 +70,9 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
     if len(refusals) == 1:
         raise refusals[0]
     conflict = _all_together(problem, refusals, requirements)
+    last = [] if settled else [c.name for c in refusals[-1].conflict]
     words = (f"{WITH_SIZES}no design meets", OTHER_SIZES) if catalogue else ("no design meets", "")
-    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1])
+    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1], last)
 
 
 def _all_together(
@@ -129,7 +130,7 @@ def not_written(search: Search) -> InfeasibleError:
     missed = nearest_misses(search)
     names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
     amounts = {c.name: abs(c.value - c.limit) for c in missed}
-    given = _enough(search, (names,), of, amounts, {}, search.x)
+    given, _ = _enough(search, (names,), of, amounts, {}, search.x)
     none_meets = f"no sizes {_grid(search.problem)} meet all requirements"
     return nearest_error(search.problem.machine.name, none_meets, given)
 
@@ -183,7 +184,7 @@ class _Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(of, together, x)
-            given = _enough(search, self.subsets, of, together, alone, x)
+            given, _ = _enough(search, self.subsets, of, together, alone, x)
         otherwise = ""
         if search.problem.sizes:
             none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
@@ -196,7 +197,7 @@ class _Conflict:
     ) -> dict[str, float | None]:
         """Relaxation of each requirement of a subset where no other of its subset is relaxed.
 
-        None where that does not help.
+        None where that does not help, or was tried and gave no design.
         """
         alone: dict[str, float | None] = {}
         for subset in self.subsets:
@@ -210,8 +211,10 @@ class _Conflict:
                 if relaxation is None:
                     continue
                 amounts = {**rest, name: relaxation.amounts[name]}
-                given = _enough(self.search, [(name,), *others], of, amounts, {}, relaxation.x)
-                alone[name] = next(c.together for c in given if c.name == name)
+                subsets = [(name,), *others]
+                given, enough = _enough(self.search, subsets, of, amounts, {}, relaxation.x)
+                if enough:
+                    alone[name] = next(c.together for c in given if c.name == name)
         return alone
 
 
@@ -222,8 +225,8 @@ def _enough(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,
-) -> tuple[Concession, ...]:
-    """The concessions with which a design near ``x`` is found and can be written.
+) -> tuple[tuple[Concession, ...], bool]:
+    """The concessions with which a design near ``x`` is found and can be written, and whether.
 
     The largest tried if none is.
     """
@@ -238,5 +241,5 @@ def _enough(
         given = concessions(problem.requirements, subsets, of, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
         if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
-            break
-    return given
+            return given, True
+    return given, False

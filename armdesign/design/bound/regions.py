@@ -1,0 +1,141 @@
+"""Regions: parts of the designs, each with a lower bound of its own; the largest counts.
+
+At any multipliers a bound weighs several poses, and its multipliers mix designs: where one place
+of a pin is best at one pose and another place at another, the mixture takes a share of both, which
+no cylinder can be. That is the duality gap. In two regions with the cut between the two places
+each mixture has one of them only, and multipliers of its own (branch and bound: Falk and Soland,
+Management Science 15, 1969). The region of the largest bound is cut, across the coordinate along
+which the mixture gains most over its mean.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.columns import Columns
+from armdesign.design.bound.cylinder_term import Maximum
+from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
+from armdesign.errors import InfeasibleError
+
+REGIONS = 24  # looked at
+# rounds of multipliers and branching of the first and of the others; fewer with air in the oil,
+# which makes two more numbers of every cylinder
+ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
+CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
+NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
+COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+ENOUGH = 0.03  # of frequency, over the design at hand, where cutting ends
+MIXED = 1e-3  # share of a mixture that counts
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Region:
+    """Designs of the drives of ``dual``, none of which exceeds ``bound`` [ω² over the reference].
+
+    Attributes:
+        multipliers: the last ones, which mix its designs; None where there are none.
+        maxima: of each drive's term at them.
+    """
+
+    dual: LagrangianDual
+    bound: float
+    multipliers: Multipliers | None = None
+    maxima: tuple[Maximum, ...] = ()
+
+
+def lowest_bound(dual: LagrangianDual) -> float:
+    """The lowest bound on ω² that is found, over the reference; infinite where none is."""
+    enough = max(dual.reached, 0.0) * (1 + ENOUGH) ** 2
+    regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS)]
+    looked = 1
+    while looked < REGIONS and math.isfinite(regions[0].bound) and regions[0].bound > enough:
+        if (cut := _cut(regions[0])) is None:
+            break
+        parts = [_part(regions[0], *cut, upper, enough) for upper in (False, True)]
+        looked += 2
+        regions = [*regions[1:], *(part for part in parts if part.bound > -math.inf)]
+        if not regions:  # though a design is at hand
+            return math.inf
+        regions.sort(key=lambda region: -region.bound)
+    return regions[0].bound
+
+
+def _refined(region: Region, rounds: int, enough: float = 0.0) -> Region:
+    """The region with better multipliers, until they are close or the bound is low enough."""
+    dual = region.dual
+    for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):
+        try:
+            multipliers = dual.converged()
+        except InfeasibleError:  # the solver gave up: what is known so far still holds
+            break
+        mixed = multipliers.mixed
+        tolerance = float(np.clip(0.2 * (region.bound - mixed), FINE, COARSE))
+        maxima = tuple(dual.maxima(multipliers, tolerance))
+        bound = min(region.bound, dual.bound(multipliers, maxima))
+        region = Region(dual=dual, bound=bound, multipliers=multipliers, maxima=maxima)
+        close = max(CLOSE, NEARER * (mixed - dual.reached))
+        reached = all(math.isfinite(most.value) for most in maxima)
+        if bound <= enough or bound - mixed < close or not reached:
+            break
+        dual.learn(multipliers, maxima)
+    return region
+
+
+def _cut(region: Region) -> tuple[int, int, float] | None:
+    """Drive, coordinate and place where the mixture gains most; None where it does not.
+
+    What it gains along a coordinate is its mean value less the value at its mean, all other
+    coordinates at their means (Jensen).
+    """
+    multipliers, dual = region.multipliers, region.dual
+    if multipliers is None:
+        return None
+    columns, shares = multipliers.columns, multipliers.mixture
+    gains: list[tuple[float, int, int, float]] = []
+    for k, drive in enumerate(dual.drives):
+        own = np.flatnonzero((columns.drive == k) & (shares > MIXED))
+        weight, places = shares[own] / shares[own].sum(), columns.place[own]
+        mean = weight @ places
+        trials = np.tile(mean, (6, len(own), 1))  # at the mean, and along each coordinate
+        for axis in range(5):
+            trials[1 + axis, :, axis] = places[:, axis]
+        at_mean, *along = dual.values(_columns(k, trials), multipliers).reshape(6, -1) @ weight
+        low, high = drive.region
+        inside = (mean > low) & (mean < high)
+        gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
+    best = max(gains, default=(0.0, 0, 0, 0.0))
+    return best[1:] if best[0] > 0 else None
+
+
+def _columns(k: int, places: Array) -> Columns:
+    """Columns of drive ``k`` at places (…, 5) of its region."""
+    flat = places.reshape(-1, 5)
+    return Columns(drive=np.full(len(flat), k), design=flat[:, :3], volume=flat[:, 3:])
+
+
+def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: float) -> Region:
+    """The designs of a region on one side of a place, bounded; of −∞ where none is allowed.
+
+    First by the multipliers of the whole, at which only drive ``k`` changes; branching finds it a
+    design with which the search goes on.
+    """
+    assert region.multipliers is not None
+    low, high = region.dual.drives[k].region
+    (low if upper else high)[axis] = place
+    drive = region.dual.drives[k].within(low, high)
+    dual = region.dual.within(k, drive, region.multipliers)
+    tolerance = float(np.clip(0.2 * (region.bound - enough), FINE, COARSE))
+    maxima = list(region.maxima)
+    maxima[k] = dual.maximum(region.multipliers, k, tolerance)
+    if maxima[k].upper == -math.inf:
+        return replace(region, bound=-math.inf)
+    bound = min(region.bound, dual.bound(region.multipliers, maxima))
+    part = Region(dual=dual, bound=bound)
+    if bound <= enough or not math.isfinite(maxima[k].value):
+        return part
+    dual.join(k, maxima[k])
+    return _refined(part, ROUNDS_OF_PARTS, enough)

@@ -1,0 +1,67 @@
+"""Linkages of every shape of moment arm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armdesign import Workspace
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.arm_shapes import linkages_of_every_shape
+from armdesign.design.search.multistart import formulate
+from tests.machines import named
+
+BUCKET = 2
+
+
+def mini_with_linkages() -> Problem:
+    machine = named("mini_excavator_2t")
+    return formulate(machine, Workspace.grid(machine, 3), None, ("linkages",))
+
+
+def bucket_arm(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Moment arm of the bucket cylinder over its joint's range."""
+    linkage = problem.vector.linkages(x)[BUCKET]
+    poses = problem.vector.range_poses[BUCKET]
+    assert poses is not None
+    return linkage.actuation(poses).moment_arm[:, linkage.joints[0]]
+
+
+def shapes_of(arms: list[np.ndarray]) -> np.ndarray:
+    shapes = np.log(np.abs(np.array(arms)))
+    return shapes - shapes.mean(axis=1, keepdims=True)
+
+
+def test_every_shape_of_random_linkages_has_one_like_it() -> None:
+    """24 chosen linkages are nearer to the shapes of all others than 24 random ones are.
+
+    Random ones are drawn by themselves; all close and keep half of today's smallest arm.
+    """
+    problem = mini_with_linkages()
+    vector, (low, high) = problem.vector, problem.bounds
+    entries, today = list(vector.moves(BUCKET)), vector.arms_today[BUCKET]
+    least, sign = 0.5 * np.abs(today).min(), np.sign(today[0])
+    chosen = linkages_of_every_shape(problem, BUCKET, 24)
+    for x in chosen:
+        assert vector.closes(x)
+        np.testing.assert_array_equal(np.delete(x, entries), np.delete(vector.start, entries))
+        assert (bucket_arm(problem, x) * sign).min() >= least
+    rng, others = np.random.default_rng(5), []
+    for _ in range(1500):
+        x = vector.start.copy()
+        x[entries] = rng.uniform(low[entries], high[entries])
+        if vector.closes(x) and (bucket_arm(problem, x) * sign).min() >= least:
+            others.append(bucket_arm(problem, x))
+    assert len(others) > 50
+    drawn = shapes_of(others)
+
+    def farthest(from_shapes: np.ndarray) -> float:
+        apart = np.linalg.norm(drawn[24:, None] - from_shapes[None], axis=2)
+        return float(apart.min(axis=1).max())
+
+    chosen_shapes = shapes_of([bucket_arm(problem, x) for x in chosen])
+    assert farthest(chosen_shapes) < farthest(drawn[:24])
+
+
+def test_the_same_shapes_whenever_asked() -> None:
+    once, again = (linkages_of_every_shape(mini_with_linkages(), BUCKET, 5) for _ in range(2))
+    np.testing.assert_array_equal(once, again)
