@@ -38,7 +38,7 @@ from armdesign.units import mm
 
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
-STROKES = 4  # combinations of strokes that pins are tuned for
+STROKES = 8  # combinations of strokes that pins are tuned for
 CHEAP = 1e-4  # of merit that a coordinate on the grid may cost before its other neighbour is tried
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
