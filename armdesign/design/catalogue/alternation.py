@@ -71,9 +71,8 @@ def sizes_and_pins(
     for share in ROOM if best.violation <= MISSED else ():
         inside = best.of(problem.tightened(share), best.x).look()
         sized = with_sizes(inside, sizes, start)
-        sized = run_to_end(
-            sized.of(replace(sized.problem, margins=problem.margins), sized.x), 0.05
-        )
+        fixed = replace(sized.problem, margins=problem.margins)
+        sized = run_to_end(sized.of(fixed, sized.x), trust=0.05)
         if sized.violation <= MISSED and rounded_machine(sized) is not None:
             return sized, outcomes
     nearest = _missing_least(best, sizes)

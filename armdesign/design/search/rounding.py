@@ -117,11 +117,10 @@ def with_strokes_on_grid(search: Search) -> Search:
         itertools.product(*options),
         key=lambda strokes: sum(abs(strokes[i] - own[i]) for i in moving),
     )
-    inside = problem.tightened(TIGHTENING)
-    tried = [search.of(inside.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
+    tried = [search.of(problem.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
     tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
     best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=_rank)
-    return search.of(replace(problem, dynamics=best.problem.dynamics), best.x).look()
+    return search.of(best.problem, best.x).look()
 
 
 def _may_follow(search: Search) -> bool:
@@ -186,7 +185,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
     if not problem.vector.moving:
         return
     today, light, limits = problem.machine, _light_workspace(search), _with_box(problem)
-    inside = problem.tightened(TIGHTENING)
+    inside = problem.tightened(TIGHTENING if problem.grid == FINE else 0.0)
     inner = search.of(inside, search.x).refine(TRUST, PROMISED)
     for sizes, x, within in _promising(inner):
         reserve: dict[str, float] = {}
