@@ -68,13 +68,19 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
+    first: Search | None = None
     for share in ROOM if best.violation <= MISSED else ():
         inside = best.of(problem.tightened(share), best.x).look()
         sized = with_sizes(inside, sizes, start)
         fixed = replace(sized.problem, margins=problem.margins)
         sized = run_to_end(sized.of(fixed, sized.x), trust=0.05)
-        if sized.violation <= MISSED and rounded_machine(sized) is not None:
+        if sized.violation > MISSED:
+            break
+        if rounded_machine(sized) is not None:
             return sized, outcomes
+        first = first or sized
+    if first is not None:
+        return first, outcomes
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
