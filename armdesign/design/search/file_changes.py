@@ -104,9 +104,12 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
             continue
         length = linkages[i].length(poses) / mm
         closed = math.floor(length.min() / GRID + 1e-9) * GRID
-        steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
+        stroke = (problem.vector.chosen_strokes or {i: None})[i]
+        if stroke is None:
+            steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
+            stroke = steps * problem.grid.strokes * mm
         changes[f"{name}.closed_length_mm"] = round(closed, 1)
-        changes[f"{name}.stroke_mm"] = round(steps * problem.grid.strokes, 1)
+        changes[f"{name}.stroke_mm"] = round(stroke / mm, 1)
     return changes
 
 

@@ -191,11 +191,11 @@ def _retuned(search: Search) -> Iterator[Machine]:
         reserve: dict[str, float] = {}
         for _ in range(RETUNED):
             near = search.of(inside.with_reserve(reserve), x, within).refine(TRUST, PROMISED)
-            near = _with_pins_on_grid(near)
             if near.violation > PROMISED:  # not with these sizes
                 break
             x = near.x
-            machine = today.replace(changes_of(problem, x, sizes, x))
+            drawn = _with_pins_on_grid(near).x
+            machine = today.replace(changes_of(problem, drawn, sizes, drawn))
             slacks = {c.name: c.slack for c in check(machine, today, light, limits)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
