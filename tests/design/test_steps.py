@@ -80,7 +80,7 @@ def test_many_pins_are_added_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None
 def test_no_step_is_possible() -> None:
     """Requirements that no design meets: as ``optimize`` refuses them."""
     with pytest.raises(InfeasibleError, match=r"no design meets|no sizes"):
-        ad.steps(double(), workspace_of("double"), ad.Requirements(oil_total_share=0.1))
+        ad.steps(double(), workspace_of("double"), ad.Requirements(cylinder_mass=1.0))
 
 
 def test_lift_share_of_a_design() -> None:
