@@ -226,13 +226,11 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
-    rows = [("today", "", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
+    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
     for step in answer.steps:
-        moved = ", ".join(path.removeprefix("cylinder.") for path in step.pins)
         rows.append(
             (
                 str(len(step.pins)),
-                moved,
                 f"{step.design.after.worst.frequency:.3f} Hz",
                 f"{100 * step.gain:+.1f} %",
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
@@ -248,10 +246,10 @@ def steps_sheet(answer: Steps) -> Sheet:
         notes.append("of too many sets those were searched that add a pin to the step before")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
-        columns=("pins", "may move", "worst", "least gain", "least lift", "changed", "searched"),
+        columns=("pins that move", "worst", "least gain", "least lift", "changed", "sets"),
         rows=tuple(rows),
         note="; ".join([*notes, *answer.sentences]),
-        words=("may move", "changed"),
+        words=("changed",),
     )
 
 
