@@ -15,6 +15,7 @@ from armdesign.simulation.identification.modal_fit import ModalFit
 AGREES = 0.005  # relative deviation
 BALANCED = 1e-3  # relative error of a run's energy balance that its integration may leave
 SHRINKS = 0.75  # largest deviation at half amplitude, over full, that counts as shrinking
+SIGMAS = 3.0  # standard deviations of a fit within which it leaves a frequency open
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,9 +61,10 @@ class Run(Sweep):
         energy_error: of the run's energy balance, see ``Simulation.energy_error``.
         remark: likely cause of the deviation: "energy" if the run's energy balance does not close;
             "agrees" if it is small; "creep" if oil leaks away that no spool position makes up for;
-            "leaks" if the deviation from ``frequency_at_rest`` is small, or alone shrinks with the
-            amplitude; "amplitude" if the deviation shrinks with the amplitude; else "fault"; "not
-            repeated" if the other amplitude's run failed.
+            "leaks" if the deviation from ``frequency_at_rest`` is small, or alone lies within what
+            the fit leaves open, or alone shrinks with the amplitude; "amplitude" if the deviation
+            shrinks with the amplitude; else "fault"; "not repeated" if the other amplitude's run
+            failed.
         with_friction: the same sweep of the machine with its dry friction, which no linear answer
             knows; None where it has none.
     """
@@ -90,6 +92,11 @@ class Run(Sweep):
     def deviation(self) -> float:
         """Identified over linear natural frequency, less 1."""
         return self.identified_frequency / self.linear_frequency - 1
+
+    def leaves_open(self, frequency: float) -> bool:
+        """Whether the fit cannot tell a frequency [Hz] from its own."""
+        deviation = float(self.fit.frequency_deviations[self.fitted_mode])
+        return abs(self.identified_frequency - frequency) <= SIGMAS * deviation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,7 +136,10 @@ def _remark(runs: Sequence[Run], creeps: bool) -> str:
         return linear
     if creeps:
         return "creep"
-    if at_rest == "agrees":
+    if at_rest == "agrees" or all(
+        run.leaves_open(run.frequency_at_rest) and not run.leaves_open(run.linear_frequency)
+        for run in runs
+    ):
         return "leaks"
     return "leaks" if linear == "fault" and at_rest == "amplitude" else linear
 

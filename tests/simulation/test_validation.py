@@ -180,15 +180,19 @@ def test_dry_friction_stands_beside() -> None:
 
 def test_verdicts(worst: Validation) -> None:
     """A wrong linear answer is a fault, whatever dry friction does; a deviation that falls with it
-    is amplitude.
+    is amplitude; one from the frequency at rest alone that the fit leaves open is the leaks'.
     """
 
-    def judged(*shares: float, beside: float = 0.0, creeps: bool = False) -> list[str]:
+    def judged(
+        *shares: float, beside: float = 0.0, creeps: bool = False, sigma: float = 0.0
+    ) -> list[str]:
         """Remarks on runs that deviate by these shares, by ``beside`` more from the frequency at
-        rest.
+        rest, with a relative standard deviation of the fit.
         """
         run = worst.runs[0]
         frequency = run.identified_frequency
+        deviations = sigma * run.fit.natural_frequencies
+        run = replace(run, fit=replace(run.fit, frequency_deviations=deviations))
         linear = [frequency / (1 + share) for share in shares]
         group = [
             replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear
@@ -202,6 +206,9 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.02, 0.02, 0.001, 0.001) == ["fault"] * 2
     assert judged(0.200, 0.190, beside=-0.1567) == ["leaks"] * 2
     assert judged(0.200, 0.200, beside=-0.1567) == ["fault"] * 2
+    assert judged(0.200, 0.200, beside=-0.1567, sigma=0.005) == ["leaks"] * 2
+    assert judged(0.200, 0.200, beside=-0.1567, sigma=0.1) == ["fault"] * 2
+    assert judged(0.02, 0.02, sigma=0.01) == ["fault"] * 2
     assert judged(0.02, 0.006, creeps=True) == judged(0.02, 0.02, creeps=True) == ["creep"] * 2
     assert judged(0.004, 0.002, creeps=True) == ["agrees"] * 2
     broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
