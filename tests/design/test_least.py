@@ -230,7 +230,9 @@ def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
     )
     needed = design.requirements.oil_total_share
     assert len(amounts) >= 4
-    assert needed == pytest.approx(min(amounts), rel=2 * NARROW + ROOM[3])
+    half_a_step = 2.5 * mm / min(c.stroke for c in design.machine.cylinders)  # strokes: 5 mm
+    assert needed >= min(amounts) * (1 - 2 * NARROW)
+    assert needed <= min(amounts) * (1 + 2 * NARROW + half_a_step)
     assert needed > start.problem.requirements.oil_total_share
     assert max(amounts) > 1.01 * min(amounts)
     assert design.after.frame["f1_hz"].min() >= frequency
