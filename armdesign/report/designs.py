@@ -263,7 +263,7 @@ def summary(design: Design) -> str:
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
         f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits; {_torques(design)}{limiting}.{_throughout(design)}"
+        f" limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
     )
 
 
@@ -275,6 +275,13 @@ def _torques(design: Design) -> str:
     shares = [100 * a.largest / b.largest for a, b in zip(new, today, strict=True)]
     low, high = np.min(shares), np.max(shares)
     return f"the actuators' largest torques are {low:.0f} to {high:.0f} % of today's"
+
+
+def _lift(design: Design) -> str:
+    """Least lift of all points of the lift chart over today's; empty without a chart."""
+    if math.isnan(design.lift_share):
+        return ""
+    return f", its lift is at least {100 * design.lift_share:.0f} % of today's (lift chart)"
 
 
 def _throughout(design: Design) -> str:
