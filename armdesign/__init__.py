@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from armdesign.design.pareto import Pareto as Pareto
     from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements.settings import Requirements as Requirements
+    from armdesign.design.steps import DesignStep as DesignStep
+    from armdesign.design.steps import Steps as Steps
+    from armdesign.design.steps import steps as steps
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.errors import InfeasibleError as InfeasibleError
     from armdesign.frequency.bands import Bands as Bands
@@ -84,6 +87,7 @@ _NAMES = {  # public names by the module that has them
     "design.requirements.settings": "Requirements",
     "design.design": "Design optimize size_cylinders",
     "design.pareto": "Pareto pareto",
+    "design.steps": "DesignStep Steps steps",
     "design.least": "least",
     "simulation.excitation": "Step Table",
     "simulation.run": "Simulation",

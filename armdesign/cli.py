@@ -15,9 +15,9 @@ import typer
 
 from armdesign import output
 from armdesign.cli_measured import calibrate, identify
+from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
-    AgainstOption,
     CatalogueOption,
     FreeOption,
     FrequencyOption,
@@ -29,7 +29,6 @@ from armdesign.options import (
     OutsideOption,
     PointsOption,
     UnitsOption,
-    ValuesOption,
     VaryOption,
     bands_to_use,
     grid_points,
@@ -132,49 +131,6 @@ def optimize(
     with outputs(out) as folder:
         output.write_design(design, folder)
     show(design_sheets(design, units.units))
-
-
-@app.command()
-def pareto(
-    machine: MachineArgument,
-    against: AgainstOption = "oil",
-    values: ValuesOption = "",
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    vary: VaryOption = "areas,pins",
-    catalogue: CatalogueOption = "",
-    free: FreeOption = False,
-    nominal: NominalOption = False,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
-    """Trade frequency against oil, thrust, digging or pin room.
-
-    Finds the best design for each value of one limit. Writes pareto.csv and pareto.png.
-    """
-    from armdesign import plots
-    from armdesign.design.pareto import pareto as trade_off
-    from armdesign.design.pareto import read_values
-    from armdesign.report.designs import pareto_sheet
-
-    with progress("searching for the best design under each limit"):
-        limits = read_values(values, against)
-        model, workspace = open_workspace(machine, points, out, allow_outside)
-        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue, free)
-        front = trade_off(
-            model,
-            workspace,
-            against=against,
-            values=limits,
-            vary=listed(vary),
-            bands=bands,
-            catalogue=sizes,
-        )
-        table = front.frame
-    with outputs(out) as folder:
-        write_csv(table, folder / "pareto.csv")
-        plots.save(front.plot().figure, folder / "pareto.png")
-    show([pareto_sheet(front, units.units)])
 
 
 @app.command()
@@ -337,6 +293,8 @@ def new(
 
 app.command()(identify)
 app.command()(calibrate)
+app.command()(pareto)
+app.command()(steps)
 
 
 @app.command()

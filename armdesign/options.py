@@ -77,7 +77,7 @@ FrequencyOption = Annotated[
     ),
 ]
 AgainstOption = Annotated[
-    str, typer.Option("--against", help="The limit to vary: oil, thrust, digging or pin_box.")
+    str, typer.Option("--against", help="Limit to vary: oil, thrust, digging, lift or pin_box.")
 ]
 ValuesOption = Annotated[
     str,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from armdesign.calibration.calibrate import Calibration
     from armdesign.design.design import Design
+    from armdesign.design.steps import Steps
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.lift_chart import LiftChart
     from armdesign.machine.machine import Machine
@@ -83,6 +84,13 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     charts = lift_charts({"today": design.today, "new": design.machine})
     chart = write_lift_charts(charts, folder)
     return [*saved, *([("Lift charts (ISO 10567)", chart)] if chart else [])]
+
+
+def write_steps(answer: Steps, folder: Path) -> None:
+    """Write the machine of every step."""
+    for step in answer.steps:
+        name = f"{answer.today.name}_{len(step.pins)}_pins.toml"
+        step.design.written_by(command_line()).save(folder / name)
 
 
 def write_calibration(calibration: Calibration, folder: Path) -> None:

@@ -20,7 +20,7 @@ ROOMS = (
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
-    *("plots", "report", "paper", "output", "options", "cli_measured", "cli"),
+    *("plots", "report", "paper", "output", "options", "cli_measured", "cli_tradeoffs", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},

@@ -19,7 +19,7 @@ from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.program.problem import Problem
+from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
@@ -40,6 +40,7 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
+from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 
 SMALLER = 0.99  # areas, to tell what depends on them
@@ -149,6 +150,17 @@ class Design:
         counts = [len(axis) for axis in self.workspace.axes]
         own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
         return frequency_map(self.machine, own)
+
+    @cached_property
+    def lift_share(self) -> float:
+        """Least lift over today's of all points of the lift chart; NaN where there is none."""
+        today = lift_chart_if_any(self.today)
+        new = None if today is None else lift_chart_if_any(self.machine, today)
+        if today is None or new is None:
+            return math.nan
+        lifts = dict(zip(zip(new.reach, new.height, strict=True), new.capacity, strict=True))
+        points = zip(today.reach, today.height, today.capacity, strict=True)
+        return min(lifts.get((x, z), 0.0) / lift for x, z, lift in points if lift > 0)
 
     @property
     def made_for(self) -> str:
@@ -326,15 +338,35 @@ def optimize(
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
-        if sizes is None:
-            outcome = multistart(problem, starts, seed, workers, given and given[0])
-        elif problem.vector.moving:
-            outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
-        else:
-            return _of_catalogue(problem, sizes, command)
-        return Design.of(*outcome, command=command)
+        return design_of(problem, sizes, starts, seed, workers, command=command, given=given)
 
     return design_or_proof(problem, under, sizes is not None)
+
+
+def design_of(
+    problem: Problem,
+    sizes: Sizes | None,
+    starts: int | None,
+    seed: int = 0,
+    workers: int = 1,
+    *,
+    command: str,
+    given: tuple[Array, ChosenSizes] | None = None,
+) -> Design:
+    """The best design of a problem; its arguments are those of ``optimize``.
+
+    ``given`` is a design to start from, and the sizes that it has of a catalogue.
+
+    Raises:
+        InfeasibleError: none was found that meets the requirements.
+    """
+    if sizes is None:
+        outcome = multistart(problem, starts, seed, workers, given and given[0])
+    elif problem.vector.moving:
+        outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+    else:
+        return _of_catalogue(problem, sizes, command)
+    return Design.of(*outcome, command=command)
 
 
 def size_cylinders(

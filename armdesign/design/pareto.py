@@ -1,4 +1,4 @@
-"""Trade-offs: what the worst frequency costs in oil, thrust, digging force or room for pins.
+"""Trade-offs: what the worst frequency costs in oil, thrust, digging force, lift or pin room.
 
 One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser
 one, so every point starts where its tighter neighbour ended and cannot be worse, but for rounding
@@ -32,6 +32,7 @@ SHARES = {  # what is tried unless told: shares of today's, of a pin box of the 
     "oil": (0.8, 0.9, 1.0, 1.1, 1.2),
     "thrust": (0.9, 1.0, 1.1, 1.2, 1.3),
     "digging": (1.1, 1.0, 0.95, 0.9, 0.8),
+    "lift": (1.0, 0.95, 0.9, 0.85, 0.8, 0.7),
     "pin_box": (0.0, 0.25, 0.5, 1.0, 1.5, 2.0),
 }
 EACH = 1.1  # oil of one cylinder's side, over the share that all together may have
@@ -45,7 +46,7 @@ class Pareto:
     """The best designs under one limit that moves, from its tightest value to its loosest.
 
     Attributes:
-        against: "oil", "thrust", "digging" or "pin_box".
+        against: "oil", "thrust", "digging", "lift" or "pin_box".
         limits: of the designs: shares of today's, or the pin box [m].
         designs: one for each limit.
         left_out: limits that no design meets, and why.
@@ -73,7 +74,8 @@ class Pareto:
         over today's (no columns without bands).
         ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
         ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose
-        digging counts (no column where none does); ``pin_move_m``: largest move of any pin
+        digging counts (no column where none does); ``lift_share``: least lift of all points of the
+        lift chart; ``pin_move_m``: largest move of any pin
         coordinate or bar. ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the
         pump's flow makes of the speed, over today's.
         """
@@ -120,6 +122,7 @@ def pareto(
         requirements: limits; None: the machine's file states them.
         against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
             ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``;
+            "lift": ``lift_share``;
             "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
@@ -213,7 +216,7 @@ def _limits(
     usable = [v for v in numbers if math.isfinite(v) and v >= 0]
     if not usable or len(usable) < len(values):
         raise ArmDesignError("values", f"{list(values)} is not allowed", "give finite numbers ≥ 0")
-    return sorted({float(v) for v in values}, reverse=against == "digging")
+    return sorted({float(v) for v in values}, reverse=against in ("digging", "lift"))
 
 
 def _limited(requirements: Requirements, against: str, limit: float) -> Requirements:
@@ -253,6 +256,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
         **({"digging_share": design.requirements.digging_share + min(digging)} if digging else {}),
+        "lift_share": design.lift_share,
         "pin_move_m": float(moved * design.problem.vector.pin_box),
         "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,
     }

@@ -30,6 +30,7 @@ TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today'
     "oil": ("allowed oil volume / today's (joint speed falls with it)", 1.0, 1.0),
     "thrust": ("allowed thrust / today's", 1.0, 1.0),
     "digging": ("required digging torque / today's", 1.0, 1.0),
+    "lift": ("lift kept at every point of the chart / today's", 1.0, 1.0),
     "pin_box": ("largest move of each pin coordinate [mm]", 1000.0, 0.0),
 }
 

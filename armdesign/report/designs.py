@@ -18,6 +18,7 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
+    from armdesign.design.steps import Steps
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
@@ -219,6 +220,36 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
         columns=tuple(columns),
         rows=tuple(rows),
         note="; ".join([f"{quantities} relative to today's{each}", *front.sentences]),
+    )
+
+
+def steps_sheet(answer: Steps) -> Sheet:
+    """The best design for each number of pins that move."""
+    today, first = answer.today, answer.steps[0].design
+    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
+    for step in answer.steps:
+        rows.append(
+            (
+                str(len(step.pins)),
+                f"{step.design.after.worst.frequency:.3f} Hz",
+                f"{100 * step.gain:+.1f} %",
+                "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
+                ", ".join(step.changed),
+                f"{step.searched} of {step.sets}",
+            )
+        )
+    notes = [
+        "worst frequency at the file's values, least gain within the bands, least lift over"
+        " today's of all points of the lift chart"
+    ]
+    if any(step.searched < step.sets for step in answer.steps):
+        notes.append("of too many sets those were searched that add a pin to the step before")
+    return Sheet(
+        title=f"{today.section.title or today.name}: which change first",
+        columns=("pins that move", "worst", "least gain", "least lift", "changed", "sets"),
+        rows=tuple(rows),
+        note="; ".join([*notes, *answer.sentences]),
+        words=("changed",),
     )
 
 

@@ -169,6 +169,17 @@ def test_a_start_is_a_design_of_the_same_machine() -> None:
         ad.optimize(machines.named("excavator_20t"), start=found)
 
 
+def test_against_lift() -> None:
+    """Every design keeps the lift that its limit asks for, and less lift buys no less frequency."""
+    front = ad.pareto(
+        MACHINES["double"](), workspace_of("double"), against="lift", values=(1.0, 0.8), starts=1
+    )
+    assert front.limits == (1.0, 0.8)
+    assert (front.frame["lift_share"] >= np.array(front.limits) - 1e-9).all()
+    assert [design.requirements.lift_share for design in front.designs] == [1.0, 0.8]
+    assert front.designs[1].unrounded >= front.designs[0].unrounded * (1 - 1e-6)
+
+
 def test_default_values_run_from_tight_to_loose() -> None:
     for against, shares in SHARES.items():
-        assert list(shares) == sorted(shares, reverse=against == "digging")
+        assert list(shares) == sorted(shares, reverse=against in ("digging", "lift"))

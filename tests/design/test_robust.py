@@ -331,8 +331,8 @@ def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     assert min(robust.slacks.values()) >= -1e-9
     chosen = np.array([(c.bore, c.rod) for c in robust.machine.cylinders]) / 5e-3
     assert_allclose(chosen, np.rint(chosen), rtol=0, atol=1e-9)
-    # pins on whole millimetres and strokes on 5 mm cost 0.8 % of it
-    assert 0.99 * robust.unrounded < robust.band_after.low.frequency < robust.unrounded
+    # pins on whole millimetres, strokes on 5 mm: some 0.4 %
+    assert 0.995 < robust.band_after.low.frequency / robust.unrounded < 1 + 1e-6
     judged = robust.problem.dynamics.corners.judged(robust.machine)
     assert robust.band_after.low.frequency == pytest.approx(judged, rel=1e-6)
 

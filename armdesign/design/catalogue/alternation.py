@@ -17,9 +17,11 @@ from armdesign.design.search.infeasibility.elastic_programme import ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
+from armdesign.design.search.rounding import rounded_machine
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 
+ROOM = (0.0, 2e-3, 5e-3, 1e-2)  # shares by which limits are drawn in for the choice of sizes
 TURNS = 5  # of choosing sizes for pins and pins for sizes
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
@@ -53,6 +55,9 @@ def sizes_and_pins(
 
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
+    Sizes that leave no room for lengths on the drawing's grid are chosen again under limits that
+    are drawn in.
+
     Where no design was found that meets all requirements, with free sizes or without, the search
     misses some: their relaxation is then sought with sizes of the catalogue, which need more than
     free ones.
@@ -63,10 +68,19 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
-    if best.violation <= MISSED:
-        sized = with_sizes(best, sizes, start)
-        if sized.violation <= MISSED:
+    first: Search | None = None
+    for share in ROOM if best.violation <= MISSED else ():
+        inside = best.of(problem.tightened(share), best.x).look()
+        sized = with_sizes(inside, sizes, start)
+        fixed = replace(sized.problem, margins=problem.margins)
+        sized = run_to_end(sized.of(fixed, sized.x), trust=0.05)
+        if sized.violation > MISSED:
+            break
+        if rounded_machine(sized) is not None:
             return sized, outcomes
+        first = first or sized
+    if first is not None:
+        return first, outcomes
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)

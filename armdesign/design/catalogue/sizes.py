@@ -29,7 +29,7 @@ class DrawingGrid:
     """Steps of a drawing's lengths [mm].
 
     Attributes:
-        lengths: of pin coordinates, bars and closed lengths.
+        lengths: of pin coordinates and bars.
         strokes: of strokes.
     """
 

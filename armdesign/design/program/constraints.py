@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.design_vector import RANGE_POSES
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
@@ -69,8 +68,7 @@ def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
     if not tightening:
         return 0.0
     factor, moved = evaluation.tightening_factor, evaluation.constraint.imag != 0
-    rounding = evaluation.rounding_loss * problem.grid.lengths / FINE.lengths
-    whole = tightening * factor * evaluation.limit_sensitivity + rounding
+    whole = tightening * factor * evaluation.limit_sensitivity + evaluation.rounding_loss
     return np.where(np.any(moved, axis=0), whole, 0.0)
 
 

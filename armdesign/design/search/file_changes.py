@@ -7,15 +7,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
-from armdesign.design.program.variables import SIZES
+from armdesign.design.program.variables import SIZES, Variable
 from armdesign.frequency.bands import Bands
 from armdesign.machine.machine import Machine
 from armdesign.units import litre, mm
 
-GRID = 0.1  # [mm] of bores and rods where no catalogue has them
+GRID = 0.1  # [mm] of closed lengths, and of bores and rods where no catalogue has them
 DIGITS = 6  # of shares
+UNMOVED = 1e-12  # [m] of a coordinate
 
 
 def neighbours(value: float) -> list[float]:
@@ -36,13 +38,18 @@ def grid_strokes(problem: Problem, stroke: float) -> list[float]:
     return [k * grid for k in sorted({math.floor(stroke / grid), math.ceil(stroke / grid)})]
 
 
-def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
-    """Values of an area of x at which its bore or rod lies on the grid, the nearer first.
+def grid_values(problem: Problem, x: Array, entry: int) -> list[float]:
+    """Values of an entry of x at which it lies on the grid, the nearer first; empty if it stays.
 
-    The annulus takes the bore as it stands at x. Empty where that size does not vary.
+    A bore or rod of no catalogue, the annulus taking the bore as it stands at x; or the coordinate
+    of a pin or bar, where lengths are coarse.
     """
-    i, side = divmod(entry, 2)
-    if not problem.vector.resized[i][side] or (problem.sizes and problem.sizes[i] is not None):
+    variable = problem.vector.variables[entry]
+    if variable.pin is not None:
+        return _grid_coordinates(problem, x, entry, variable)
+    i, side = variable.cylinder, variable.axis
+    chosen = bool(problem.sizes) and problem.sizes[i] is not None
+    if i >= len(problem.machine.cylinders) or not problem.vector.resized[i][side] or chosen:
         return []
     size, own = diameters(problem, x, i)[side], problem.vector.areas_today[i, side]
     cap = problem.vector.areas(x)[i, 0]
@@ -51,6 +58,18 @@ def grid_sizes(problem: Problem, x: Array, entry: int) -> list[float]:
         area = problem.machine.cylinders[i].count * math.pi / 4 * (value * mm) ** 2
         shares.append(float((area if side == 0 else cap - area) / own))
     return shares
+
+
+def _grid_coordinates(problem: Problem, x: Array, entry: int, v: Variable) -> list[float]:
+    """A coordinate that moved on the grid below and above, within its box; today's if none is."""
+    if problem.grid == FINE or abs(x[entry]) * problem.vector.pin_box < UNMOVED:
+        return []
+    today = (problem.machine.linkages[v.cylinder].place(v.pin or "") or ())[v.axis]
+    grid, (low, high) = problem.grid.lengths * mm, (end[entry] for end in problem.bounds)
+    steps = (today + x[entry] * problem.vector.pin_box) / grid
+    near = sorted((math.floor(steps), math.ceil(steps)), key=lambda step: abs(step - steps))
+    values = [(step * grid - today) / problem.vector.pin_box for step in near]
+    return [value for value in values if low <= value <= high] or [0.0]
 
 
 def changes_of(
@@ -84,16 +103,19 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         if poses is None:
             continue
         length = linkages[i].length(poses) / mm
-        closed = math.floor(length.min() / grid + 1e-9) * grid
-        steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
+        closed = math.floor(length.min() / GRID + 1e-9) * GRID
+        stroke = (problem.vector.chosen_strokes or {i: None})[i]
+        if stroke is None:
+            steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
+            stroke = steps * problem.grid.strokes * mm
         changes[f"{name}.closed_length_mm"] = round(closed, 1)
-        changes[f"{name}.stroke_mm"] = round(steps * problem.grid.strokes, 1)
+        changes[f"{name}.stroke_mm"] = round(stroke / mm, 1)
     return changes
 
 
 def _rounded(value: float, before: float, limit: float, grid: float) -> float:
     """A pin coordinate on the grid and within the box [mm]; as it was where it did not move."""
-    if abs(value - before) < 1e-9:
+    if abs(value - before) < UNMOVED / mm:
         return before
     low = math.ceil((before - limit) / grid - 1e-6) * grid
     high = math.floor((before + limit) / grid + 1e-6) * grid

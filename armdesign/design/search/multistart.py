@@ -113,10 +113,10 @@ def multistart(
     that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
-    searches = _follow_all(searches, workers, **ROUGHLY)
+    searches = follow_all(searches, workers, **ROUGHLY)
     least = max(s.merit for s in searches) - NEAR
     near = [k for k, search in enumerate(searches) if search.merit >= least]
-    followed = _follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
+    followed = follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
         searches[k] = search
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
@@ -163,7 +163,7 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
     ]
     while shapes:
         rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in shapes]
-        other = max(_follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
+        other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + BETTER:
             other = follow(other, curved=True, **TO_THE_END)
         if other.merit <= best.merit + BETTER or other.violation > max(NEARLY, best.violation):
@@ -189,8 +189,8 @@ def with_least_moved_pins(search: Search) -> Search:
     return search.at(least_moved_pins(search.problem, search.x))
 
 
-def _follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
-    """Follow searches of one problem, in this process or in several."""
+def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
+    """Follow searches, in this process or in several."""
     if workers <= 1 or len(searches) < 2:
         return [follow(search, **settings) for search in searches]
     from joblib import Parallel, delayed

@@ -25,6 +25,7 @@ from armdesign.design.search.file_changes import (
     changes_of,
     diameters,
     grid_strokes,
+    grid_values,
     neighbours,
     pin_changes,
 )
@@ -37,7 +38,8 @@ from armdesign.units import mm
 
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
-STROKES = 4  # combinations of strokes that pins are tuned for
+STROKES = 8  # combinations of strokes that pins are tuned for
+CHEAP = 1e-4  # of merit that a coordinate on the grid may cost before its other neighbour is tried
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
@@ -115,14 +117,10 @@ def with_strokes_on_grid(search: Search) -> Search:
         itertools.product(*options),
         key=lambda strokes: sum(abs(strokes[i] - own[i]) for i in moving),
     )
-    inside = problem.tightened(TIGHTENING)
-    tried = [search.of(inside.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
+    tried = [search.of(problem.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
     tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
-    best = max(
-        (one.look().refine(TRUST, PROMISED) for one in tried),
-        key=lambda one: (one.violation <= MISSED, one.merit),
-    )
-    return search.of(replace(problem, dynamics=best.problem.dynamics), best.x).look()
+    best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=_rank)
+    return search.of(best.problem, best.x).look()
 
 
 def _may_follow(search: Search) -> bool:
@@ -187,7 +185,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
     if not problem.vector.moving:
         return
     today, light, limits = problem.machine, _light_workspace(search), _with_box(problem)
-    inside = problem.tightened(TIGHTENING)
+    inside = problem.tightened(TIGHTENING if problem.grid == FINE else 0.0)
     inner = search.of(inside, search.x).refine(TRUST, PROMISED)
     for sizes, x, within in _promising(inner):
         reserve: dict[str, float] = {}
@@ -196,13 +194,38 @@ def _retuned(search: Search) -> Iterator[Machine]:
             if near.violation > PROMISED:  # not with these sizes
                 break
             x = near.x
-            machine = today.replace(changes_of(problem, x, sizes, x))
+            drawn = _with_pins_on_grid(near).x
+            machine = today.replace(changes_of(problem, drawn, sizes, drawn))
             slacks = {c.name: c.slack for c in check(machine, today, light, limits)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
                 yield machine
                 break
             reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
+
+
+def _with_pins_on_grid(search: Search) -> Search:
+    """The search with one coordinate after the other on a coarse grid, while the rest follows.
+
+    Of the two values around a coordinate the nearer if it costs next to nothing, else the better.
+    """
+    ends = [end.copy() for end in search.bounds]
+    for entry in map(int, np.flatnonzero(search.problem.vector.is_coordinate)):
+        best: Search | None = None
+        for value in grid_values(search.problem, search.x, entry):
+            low, high, x = (part.copy() for part in (*ends, search.x))
+            low[entry] = high[entry] = x[entry] = value
+            near = search.of(search.problem, x, (low, high)).refine(TRUST, PROMISED)
+            best = max(best or near, near, key=_rank)
+            if _rank(best) >= (True, search.merit - CHEAP):
+                break
+        if best is not None:
+            search, ends = best, [end.copy() for end in best.bounds]
+    return search
+
+
+def _rank(search: Search) -> tuple[bool, float]:
+    return search.violation <= MISSED, search.merit
 
 
 def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Array]]]:

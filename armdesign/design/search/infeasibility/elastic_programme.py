@@ -19,7 +19,7 @@ from armdesign.design.program.constraints import drawn_in, evaluations_at, holdi
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Evaluation
-from armdesign.design.search.file_changes import grid_sizes
+from armdesign.design.search.file_changes import grid_values
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend
 from armdesign.errors import InfeasibleError
 
@@ -178,9 +178,9 @@ class ElasticProgramme:
         return best
 
     def on_grid(self, solution: ElasticSolution, roles: Roles) -> ElasticSolution:
-        """From a solution to one whose bores and rods lie on the grid."""
+        """From a solution to one on the grid: bores and rods, and pins where it is coarse."""
         bounds = self.problem.bounds
-        for entry in range(2 * len(self.problem.machine.cylinders)):
+        for entry in range(len(self.x)):
             tried = list(self._with_size(solution, entry, roles, bounds))
             if tried:
                 solution, bounds = min(tried, key=lambda pair: pair[0].cost)
@@ -193,7 +193,7 @@ class ElasticProgramme:
 
         The first that costs nothing.
         """
-        for value in grid_sizes(self.problem, solution.x, entry):
+        for value in grid_values(self.problem, solution.x, entry):
             low, high, x = (part.copy() for part in (*bounds, solution.x))
             low[entry] = high[entry] = x[entry] = value
             other = self._solve_from(x, roles, (low, high), NEARBY, ROUGH)

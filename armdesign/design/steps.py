@@ -1,0 +1,256 @@
+"""Steps of a design: the best machine with no pin moved, with one, with two, up to all.
+
+For each number of pins every set of them is searched, with free sizes; where the sets are too
+many, those that add a pin to the best of the step before. The best set is then designed as
+``optimize`` would: with sizes of the catalogue and lengths on the drawing's grid.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
+from armdesign.design.design import Design, design_of
+from armdesign.design.program.problem import Problem
+from armdesign.design.program.variables import chosen
+from armdesign.design.provenance import call
+from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.multistart import ROUGHLY, TO_THE_END, follow_all, formulate
+from armdesign.design.search.sequential_sdp import NEARLY, Search
+from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SETS = 24  # of so many pins that are all searched
+
+Pins = tuple[str, ...]  # key paths of pins that move
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DesignStep:
+    """The best design with so many pins moved.
+
+    Attributes:
+        pins: key paths of those that may move, "cylinder.boom.base".
+        design: with these pins and any cylinders.
+        searched: sets of as many pins that were searched.
+        sets: that there are.
+    """
+
+    pins: Pins
+    design: Design
+    searched: int
+    sets: int
+
+    @property
+    def gain(self) -> float:
+        """Least gain in the worst frequency within the bands."""
+        return self.design.least_gain
+
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """Parts that differ from today's machine: cylinders and pins."""
+        new, today = self.design.machine, self.design.today
+        cylinders = [
+            f"{a.name} cylinder"
+            for a, b in zip(new.cylinders, today.cylinders, strict=True)
+            if (a.bore, a.rod, a.stroke, a.closed_length)
+            != (b.bore, b.rod, b.stroke, b.closed_length)
+        ]
+        moved = [
+            f"{cylinder.name} {place.replace('_', '-')}"
+            for cylinder, a, b in zip(new.cylinders, new.linkages, today.linkages, strict=True)
+            for place in a.places
+            if a.place(place) != b.place(place)
+        ]
+        return (*cylinders, *moved)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Steps:
+    """The best designs with more and more pins moved.
+
+    Attributes:
+        today: the machine that all were made from.
+        steps: one for each number of pins, the least first.
+        left_out: numbers of pins with which no design was found, and why.
+    """
+
+    today: Machine
+    steps: tuple[DesignStep, ...]
+    left_out: dict[int, str]
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row for each step.
+
+        ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
+        ``worst_hz`` at the file's values; ``lift_share``, the least over the lift chart;
+        ``changed`` parts; ``searched`` of ``sets``.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "pins": len(step.pins),
+                "moved": " ".join(step.pins),
+                "gain": step.gain,
+                "worst_hz": step.design.after.worst.frequency,
+                "lift_share": step.design.lift_share,
+                "changed": ", ".join(step.changed),
+                "searched": step.searched,
+                "sets": step.sets,
+            }
+            for step in self.steps
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """Steps that are left out, and the reasons."""
+        return [f"{count} pins are left out: {why}" for count, why in self.left_out.items()]
+
+
+def steps(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    *,
+    workers: int = 1,
+    bands: Bands | None = None,
+    objective: str = "gain",
+    catalogue: str | Iterable[Sequence[float]] | None = None,
+) -> Steps:
+    """Which change first: the best designs with no pin moved, with one, … up to all.
+
+    Args:
+        machine: today's machine.
+        workspace: poses that count; default grid if None.
+        requirements: limits; None: the machine's file states them.
+        workers: processes that share the searches. The answer does not depend on it.
+        bands: as in ``optimize``.
+        objective: as in ``optimize``.
+        catalogue: as in ``optimize``.
+
+    Raises:
+        InfeasibleError: no step has a design.
+    """
+    requirements = requirements or Requirements.of(machine)
+    workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
+    sizes, grid = sizes_and_grid(machine, catalogue)
+    pins = _pins(machine)
+    best: dict[Pins, Search] = {}
+    for count in range(len(pins) + 1):
+        problems = {
+            some: formulate(
+                machine, workspace, requirements, ("areas", *some), bands=bands,
+                objective=objective, grid=grid,
+            )
+            for some in _sets(pins, count, best)
+        }  # fmt: skip
+        best |= _searched(problems, best, workers)
+    command = call("steps", bands=bands, catalogue=catalogue)
+    made: list[DesignStep] = []
+    left_out: dict[int, str] = {}
+    for count, design in enumerate(_designs(_best_of_each(best, pins), sizes, command, workers)):
+        if isinstance(design, InfeasibleError):
+            left_out[count], refused = str(design.fault), design
+            continue
+        searched = sum(len(some) == count for some in best)
+        made.append(
+            DesignStep(
+                pins=tuple(design.problem.vector.vary[1:]),
+                design=design,
+                searched=searched,
+                sets=math.comb(len(pins), count),
+            )
+        )
+    if not made:
+        raise refused
+    return Steps(today=machine, steps=tuple(made), left_out=left_out)
+
+
+def _pins(machine: Machine) -> Pins:
+    """Key paths of all pins that can move."""
+    paths = []
+    for cylinder in machine.cylinders:
+        for pin in ("base", "rod_end"):
+            try:
+                chosen(machine, (f"cylinder.{cylinder.name}.{pin}",))
+            except ArmDesignError:  # no such pin, or one whose move no stroke follows
+                continue
+            paths.append(f"cylinder.{cylinder.name}.{pin}")
+    return tuple(paths)
+
+
+def _sets(pins: Pins, count: int, known: dict[Pins, Search]) -> Iterator[Pins]:
+    """All sets of so many pins; if they are too many, those that add one to the best known."""
+    if math.comb(len(pins), count) <= SETS:
+        yield from itertools.combinations(pins, count)
+        return
+    before = _best(known, count - 1)
+    for pin in pins:
+        if pin not in before:
+            yield tuple(p for p in pins if p == pin or p in before)
+
+
+def _searched(
+    problems: dict[Pins, Problem], known: dict[Pins, Search], workers: int
+) -> dict[Pins, Search]:
+    """Each problem searched, from today's pins and from the best known set with one pin less."""
+    starts: list[tuple[Pins, Search]] = []
+    for some, problem in problems.items():
+        starts.append((some, Search(problem=problem, x=problem.vector.start)))
+        less = [known[part] for part in known if len(part) == len(some) - 1 and {*part} < {*some}]
+        if less:
+            parent = max(less, key=_rank)
+            starts.append(
+                (some, Search(problem=problem, x=problem.like(parent.x, parent.problem)))
+            )
+    rough = follow_all([search for _, search in starts], workers, **ROUGHLY)
+    best: dict[Pins, Search] = {}
+    for (some, _), search in zip(starts, rough, strict=True):
+        best[some] = max(best.get(some, search), search, key=_rank)
+    return dict(zip(best, follow_all([*best.values()], workers, **TO_THE_END), strict=True))
+
+
+def _rank(search: Search) -> tuple[bool, float]:
+    return search.violation < NEARLY, search.merit
+
+
+def _best(known: dict[Pins, Search], count: int) -> Pins:
+    """The best known set of so many pins."""
+    return max((some for some in known if len(some) == count), key=lambda some: _rank(known[some]))
+
+
+def _best_of_each(known: dict[Pins, Search], pins: Pins) -> list[Search]:
+    return [known[_best(known, count)] for count in range(len(pins) + 1)]
+
+
+def _designs(
+    searches: list[Search], sizes: Sizes | None, command: str, workers: int
+) -> list[Design | InfeasibleError]:
+    """Design of each search, or why there is none."""
+    from joblib import Parallel, delayed
+
+    tasks = (delayed(_design)(s.problem, s.x, sizes, command) for s in searches)
+    return list(Parallel(workers)(tasks))
+
+
+def _design(
+    problem: Problem, x: Any, sizes: Sizes | None, command: str
+) -> Design | InfeasibleError:
+    try:
+        return design_of(problem, sizes, 1, command=command, given=(np.asarray(x), ()))
+    except InfeasibleError as error:
+        return error

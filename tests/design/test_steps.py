@@ -1,0 +1,97 @@
+"""Which change first: the best designs with no pin moved, with one, up to all."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.errors import InfeasibleError
+from armdesign.report.designs import steps_sheet
+from tests.design.designs import double, workspace_of
+
+PINS = (
+    "cylinder.lift.base",
+    "cylinder.lift.rod_end",
+    "cylinder.fold.base",
+    "cylinder.fold.rod_end",
+)
+
+
+@pytest.mark.slow
+def test_each_step_is_the_best_of_all_sets_of_as_many_pins() -> None:
+    """Every set by ``optimize`` from three starts of its own: none reaches more."""
+    machine, space = double(), workspace_of("double")
+    answer = ad.steps(machine, space)
+    for step in answer.steps:
+        count = len(step.pins)
+        assert step.searched == step.sets == math.comb(len(PINS), count)
+        others = {
+            some: ad.optimize(machine, space, vary=("areas", *some)).unrounded
+            for some in itertools.combinations(PINS, count)
+        }
+        assert step.pins in others
+        assert step.design.unrounded >= max(others.values()) * (1 - 1e-4)
+
+
+@pytest.mark.slow
+def test_a_step_changes_what_it_says_and_no_more() -> None:
+    """Pins that may not move stay; every design meets all requirements; no step reaches less."""
+    machine, space = double(), workspace_of("double")
+    answer = ad.steps(machine, space, catalogue="5mm")
+    assert [len(step.pins) for step in answer.steps] == [0, 1, 2, 3, 4]
+    assert not answer.left_out
+    unrounded = [step.design.unrounded for step in answer.steps]
+    assert unrounded[1] > unrounded[0] * 1.01
+    for step in answer.steps:
+        new, today = step.design.machine, machine
+        moved = {
+            f"cylinder.{cylinder.name}.{place}"
+            for cylinder, a, b in zip(new.cylinders, new.linkages, today.linkages, strict=True)
+            for place in ("base", "rod_end")
+            if a.place(place) != b.place(place)
+        }
+        assert moved <= set(step.pins)
+        assert {
+            f"{path.split('.')[1]} {path.split('.')[2].replace('_', '-')}" for path in moved
+        } == {part for part in step.changed if "cylinder" not in part}
+        assert min(step.design.slacks.values()) >= 0
+    frame = answer.frame
+    assert list(frame["pins"]) == [0, 1, 2, 3, 4]
+    assert frame["gain"].to_numpy() == pytest.approx([s.design.least_gain for s in answer.steps])
+    sheet = steps_sheet(answer)
+    assert len(sheet.rows) == 6
+    assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
+
+
+def test_many_pins_are_added_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the sets are too many, those that add a pin to the best set before."""
+    monkeypatch.setattr("armdesign.design.steps.SETS", 4)
+    answer = ad.steps(double(), workspace_of("double"))
+    first, second = answer.steps[1], answer.steps[2]
+    assert (second.searched, second.sets) == (3, 6)
+    assert set(first.pins) < set(second.pins)
+    assert "too many sets" in (steps_sheet(answer).note or "")
+
+
+def test_no_step_is_possible() -> None:
+    """Requirements that no design meets: as ``optimize`` refuses them."""
+    with pytest.raises(InfeasibleError, match=r"no design meets|no sizes"):
+        ad.steps(double(), workspace_of("double"), ad.Requirements(cylinder_mass=1.0))
+
+
+def test_lift_share_of_a_design() -> None:
+    """The least ratio over the points of both charts, by hand."""
+    machine = double()
+    design = ad.size_cylinders(machine, workspace_of("double"))
+    today, new = ad.lift_chart(machine), ad.lift_chart(design.machine)
+    ratio = [
+        b / a
+        for x, z, a in zip(today.reach, today.height, today.capacity, strict=True)
+        for u, v, b in zip(new.reach, new.height, new.capacity, strict=True)
+        if np.hypot(x - u, z - v) < 1e-9 and a > 0
+    ]
+    assert design.lift_share == pytest.approx(min(ratio))
