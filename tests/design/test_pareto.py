@@ -170,7 +170,7 @@ def test_a_start_is_a_design_of_the_same_machine() -> None:
 
 
 def test_against_lift() -> None:
-    """Every design keeps the lift that its limit asks for, and less lift buys no less frequency."""
+    """Every design keeps the lift that its limit asks for; less lift buys no less frequency."""
     front = ad.pareto(
         MACHINES["double"](), workspace_of("double"), against="lift", values=(1.0, 0.8), starts=1
     )
