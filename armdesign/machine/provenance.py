@@ -84,12 +84,13 @@ def _with_old_values(
         line, within = _line_of(document, path)
         value = _found(old, path)
         words = "not given" if value is None else tomlkit.item(value).as_string()
-        words = f"{within} = {words}" if within else words
+        if within and _found(old, line) is not None:
+            words = f"{within} = {words}"
         lines.setdefault(line, []).append(words + notes.get(path, ""))
     for line, words in lines.items():
         item, former = (_found(whole, line, item=True) for whole in (document, old))
         trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
-        trivia.comment = f"{WAS}{', '.join(words)}{origin and f': {origin}'}"
+        trivia.comment = f"{WAS}{', '.join(dict.fromkeys(words))}{origin and f': {origin}'}"
         longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
         # comments stay in their column
         trivia.comment_ws = " " * max(len(trivia.comment_ws) - longer, 2)

@@ -333,6 +333,8 @@ def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     assert_allclose(chosen, np.rint(chosen), rtol=0, atol=1e-9)
     # pins on whole millimetres, strokes on 5 mm: some 0.4 %
     assert 0.995 < robust.band_after.low.frequency / robust.unrounded < 1 + 1e-6
+    judged = robust.problem.dynamics.corners.judged(robust.machine)
+    assert robust.band_after.low.frequency == pytest.approx(judged, rel=1e-6)
 
 
 def test_trade_off_for_bands() -> None:

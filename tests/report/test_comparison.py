@@ -115,6 +115,8 @@ def test_command(
         "compare.csv",
         "compare_joints.png",
         "compare_reach.png",
+        "lift_chart.csv",
+        "lift_chart.png",
     }
     printed = capfd.readouterr().out
     assert "cylinder.boom.bore_mm" in printed
