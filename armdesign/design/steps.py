@@ -160,14 +160,14 @@ def steps(
         }  # fmt: skip
         best |= _searched(problems, best, workers)
     command = call("steps", bands=bands, catalogue=catalogue)
-    made: list[DesignStep] = []
+    done: list[DesignStep] = []
     left_out: dict[int, str] = {}
     for count, design in enumerate(_designs(_best_of_each(best, pins), sizes, command, workers)):
         if isinstance(design, InfeasibleError):
             left_out[count], refused = str(design.fault), design
             continue
         searched = sum(len(some) == count for some in best)
-        made.append(
+        done.append(
             DesignStep(
                 pins=tuple(design.problem.vector.vary[1:]),
                 design=design,
@@ -175,9 +175,9 @@ def steps(
                 sets=math.comb(len(pins), count),
             )
         )
-    if not made:
+    if not done:
         raise refused
-    return Steps(today=machine, steps=tuple(made), left_out=left_out)
+    return Steps(today=machine, steps=tuple(done), left_out=left_out)
 
 
 def _pins(machine: Machine) -> Pins:
