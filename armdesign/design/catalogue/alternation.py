@@ -110,7 +110,7 @@ def with_sizes(
         searches.append(run_to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
-    return improve_in_turn(max(searches, key=_rank), sizes)
+    return improve_in_turn(max(searches, key=lambda one: one.rank), sizes)
 
 
 def _missing_least(search: Search, sizes: Sizes) -> Search:
@@ -158,7 +158,7 @@ def _largest_first(search: Search) -> list[int]:
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
     """The best of the sizes near a cylinder's, each tried while the rest follows."""
     tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
-    return max(tried, key=_rank)
+    return max(tried, key=lambda one: one.rank)
 
 
 def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:
@@ -195,7 +195,7 @@ def _one_by_one(search: Search, sizes: Sizes) -> Search:
         for i in _largest_first(search):
             other = _best_near_size(_roughly(_with_size(search, i, None)), i, sizes)
             if other.problem.sizes != search.problem.sizes:
-                search = max(search, run_to_end(other, trust=0.05), key=_rank)
+                search = max(search, run_to_end(other, trust=0.05), key=lambda one: one.rank)
         if search.problem.sizes == before:
             break
     return search
@@ -211,14 +211,10 @@ def _alternate(search: Search, sizes: Sizes) -> Search:
         if selection.sizes == search.problem.sizes:
             break
         other = run_to_end(_search_with(search.problem, search.x, selection.sizes), trust=0.1)
-        if _rank(other) <= _rank(search):
+        if other.rank <= search.rank:
             break
         search = other
     return search
-
-
-def _rank(search: Search) -> tuple[bool, float]:
-    return search.violation <= MISSED, search.merit
 
 
 def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:

@@ -119,7 +119,7 @@ def with_strokes_on_grid(search: Search) -> Search:
     )
     tried = [search.of(problem.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
     tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
-    best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=_rank)
+    best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=lambda one: one.rank)
     return search.of(best.problem, best.x).look()
 
 
@@ -216,16 +216,12 @@ def _with_pins_on_grid(search: Search) -> Search:
             low, high, x = (part.copy() for part in (*ends, search.x))
             low[entry] = high[entry] = x[entry] = value
             near = search.of(search.problem, x, (low, high)).refine(TRUST, PROMISED)
-            best = max(best or near, near, key=_rank)
-            if _rank(best) >= (True, search.merit - CHEAP):
+            best = max(best or near, near, key=lambda one: one.rank)
+            if best.rank >= (True, search.merit - CHEAP):
                 break
         if best is not None:
             search, ends = best, [end.copy() for end in best.bounds]
     return search
-
-
-def _rank(search: Search) -> tuple[bool, float]:
-    return search.violation <= MISSED, search.merit
 
 
 def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Array]]]:

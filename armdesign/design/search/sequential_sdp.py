@@ -102,6 +102,11 @@ class Search:
         return float(_missed(self.limits).max())
 
     @property
+    def rank(self) -> tuple[bool, float]:
+        """To compare searches: whether all requirements are met, then the merit."""
+        return self.violation <= MISSED, self.merit
+
+    @property
     def missed(self) -> list[str]:
         """Requirements that are missed by more than ``NEARLY``, the worst first."""
         amounts = _missed(self.limits)
