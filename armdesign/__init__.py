@@ -18,6 +18,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration as Calibration
     from armdesign.calibration.calibrate import calibrate as calibrate
+    from armdesign.control.bandwidth_map import BandwidthMap as BandwidthMap
+    from armdesign.control.bandwidth_map import bandwidth_map as bandwidth_map
+    from armdesign.control.controller import Controller as Controller
+    from armdesign.control.gain_schedule import GainSchedule as GainSchedule
+    from armdesign.control.gain_schedule import gain_schedule as gain_schedule
     from armdesign.design.design import Design as Design
     from armdesign.design.design import optimize as optimize
     from armdesign.design.design import size_cylinders as size_cylinders
@@ -40,11 +45,22 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap as ReachMap
     from armdesign.frequency.workspace import Workspace as Workspace
     from armdesign.frequency.worst_frequency import WorstPose as WorstPose
+    from armdesign.influence.sensitivity import Sensitivity as Sensitivity
+    from armdesign.influence.sensitivity import sensitivity as sensitivity
+    from armdesign.influence.tolerances import Tolerances as Tolerances
+    from armdesign.influence.tolerances import tolerances as tolerances
+    from armdesign.influence.what_if import WhatIf as WhatIf
+    from armdesign.influence.what_if import what_if as what_if
     from armdesign.machine.lift_chart import LiftChart as LiftChart
     from armdesign.machine.lift_chart import lift_chart as lift_chart
     from armdesign.machine.loading import load as load
     from armdesign.machine.machine import Machine as Machine
     from armdesign.machine.poses import Poses as Poses
+    from armdesign.motion.move import Move as Move
+    from armdesign.motion.outcome import MoveRun as MoveRun
+    from armdesign.motion.plan import plan_move as plan_move
+    from armdesign.motion.shapers import Shaper as Shaper
+    from armdesign.motion.shaping import workspace_shaper as workspace_shaper
     from armdesign.paper import formulas as formulas
     from armdesign.simulation.excitation import Step as Step
     from armdesign.simulation.excitation import Table as Table
@@ -65,7 +81,9 @@ if TYPE_CHECKING:
     from armdesign.simulation.identification.ringdown import identify_ringdown as identify_ringdown
     from armdesign.simulation.identified import Identified as Identified
     from armdesign.simulation.identify import identify as identify
-    from armdesign.simulation.linearization import LinearModel as LinearModel
+    from armdesign.simulation.linear_model import LinearModel as LinearModel
+    from armdesign.simulation.linear_model import LinearModels as LinearModels
+    from armdesign.simulation.linearization import linear_models as linear_models
     from armdesign.simulation.linearization import linearize as linearize
     from armdesign.simulation.run import Simulation as Simulation
     from armdesign.simulation.simulate import simulate as simulate
@@ -93,14 +111,26 @@ _NAMES = {  # public names by the module that has them
     "simulation.run": "Simulation",
     "simulation.simulate": "simulate",
     "simulation.validation": "Validation validate",
-    "simulation.linearization": "LinearModel linearize",
+    "simulation.linear_model": "LinearModel LinearModels",
+    "simulation.linearization": "linear_models linearize",
     "simulation.identified": "Identified",
     "simulation.identify": "identify",
     "simulation.identification.ringdown": "Ringdown identify_ringdown",
     "simulation.identification.modal_fit": (
         "ModalFit identify_forced_response identify_frequency_response"
     ),
+    "control.bandwidth_map": "BandwidthMap bandwidth_map",
+    "control.controller": "Controller",
+    "control.gain_schedule": "GainSchedule gain_schedule",
+    "motion.shapers": "Shaper",
+    "motion.shaping": "workspace_shaper",
+    "motion.plan": "plan_move",
+    "motion.move": "Move",
+    "motion.outcome": "MoveRun",
     "calibration.calibrate": "Calibration calibrate",
+    "influence.sensitivity": "Sensitivity sensitivity",
+    "influence.tolerances": "Tolerances tolerances",
+    "influence.what_if": "WhatIf what_if",
     "simulation.identification.frequency_response": "FrequencyResponse frequency_response",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -1,4 +1,4 @@
-"""Array types of all signatures (axis 0 is the pose); chunks and weighted percentiles."""
+"""Array types of all signatures (axis 0 is the pose); chunks, rows, weighted percentiles."""
 
 from __future__ import annotations
 
@@ -71,6 +71,15 @@ def stacked(parts: Iterable[T], count: int) -> T:
             target[row:end] = array
         row = end
     return type(part)(**values | whole)
+
+
+def side_by_side(values: Iterable[Any]) -> Array:
+    """Numbers along the last axis (k,); of machines that differ row by row (n, k).
+
+    Each of the k values is one number, or one for each of n rows.
+    """
+    columns = list(values)
+    return np.stack(np.broadcast_arrays(*columns), axis=-1) if columns else np.zeros(0)
 
 
 def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:

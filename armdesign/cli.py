@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armdesign import output
+from armdesign.cli_control import control
+from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
+from armdesign.cli_motion import move
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
@@ -295,6 +298,11 @@ app.command()(identify)
 app.command()(calibrate)
 app.command()(pareto)
 app.command()(steps)
+app.command()(control)
+app.command()(move)
+app.command()(sensitivity)
+app.command("what-if")(what_if)
+app.command()(tolerances)
 
 
 @app.command()

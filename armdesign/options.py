@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, choose
 from armdesign.output import check_out
-from armdesign.units import SI, WORKSHOP, Units
+from armdesign.units import SI, WORKSHOP, Units, deg, mm
 
 if TYPE_CHECKING:
     from armdesign.design.catalogue.sizes import Sizes
@@ -126,6 +128,88 @@ BandOption = Annotated[
 MachineOption = Annotated[
     str, typer.Option("--machine", help="A machine, whose cylinders and joints the columns name.")
 ]
+NewOption = Annotated[
+    str, typer.Option("--new", help="Another machine, whose loops are closed for comparison.")
+]
+DelayOption = Annotated[
+    float, typer.Option("--delay", help="Delay between controller and spool in ms.")
+]
+GainMarginOption = Annotated[
+    float, typer.Option("--gain-margin", help="That all loops keep together, in dB.")
+]
+PhaseMarginOption = Annotated[
+    float, typer.Option("--phase-margin", help="That all loops keep together, in deg.")
+]
+FilterOption = Annotated[
+    str, typer.Option("--filter", help="Of load pressures fed back: high-pass or band-pass.")
+]
+CornerOption = Annotated[
+    float,
+    typer.Option(
+        "--corner", help="Of that filter, in Hz; default: by each pose's mode.", show_default=False
+    ),
+]
+ChangesArgument = Annotated[
+    list[str], typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …")
+]
+BandwidthOption = Annotated[
+    bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too: half a minute.")
+]
+CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
+SeedOption = Annotated[int, typer.Option("--seed", help="Of the chance; equal ones repeat it.")]
+LeastFrequencyOption = Annotated[
+    float | None,
+    typer.Option(
+        "--least-frequency",
+        help="Worst frequency that a machine must reach, in Hz; default: least_hz of the file.",
+        show_default=False,
+    ),
+]
+FromOption = Annotated[
+    str,
+    typer.Option(
+        "--from",
+        help="Joints in deg, slides in mm: boom=-20,stick=-90,bucket=-90, or numbers in order.",
+        show_default=False,
+    ),
+]
+ToOption = Annotated[
+    list[str],
+    typer.Option(
+        "--to",
+        help="The same where the move ends; joints not named stay. Again for each further stop.",
+        show_default=False,
+    ),
+]
+PayloadOption = Annotated[
+    str, typer.Option("--payload", help="A load case, or a mass in kg; default: the first case.")
+]
+ShaperOption = Annotated[
+    str,
+    typer.Option(
+        "--shaper",
+        help="none, zv, zvd, ei: for the end; band: for all of the way and its payloads; or"
+        " workspace.",
+    ),
+]
+ShapedModesOption = Annotated[
+    int, typer.Option("--modes", help="Number of lowest modes that it is made for.")
+]
+DampingOption = Annotated[
+    float | None,
+    typer.Option("--damping", help="Damping ratio to assume; default: what the file gives."),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option("--duration", help="In s, without the shaper's delay; default: the shortest."),
+]
+ShareOption = Annotated[
+    float, typer.Option("--share", help="Share of the pump's flow and of free force to use.")
+]
+SpreadOption = Annotated[
+    float,
+    typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]
@@ -155,6 +239,55 @@ def grid_points(points: str) -> int | list[int] | None:
         fault = f'"{points}" is not a list of numbers'
         raise ArmDesignError("--points", fault, "give 21 or 21,21,61") from None
     return counts[0] if counts and len(counts) == 1 else counts
+
+
+def pose_of(
+    machine: Machine, text: str, option: str, last: Sequence[float] = ()
+) -> tuple[float, ...]:
+    """Joint positions (nq,) [rad, m] as ``boom=-20,stick=-90`` or in order, in deg and mm.
+
+    ``last``: positions of joints that are not named, if there are any.
+    """
+    joints = {joint.name: joint for joint in machine.arm.joints}
+    units = {
+        name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
+    }
+    remedy = f"give {','.join(f'{name}=… {unit}' for name, (unit, _) in units.items())}"
+    words = [word for word in listed(text) if word]
+    named = [word.partition("=")[::2] for word in words if "=" in word]
+    if not named and len(words) == len(joints):
+        named = list(zip(joints, words, strict=True))
+    elif len(named) < len(words) or not words:
+        fault = f'"{text}" is not one position per joint'
+        raise ArmDesignError(option, fault, remedy)
+    pose = dict(zip(joints, last, strict=False))
+    for name, number in ((name.strip(), number) for name, number in named):
+        if name not in joints:
+            fault = f'there is no joint "{name}" in q'
+            raise ArmDesignError(option, fault, choose(name, joints))
+        try:
+            pose[name] = float(number) * units[name][1]
+        except ValueError:
+            fault = f'"{number}" is no position of {name}'
+            raise ArmDesignError(option, fault, remedy) from None
+    if missing := [name for name in joints if name not in pose]:
+        raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
+    for name, (low, high) in zip(joints, machine.ranges.tolist(), strict=True):
+        if (value := pose[name]) < low or value > high:
+            unit, factor = units[name]
+            fault = f"{name} {value / factor:g} {unit} is outside its range"
+            ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10
+            nearest = f"the nearest that its stroke allows is {ends[value > high]:g} {unit}"
+            raise ArmDesignError(option, f"{fault} [{ends[0]:g}, {ends[1]:g}] {unit}", nearest)
+    return tuple(pose[name] for name in joints)
+
+
+def payload_of(text: str) -> str | float | None:
+    """Value of ``--payload``: a mass [kg], or the name of a load case."""
+    try:
+        return float(text) if text else None
+    except ValueError:
+        return text
 
 
 def spans(text: str, option: str) -> list[tuple[float, float]]:

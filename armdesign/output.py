@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from armdesign.calibration.calibrate import Calibration
+    from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
     from armdesign.design.steps import Steps
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.machine.lift_chart import LiftChart
     from armdesign.machine.machine import Machine
+    from armdesign.motion.move import Move
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
@@ -104,6 +106,15 @@ def write_calibration(calibration: Calibration, folder: Path) -> None:
     plots.save(plots.calibration_figure(calibration), folder / "calibration.png")
 
 
+def write_bandwidths(bandwidths: BandwidthMap, folder: Path, suffix: str = "") -> None:
+    """Write bandwidths, gains and heatmaps of a machine; the suffix goes into the files' names."""
+    from armdesign import plots
+
+    write_csv(bandwidths.frame, folder / f"bandwidth{suffix}.csv")
+    write_csv(bandwidths.schedule, folder / f"gains{suffix}.csv")
+    plots.save(plots.bandwidth_maps(bandwidths), folder / f"bandwidth{suffix}.png")
+
+
 def write_identified(identified: Identified, folder: Path) -> None:
     """Write windows, swings, pressures and their picture."""
     from armdesign import plots
@@ -113,6 +124,20 @@ def write_identified(identified: Identified, folder: Path) -> None:
     if len(identified.pressures):
         write_csv(identified.pressures, folder / "pressures.csv")
     plots.save(identified.plot(), folder / "identified.png")
+
+
+def write_move(move: Move, folder: Path) -> None:
+    """Write plan, runs and shaper of a move with their pictures."""
+    import pandas as pd
+
+    from armdesign import plots
+
+    impulses = {"time_s": move.shaper.times, "amplitude": move.shaper.amplitudes}
+    write_csv(move.frame, folder / "move.csv")
+    write_csv(move.residuals, folder / "residual.csv")
+    write_csv(pd.DataFrame(impulses), folder / "shaper.csv")
+    plots.save(move.plot(), folder / "move.png")
+    plots.save(plots.shaper_figure(move), folder / "shaper.png")
 
 
 def write_report(

@@ -29,7 +29,8 @@ QUICK = {  # what each writes for the one-joint machine
         "moment_arms.png",
         "lift_chart.csv",
         "lift_chart.png",
-    }
+    },
+    "sensitivity": {"sensitivity.csv", "sensitivity.png"},
 }
 
 

@@ -290,6 +290,9 @@ def rotator() -> Machine:
     return build(joints, [LIFT, FOLD, tilt], more=motor, air_percent=0.3)
 
 
+ANY_LIFT_AND_TORQUE = {"lift_share": 0.0, "torque_share": 0.0, "end_torque_share": 0.0}
+
+
 ODD: dict[str, Callable[[], Machine]] = {
     "four_bar_left": lambda: four_bar("left"),
     "four_bar_right": lambda: four_bar("right"),
@@ -322,21 +325,34 @@ def named(name: str) -> Machine:
 
 def machine_with(machine: Machine, bands: str) -> Machine:
     """The machine whose file states these bands instead of its own."""
-    text = re.sub(r"(?ms)^\[bands\].*?(?=^\[|\Z)", "", machine.text)
-    text = f"{text}\n[bands]\n{bands}\n"
+    text = f"{_without(machine.text, 'bands')}\n[bands]\n{bands}\n"
     return Machine.from_text(text, machine.urdf_text, machine.source)
+
+
+def demanding(machine: Machine, requirements: str) -> Machine:
+    """The machine whose file states these requirements instead of its own."""
+    text = f"{_without(machine.text, 'requirements')}\n[requirements]\n{requirements}\n"
+    return Machine.from_text(text, machine.urdf_text, machine.source)
+
+
+def _without(text: str, table: str) -> str:
+    """A machine file without a table and all below it."""
+    return re.sub(rf"(?ms)^\[{re.escape(table)}[.\]].*?(?=^\[|\Z)", "", text)
 
 
 @cache
 def rigid(name: str) -> Machine:
     """A shipped machine with rigid structure, oil alone, and with nothing uncertain.
 
-    As the sources of many expected numbers took it.
+    Its designs may have any sizes, pins anywhere in their boxes, and less lift and torque. As the
+    sources of many expected numbers took it.
     """
     machine = load(name)
-    text = re.sub(r"(?m)^compliance_.*\n", "", machine.text)
-    text = re.sub(r"(?ms)^\[bands\].*?(?=^\[|\Z)", "", text)
-    return Machine.from_text(text, machine.urdf_text, machine.source)
+    text = re.sub(r"(?m)^(compliance_|catalogue|torque_share).*\n", "", machine.text)
+    for table in ("bands", "requirements.outline", "requirements.clearance"):
+        text = _without(text, table)
+    machine = Machine.from_text(text, machine.urdf_text, machine.source)
+    return machine.replace({f"requirements.{key}": 0.0 for key in ANY_LIFT_AND_TORQUE})
 
 
 def heavy_bars() -> Machine:

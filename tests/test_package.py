@@ -20,7 +20,9 @@ ROOMS = (
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
-    *("plots", "report", "paper", "output", "options", "cli_measured", "cli_tradeoffs", "cli"),
+    *("control", "motion"),
+    *("plots", "report", "paper", "influence", "output", "options"),
+    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
@@ -30,7 +32,7 @@ DOORS = {  # library: the only modules that may import it
     "pydantic": {"machine.file.schema", "machine.file.schema_faults", "machine.file.machine_file"},
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
-    "control": {"simulation.linearization"},
+    "control": {"simulation.linear_model"},
     "numba": {"simulation.plant.compiled"},
 }
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import armdesign as ad
+
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 
@@ -26,6 +28,23 @@ def test_python_blocks_run(
     printed = capsys.readouterr().out
     for expected in re.findall(r"# → (.*)", "".join(blocks("python"))):
         assert expected in printed
+
+
+@pytest.mark.slow
+def test_the_first_answer_is_of_this_version() -> None:
+    """New machine, gain at the file's values and within the bands, sizes, and what they cost."""
+    design = ad.optimize(ad.load("excavator_20t"))
+    today, new = design.before.worst.frequency, design.after.worst.frequency
+    real = max(design.starts) / design.problem.dynamics.corners.nominal
+    boom = design.machine.cylinders[0]
+    printed = " ".join(README.split())
+    for words in (
+        f"new {new:.3f} Hz boom",
+        f"gain {100 * (new / today - 1):+.1f} %",
+        f"buildable {100 * design.least_gain:+.1f} %, in real numbers {100 * (real - 1):+.1f} %",
+        f"→ new 2 × {1000 * boom.bore:.1f} {1000 * boom.rod:.1f} {1000 * boom.stroke:.1f}",
+    ):
+        assert words in printed
 
 
 def test_two_commands_do_all_the_set_up() -> None:

@@ -32,7 +32,7 @@ from armdesign.design.search.infeasibility.refusal import (
 )
 from armdesign.design.search.multistart import Starts, formulate, multistart
 from armdesign.design.search.prices import LEAST_PRICE, prices
-from armdesign.design.search.rounding import rounded_machine
+from armdesign.design.search.rounding import CheckedMachine, rounded_machine
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
@@ -96,18 +96,19 @@ class Design:
         search: Search,
         starts: Starts,
         selection: SizeSelection | None = None,
+        rounded: CheckedMachine | None = None,
         *,
         command: str,
     ) -> Design:
         """The rounded design of a search, with the outcome of its starts.
 
-        Its file says that ``command`` made it.
+        Its file says that ``command`` made it. ``rounded`` is its machine where that is known.
 
         Raises:
             InfeasibleError: it misses a requirement, or nothing near it does that can be written.
         """
         search = require_feasible(search)
-        rounded = rounded_machine(search)
+        rounded = rounded or rounded_machine(search)
         if rounded is None:
             raise not_written(search)
         problem, priced = search.problem, {} if selection else prices(search)
@@ -362,11 +363,11 @@ def design_of(
     """
     if sizes is None:
         outcome = multistart(problem, starts, seed, workers, given and given[0])
-    elif problem.vector.moving:
-        outcome = sizes_and_pins(problem, sizes, starts, seed, workers, given)
-    else:
+        return Design.of(*outcome, command=command)
+    if not problem.vector.moving:
         return _of_catalogue(problem, sizes, command)
-    return Design.of(*outcome, command=command)
+    search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+    return Design.of(search, reached, rounded=rounded, command=command)
 
 
 def size_cylinders(

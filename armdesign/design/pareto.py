@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,11 +18,13 @@ import numpy as np
 
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design, optimize
+from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
 from armdesign.errors import ArmDesignError, InfeasibleError, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.machine.file.schema import DEFAULT, share_of
 from armdesign.machine.machine import Machine
 
 if TYPE_CHECKING:
@@ -121,8 +123,8 @@ def pareto(
         workspace: poses that count; default grid if None.
         requirements: limits; None: the machine's file states them.
         against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
-            ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``;
-            "lift": ``lift_share``;
+            ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``,
+            and ``torque_share`` of these cylinders where it is higher; "lift": ``lift_share``;
             "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
@@ -223,6 +225,11 @@ def _limited(requirements: Requirements, against: str, limit: float) -> Requirem
     """The requirements with one limit at a value."""
     if against == "oil":
         return replace(requirements, oil_total_share=limit, oil_each_share=EACH * limit)
+    if against == "digging":
+        torque = requirements.torque_share
+        own = {name: min(limit, share_of(torque, name)) for name in requirements.digging}
+        every = torque if isinstance(torque, Mapping) else {DEFAULT: torque}
+        return replace(requirements, digging_share=limit, torque_share={**every, **own})
     name = "pin_box" if against == "pin_box" else f"{against}_share"
     changes: dict[str, Any] = {name: limit}
     return replace(requirements, **changes)
@@ -237,8 +244,8 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         / sum(getattr(c, area) * c.stroke for _, c in pairs)
         for area in ("bore_area", "annulus_area")
     )
-    # of today's torque
-    digging = [c.slack for c in design.checks if c.name.startswith("digging.")]
+    torques = torque_shares(new, today) if design.requirements.digging else {}
+    digging = [torques[name][0] for name in design.requirements.digging]
     moved = np.abs(design.x[[v.pin is not None for v in design.problem.vector.variables]]).max(
         initial=0.0
     )
@@ -255,7 +262,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "oil_share": oil,
         "annulus_oil_share": annulus,
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
-        **({"digging_share": design.requirements.digging_share + min(digging)} if digging else {}),
+        **({"digging_share": float(min(digging))} if digging else {}),
         "lift_share": design.lift_share,
         "pin_move_m": float(moved * design.problem.vector.pin_box),
         "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,

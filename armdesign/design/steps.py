@@ -84,7 +84,8 @@ class Steps:
     Attributes:
         today: the machine that all were made from.
         steps: one for each number of pins, the least first.
-        left_out: numbers of pins with which no design was found, and why.
+        left_out: numbers of pins with which no design was found, or none better than with fewer,
+            and why.
     """
 
     today: Machine
@@ -166,15 +167,16 @@ def steps(
         if isinstance(design, InfeasibleError):
             left_out[count], refused = str(design.fault), design
             continue
-        searched = sum(len(some) == count for some in best)
-        done.append(
-            DesignStep(
-                pins=tuple(design.problem.vector.vary[1:]),
-                design=design,
-                searched=searched,
-                sets=math.comb(len(pins), count),
-            )
+        step = DesignStep(
+            pins=tuple(design.problem.vector.vary[1:]),
+            design=design,
+            searched=sum(len(some) == count for some in best),
+            sets=math.comb(len(pins), count),
         )
+        if done and step.gain < done[-1].gain:  # as can be built: in real numbers it would be more
+            left_out[count] = f"no better than {len(done[-1].pins)}"
+            continue
+        done.append(step)
     if not done:
         raise refused
     return Steps(today=machine, steps=tuple(done), left_out=left_out)

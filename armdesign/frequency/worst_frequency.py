@@ -6,6 +6,7 @@ lowest of them too, so it may return a worse pose off the grid.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -93,20 +94,32 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
 
     Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
+    q = case.workspace.q[case.exists]
+    lowest = q[frequency.argmin()], float(frequency.min())
+    return worst_pose(case, *min((lowest, *local_minima(case, frequency)), key=lambda at: at[1]))
+
+
+def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, float]]:
+    """Poses (nq,) at which the frequency has a local minimum, with it [Hz].
+
+    Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
+    """
     machine, workspace, q = case.machine, case.workspace, case.workspace.q[case.exists]
-    best_q, best = q[frequency.argmin()], float(frequency.min())
     for start in _distinct_minima(workspace, q, frequency):
         minimum = _descend(machine, workspace, start)
         if minimum is not None:
-            value = float(lowest_frequency(machine.at(minimum))[0])
-            if value < best:
-                best_q, best = minimum, value
-    poses = machine.at(best_q)
+            yield minimum, float(lowest_frequency(machine.at(minimum))[0])
+
+
+def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
+    """What there is to say of a pose (nq,) with a lowest frequency [Hz]."""
+    machine = case.machine
+    poses = machine.at(q)
     share = energy_shares(poses, natural_modes(poses))[0, 0]
     return WorstPose(
-        q=best_q,
+        q=q,
         payload=machine.payload.name,
-        frequency=best,
+        frequency=frequency,
         cylinder=machine.yielding[int(share.argmax())].name,
         tool=poses.tool[0],
         joints=machine.joints,

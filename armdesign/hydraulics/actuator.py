@@ -110,9 +110,9 @@ class Actuator(ABC):
         so that the piston stands further out than the pins say.
         """
         areas = areas or (self.bore_area, self.annulus_area)
-        if self.compliance > 0:
+        if np.any(self.compliance != 0):
             extension = extension + self.compliance * force
-        pressures = self.static_pressures(force, supply, areas) if fluid.air > 0 else (0.0, 0.0)
+        pressures = self.static_pressures(force, supply, areas) if fluid.aerated else (0.0, 0.0)
         cap, annulus = self.capacities(extension, pressures, fluid, areas=areas, stroke=stroke)
         return oil_stiffness(areas[0], areas[1], cap, annulus, self.compliance)
 
@@ -136,7 +136,7 @@ class Actuator(ABC):
         """
         cap, annulus = self.volumes(extension, areas, stroke)
         beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
-        if fluid.air > 0:
+        if fluid.aerated:
             at_cap, at_annulus = (
                 bulk_modulus(pressure, fluid.bulk_modulus, fluid.air) for pressure in pressures
             )
@@ -202,7 +202,7 @@ class Cylinder(Actuator):
         """Mass of each moving bar that has one [kg], all parallel cylinders together."""
         counts = {"barrel": self.count, "rod": self.count}
         masses = {name: counts.get(name, 1) * mass for name, mass in self.masses.items()}
-        return {name: mass for name, mass in masses.items() if mass > 0}
+        return {name: mass for name, mass in masses.items() if np.any(mass != 0)}
 
     def volumes(
         self, extension: Any, areas: tuple[Any, Any] | None = None, stroke: Any = None

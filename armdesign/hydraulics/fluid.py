@@ -23,6 +23,11 @@ class Fluid:
     air: float = 0.0
     density: float = 870.0
 
+    @property
+    def aerated(self) -> bool:
+        """Whether it carries air, so that its stiffness depends on pressure."""
+        return bool(np.any(self.air != 0))
+
 
 def bulk_modulus(
     pressure: Any, oil_modulus: float, air: float, exponent: float = ADIABATIC
@@ -44,6 +49,22 @@ def bulk_modulus(
     ratio = (ATMOSPHERE / absolute) ** (1 / exponent)
     squeezed = 1 + air * oil_modulus * ratio / (exponent * absolute)
     return oil_modulus * (1 + air * ratio) / squeezed
+
+
+def bulk_modulus_slope(
+    pressure: Any, oil_modulus: float, air: float, exponent: float = ADIABATIC
+) -> Any:
+    """Derivative of ``bulk_modulus`` by the pressure, of the same arguments.
+
+    With x = (p_atm/P)^(1/n), dx/dP = −x/(nP): of numerator 1 + a x and denominator 1 + a E x/(nP).
+    """
+    absolute = np.maximum(pressure + ATMOSPHERE, 0.01 * ATMOSPHERE)
+    share = air * (ATMOSPHERE / absolute) ** (1 / exponent)
+    softer = oil_modulus * share / (exponent * absolute)
+    falls = share / (exponent * absolute)
+    steeper = softer * (1 + 1 / exponent) / absolute
+    slope = oil_modulus * ((1 + share) * steeper - falls * (1 + softer)) / (1 + softer) ** 2
+    return np.where(pressure + ATMOSPHERE > 0.01 * ATMOSPHERE, slope, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

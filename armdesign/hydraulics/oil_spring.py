@@ -5,7 +5,6 @@ Elementwise on arrays, and complex-safe.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -68,12 +67,12 @@ def preloaded_pressures(
     lower = np.maximum(preload, return_pressure)
     if np.all(lower == return_pressure):
         return static_pressures(force, bore_area, annulus_area, return_pressure)
-    if math.isfinite(relief):
+    if np.all(np.isfinite(relief)):
         limit = np.maximum(BELOW_RELIEF * relief, lower)
         pushed = (bore_area * limit - force) / annulus_area
         for largest in (pushed, (annulus_area * limit + force) / bore_area):
             lower = np.where(np.real(largest) < np.real(lower), largest, lower)
-        lower = np.where(np.real(lower) < return_pressure, return_pressure, lower)
+        lower = np.where(np.real(lower) < np.real(return_pressure), return_pressure, lower)
     return static_pressures(force, bore_area, annulus_area, lower)
 
 

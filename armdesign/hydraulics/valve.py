@@ -93,6 +93,12 @@ def edge_opening(spool: Any, overlap: Any) -> Any:
     return np.minimum(np.maximum((spool - overlap) / (1 - overlap), 0.0), 1.0)
 
 
+def edge_opening_slope(spool: Any, overlap: Any) -> Any:
+    """Derivative of ``edge_opening`` by the spool position; at a corner the mean of both sides."""
+    share = (spool - overlap) / (1 - overlap)
+    return np.heaviside(share, 0.5) * np.heaviside(1 - share, 0.5) / (1 - overlap)
+
+
 def opening(valve: Valve, spool: Any) -> Any:
     """Net opening −1…1 of a port: to supply less to return; 0 within the overlap."""
     return edge_opening(spool, valve.overlap) - edge_opening(-spool, valve.overlap)
@@ -119,9 +125,22 @@ def orifice_flow(gain: Any, drop: Any) -> Any:
     return gain * drop / np.sqrt(np.sqrt(drop * drop + LAMINAR_DROP * LAMINAR_DROP))
 
 
+def orifice_slope(drop: Any) -> Any:
+    """Derivative of ``orifice_flow`` by the pressure drop, for a gain of 1 [√Pa/Pa]."""
+    squared = drop * drop + LAMINAR_DROP * LAMINAR_DROP
+    return (1 - drop * drop / (2 * squared)) / np.sqrt(np.sqrt(squared))
+
+
 def in_series(gain: Any, other: Any) -> Any:
     """Gain of two orifices in series: 1/K² = 1/K1² + 1/K2²; ``other`` may be inf."""
     return gain / np.sqrt(1 + (gain / np.maximum(other, 1e-30)) ** 2)
+
+
+def in_series_slopes(gain: Any, other: Any) -> tuple[Any, Any]:
+    """Derivatives of ``in_series`` by both gains."""
+    ratio = gain / np.maximum(other, 1e-30)
+    least = (1 + ratio**2) ** -1.5
+    return least, np.where(other > 1e-30, (ratio / np.sqrt(1 + ratio**2)) ** 3, 0.0)
 
 
 def spool_acceleration(valve: Valve, position: Any, speed: Any, command: Any) -> Any:

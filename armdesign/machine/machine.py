@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, chunks, stacked
+from armdesign.arrays import Array, Flags, chunks, side_by_side, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
@@ -368,8 +368,8 @@ class Machine:
         """
         mass, gravity, slope = rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness
         points, load = self.bar_points(rigid), self.payload
-        if load.mass > 0 and load.link is not None:
-            at, joints = np.array(load.at), tuple(range(len(self.arm.coordinates)))
+        if np.any(load.mass != 0) and load.link is not None:
+            at, joints = side_by_side(load.at), tuple(range(len(self.arm.coordinates)))
             motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
             points.append((load.mass, motion))
         if not points:
@@ -402,19 +402,19 @@ class Machine:
     @cached_property
     def spring_stiffness(self) -> Array:
         """Stiffness κ of the springs (ns,) [N m/rad, N/m]."""
-        return np.array([spring.stiffness for spring in self.springs])
+        return side_by_side(spring.stiffness for spring in self.springs)
 
     @cached_property
     def closed_lengths(self) -> Array:
         """Closed length of each actuator (nc,) [m]; 0 for a motor."""
-        return np.array([actuator.closed_length for actuator in self.actuators])
+        return side_by_side(actuator.closed_length for actuator in self.actuators)
 
     @cached_property
     def strokes(self) -> Array:
         """Stroke of each actuator (nc,) [m]; inf for a motor."""
-        return np.array([actuator.stroke for actuator in self.actuators])
+        return side_by_side(actuator.stroke for actuator in self.actuators)
 
     @cached_property
     def bore_areas(self) -> Array:
         """Bore area of each actuator (nc,) [m², of a motor m³/rad]."""
-        return np.array([actuator.bore_area for actuator in self.actuators])
+        return side_by_side(actuator.bore_area for actuator in self.actuators)

@@ -81,12 +81,13 @@ def springs_of(section: MachineSection) -> tuple[Spring, ...]:
 
 
 def _spring(name: str, section: SpringSection) -> Spring:
-    turns = section.stiffness_N_m_per_rad is not None
+    turning, sliding = section.stiffness_N_m_per_rad, section.stiffness_N_per_m
+    turns, stiffness = turning is not None, sliding if turning is None else turning
     return Spring(
         name=name,
         joint=section.joint,
         revolute=turns,
-        stiffness=section.stiffness_N_m_per_rad or section.stiffness_N_per_m or math.nan,
+        stiffness=math.nan if stiffness is None else stiffness,
         damping_ratio=section.damping_ratio,
         at=(section.at_deg or 0.0) * deg if turns else (section.at_mm or 0.0) * mm,
     )

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.arrays import Array, Flags, ReadOnly, side_by_side
 from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
@@ -121,8 +121,8 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
         extensions=extension / machine.strokes,
         cylinder_forces=forces,
         oil_stiffness=np.stack(stiffness, axis=1),
-        spring_stiffness=np.tile(machine.spring_stiffness, (len(rigid), 1)),
-        tool=np.array(machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))),
+        spring_stiffness=np.zeros((len(rigid), 1)) + machine.spring_stiffness,
+        tool=np.array(machine.arm.point(rigid, machine.tool.link, side_by_side(machine.tool.at))),
     )
 
 
@@ -217,17 +217,17 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
         least, most = cylinder.closed_length, cylinder.open_length
         part = f"{machine.name}: {cylinder.name} cylinder"
         if np.any(open_ := ~np.isfinite(length)):
-            where = _pose_text(machine, poses.q[open_][0])
+            where = pose_text(machine, poses.q[open_][0])
             remedy = f"stay in the range of {_range_text(machine, linkage)}"
             raise PoseError(part, f"its {linkage.title} does not close at {where}", remedy)
         out = (length < least - STROKE_TOLERANCE) | (length > most + STROKE_TOLERANCE)
         if np.any(out):
-            where = f"[{least:.4f}, {most:.4f}] m at {_pose_text(machine, poses.q[out][0])}"
+            where = f"[{least:.4f}, {most:.4f}] m at {pose_text(machine, poses.q[out][0])}"
             remedy = f"stay in the range of {_range_text(machine, linkage)}"
             fault = f"length {length[out][0]:.4f} m is outside its stroke {where}"
             raise PoseError(part, fault, f"{remedy} or change stroke and pins")
     if np.any(singular := is_singular(poses.moment_arms[..., : len(machine.joints)])):
-        where = _pose_text(machine, poses.q[singular][0])
+        where = pose_text(machine, poses.q[singular][0])
         fault = f"singular at {where}: a cylinder is at its dead centre"
         raise PoseError(f"{machine.name}: pose", fault, "avoid it")
 
@@ -268,7 +268,7 @@ def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
         remedy = f"multiply the stiffness of all springs ({names}) by more than {factor:g}"
     fault = (
         f"{stated:g} {spring.stiffness_unit}{share} does not hold the machine upright at"
-        f" {_pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
+        f" {pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
     )
     place = f"{machine.source.name}: {path}"
     error = TopplingError(place, fault, remedy, machine.line_of(path))
@@ -292,14 +292,15 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     nearest = middle + math.remainder(pitch - middle, 2 * math.pi)
     fault = (
         f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
-        f" at {_pose_text(machine, positions[unheld][0])}, it holds the load at"
+        f" at {pose_text(machine, positions[unheld][0])}, it holds the load at"
         f" {low / deg:g}…{high / deg:g} deg"
     )
     part = f"{machine.name}: payload {case.name}"
     raise PoseError(part, fault, "choose another pose or load case")
 
 
-def _pose_text(machine: Machine, q: Array) -> str:
+def pose_text(machine: Machine, q: Array) -> str:
+    """Joint positions (nq,) in words."""
     return ", ".join(
         f"{joint.name} {value:.4f} {joint.unit}"
         for joint, value in zip(machine.arm.joints, q, strict=True)

@@ -28,7 +28,7 @@ NAMES = {
 }
 LENGTHS = {1: (3.0,), 2: (3.0, 2.0), 3: (3.0, 2.0, 1.0), 4: (3.0, 2.0, 1.5, 1.0)}  # [m]
 MASS_PER_LENGTH = (100.0, 75.0, 55.0, 40.0)  # [kg/m]
-SIZES = ((100, 56), (80, 45), (50, 28), (40, 22))  # bore, rod [mm]
+SIZES = ((100, 55), (80, 45), (50, 30), (40, 25))  # bore, rod [mm]
 SECTION = (0.22, 0.17, 0.13, 0.10)  # height of a link's box [m]
 # links before the longest boom's own: length [m], mass per length [kg/m], bore, rod [mm],
 # height [m]

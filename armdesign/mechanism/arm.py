@@ -227,8 +227,8 @@ class Arm:
         """Joint frames in the world at q (n, nq): rotation, translation and axis (n, k, …)."""
         q = self.with_springs(q)
         n, k = q.shape
-        rotation, translation = np.empty((n, k, 3, 3)), np.empty((n, k, 3))
-        axis = np.empty((n, k, 3))
+        rotation, translation = np.empty((n, k, 3, 3), q.dtype), np.empty((n, k, 3), q.dtype)
+        axis = np.empty((n, k, 3), q.dtype)
         for index in self.outwards:
             joint = self.coordinates[index]
             angle = q[:, index] if joint.revolute else np.zeros(n)
@@ -258,9 +258,9 @@ class Arm:
         return np.asarray(poses.rotation[:, body.joint] @ body.rotation)
 
     def point(self, poses: RigidPoses, link: str, at: Array) -> Array:
-        """World position (n, 3) [m] of a point given in a link's frame."""
+        """World position (n, 3) [m] of a point given in a link's frame: (3,), or by row (n, 3)."""
         body = self.links[link]
-        local = body.translation + body.rotation @ at
+        local = body.translation + at @ body.rotation.T
         if body.joint < 0:
             return np.broadcast_to(local, (len(poses), 3))
         return poses.translation[:, body.joint] + turned(poses.rotation[:, body.joint], local)
@@ -370,6 +370,25 @@ class Arm:
         centre = poses.translation + (poses.rotation @ lever[:, :, None])[..., 0]
         return np.array([body.mass for body in bodies]), centre
 
+    @cached_property
+    def bodies_apart(self) -> list[Arm]:
+        """The arm with the mass of what one coordinate moves before the next, for each (k).
+
+        M, g and ∂g/∂q are linear in masses and inertias: those of the arm are their sums.
+        """
+        import pinocchio
+
+        model, _, index = self._pinocchio
+        arms = []
+        for joint in self.coordinates:
+            own, twin = pinocchio.Model(model), copy.copy(self)
+            for at in range(len(own.inertias)):
+                if at != model.getJointId(joint.name):
+                    own.inertias[at] = pinocchio.Inertia.Zero()
+            vars(twin)["_pinocchio"] = own, own.createData(), index
+            arms.append(twin)
+        return arms
+
     @property
     def root(self) -> str:
         """Name of the root link: the world."""
@@ -378,11 +397,13 @@ class Arm:
 
 def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
     """M, g and ∂g/∂q of point masses [kg]: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
-    return (
-        sum((mass * (p.first @ np.swapaxes(p.first, 1, 2)) for mass, p in points), np.zeros(())),
-        sum((mass * GRAVITY * p.first[:, :, 2] for mass, p in points), np.zeros(())),
-        sum((mass * GRAVITY * p.second[:, :, :, 2] for mass, p in points), np.zeros(())),
-    )
+    inertia = gravity = slope = np.zeros(())
+    for mass, p in points:
+        m = np.reshape(mass, (-1, 1, 1))  # one mass, or one for each row
+        inertia = inertia + m * (p.first @ np.swapaxes(p.first, 1, 2))
+        gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
+        slope = slope + m * GRAVITY * p.second[:, :, :, 2]
+    return inertia, gravity, slope
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:

@@ -2,7 +2,7 @@
 
 Written as plain arithmetic (``+``, ``*``, ``dot``, ``sqrt`` …), a formula for a length gives
 moment arm and its derivative exactly. All parts may be complex, so that a complex step adds one
-more exact derivative.
+more exact derivative. A factor is one number, or one for each row (n,).
 """
 
 from __future__ import annotations
@@ -33,8 +33,11 @@ class Jet:
     def __neg__(self) -> Self:
         return self._scaled(-1.0)
 
-    def _scaled(self, factor: float) -> Self:
-        return type(self)(*(part * factor for part in self._parts))
+    def _scaled(self, factor: float | Array) -> Self:
+        if not np.ndim(factor):
+            return type(self)(*(part * factor for part in self._parts))
+        rows = (np.reshape(factor, (-1, *[1] * (part.ndim - 1))) for part in self._parts)
+        return type(self)(*map(np.multiply, self._parts, rows))
 
     @property
     def _parts(self) -> tuple[Array, Array, Array]:
@@ -47,12 +50,12 @@ AnyJet = TypeVar("AnyJet", bound=Jet)
 class ScalarJet(Jet):
     """Numbers (n,), their gradients (n, k) and Hessians (n, k, k)."""
 
-    def __add__(self, other: ScalarJet | float) -> ScalarJet:
+    def __add__(self, other: ScalarJet | float | Array) -> ScalarJet:
         if isinstance(other, ScalarJet):
             return super().__add__(other)
         return ScalarJet(self.value + other, self.first, self.second)
 
-    def __mul__(self, factor: ScalarJet | float) -> ScalarJet:
+    def __mul__(self, factor: ScalarJet | float | Array) -> ScalarJet:
         if isinstance(factor, ScalarJet):
             return _product(np.multiply, self, factor, ScalarJet)
         return self._scaled(factor)
@@ -77,7 +80,7 @@ class ScalarJet(Jet):
 class VectorJet(Jet):
     """Vectors (n, 3) with first (n, k, 3) and second derivatives (n, k, k, 3)."""
 
-    def __mul__(self, factor: ScalarJet | float) -> VectorJet:
+    def __mul__(self, factor: ScalarJet | float | Array) -> VectorJet:
         if isinstance(factor, ScalarJet):
             return _product(lambda a, b: a[..., None] * b, factor, self, VectorJet)
         return self._scaled(factor)

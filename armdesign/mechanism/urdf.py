@@ -103,7 +103,9 @@ def rotations(axis: Array, angle: Array, before: Array | None = None) -> Array:
 
 
 def turned(rotation: Array, vector: Array) -> Array:
-    """A vector (3,) turned by rotation matrices (n, 3, 3): (n, 3)."""
+    """A vector (3,), or one for each row (n, 3), turned by rotation matrices (n, 3, 3): (n, 3)."""
+    if vector.ndim > 1:
+        return np.asarray((rotation @ vector[:, :, None])[..., 0])
     return np.asarray(rotation.reshape(-1, 3) @ vector).reshape(-1, 3)
 
 

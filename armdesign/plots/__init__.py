@@ -1,5 +1,6 @@
 """Pictures of results; ``canvas``, the door to matplotlib, opens with the first figure."""
 
+from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps
 from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
 from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
@@ -11,15 +12,20 @@ from armdesign.plots.maps import (
     joint_plane,
     side_by_side,
 )
+from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
 from armdesign.plots.recordings import identified_figure
 from armdesign.plots.responses import frequency_responses
+from armdesign.plots.sensitivities import distribution, linear_against_exact, tornado
 
 __all__ = [
     "COMPUTED",
     "INK",
     "MARK",
+    "bandwidth_map",
+    "bandwidth_maps",
     "before_after",
     "calibration_figure",
+    "distribution",
     "drawn_joints",
     "figure",
     "frequency_map",
@@ -29,9 +35,14 @@ __all__ = [
     "joint_plane",
     "lift_chart",
     "lift_charts",
+    "linear_against_exact",
     "moment_arm_curves",
     "moment_arms",
+    "move_figure",
     "save",
+    "sensitivity_curves",
+    "shaper_figure",
     "side_by_side",
+    "tornado",
     "trade_off",
 ]

@@ -103,18 +103,27 @@ def trade_off(front: Pareto, ax: Any = None) -> Any:
     today = first.before.worst.frequency
     # between limits the same sizes of a catalogue stay the best
     style = "steps-post" if first.catalogue else "default"
-    frequencies = front.frame["frequency_hz"]
-    ax.plot(limits, frequencies, "o-", color=MARK, label="best design", drawstyle=style)
-    ax.plot(now, today, "*", ms=15, color=INK, label="today's machine")
+    lines = [("frequency_hz", "best design", "o-", today)]
     if front.robust:
-        banded = front.frame["banded_hz"]
-        ax.plot(limits, banded, "o:", color=MARK, label="best design, worst within the bands")
-        ax.plot(now, first.band_before.low.frequency, "*", ms=9, color=INK)
+        lowest = first.band_before.low.frequency
+        lines.append(("banded_hz", "best design, worst within the bands", "o:", lowest))
+    for column, words, line, start in lines:
+        frequencies = front.frame[column]
+        ax.plot(limits, frequencies, line, color=MARK, label=words, drawstyle=style)
+        ax.plot(
+            now, start, "*", ms=12, color=INK, label="_" if start < today else "today's machine"
+        )
+        for limit, frequency in zip(limits, frequencies, strict=True):
+            gain = f"{100 * (frequency / start - 1):+.1f} %"
+            ax.annotate(
+                gain, (limit, frequency), (0, 6), textcoords="offset points", ha="center", size=8
+            )
     if front.against == "oil":
         shares = np.linspace(min(*limits, now), max(*limits, now), 60)
         equal = "frequency² × joint speed as today"
         ax.plot(shares, today * np.sqrt(shares), "--", color=COMPUTED, label=equal)
-    ax.set(xlabel=label, ylabel="worst natural frequency [Hz]", ylim=(0, None))
+    ax.set(xlabel=label, ylabel="worst natural frequency [Hz]")
+    ax.margins(0.08, 0.12)
     ax.set_title(front.today.section.title or front.today.name, fontsize=11)
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)

@@ -22,6 +22,7 @@ from armdesign.plots.canvas import (
 )
 
 if TYPE_CHECKING:
+    from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
@@ -129,7 +130,7 @@ def mark(ax: Any, x: float, y: float, frequency: float) -> None:
 
 
 def joint_plane(
-    frequencies: FrequencyMap, values: Array | None = None
+    frequencies: FrequencyMap | BandwidthMap, values: Array | None = None
 ) -> tuple[Array, Array, Array]:
     """Least value on the grid of the two ``drawn_joints``: positions of both [rad, m], (n1, n2).
 

@@ -56,7 +56,7 @@ class Comparison:
         import pandas as pd
 
         rows: list[tuple[Any, ...]] = []
-        one, other = (_quantities(m) for m in self.maps.values())
+        one, other = (quantities(m) for m in self.maps.values())
         for name in [*one, *(name for name in other if name not in one)]:
             unit = (one.get(name) or other[name])[1]
             rows.append((name, unit, *(values.get(name, (None,))[0] for values in (one, other))))
@@ -167,7 +167,7 @@ def _labels(first: Machine, second: Machine) -> tuple[str, str]:
     return f"{first.name} A", f"{first.name} B"
 
 
-def _quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
+def quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     """Value and SI unit of everything that the comparison writes, by name."""
     machine = frequencies.machine
     values: dict[str, tuple[Any, str]] = {}

@@ -56,12 +56,13 @@ def _gain(design: Design, units: Units) -> Sheet:
         f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [spring_note(design.machine, after.cylinder)]),
     ]
+    reached = notes_on_starts(design) + _buildability(design)
     title = design.today.section.title or design.today.name
     return Sheet(
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
         rows=(*rows, ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", "")),
-        note=_vanishing(design) + "; ".join(notes) + _bound(design) + notes_on_starts(design),
+        note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
 
@@ -105,12 +106,23 @@ def notes_on_starts(design: Design) -> str:
         return ""
     text = ""
     if design.starts:
-        free = " with free sizes" if design.catalogue else ""
+        free = " in real numbers" if design.catalogue else ""
         text = f"; starts reached {_reached(design, *design.starts)}{free}"
     if design.failed_starts:
         causes = "; ".join(dict.fromkeys(design.failed_starts))
         text += f"; {len(design.failed_starts)} of {count} starts failed: {causes}"
     return text
+
+
+def _buildability(design: Design) -> str:
+    """What steps of sizes, pins and strokes leave of the gain in real numbers; empty without."""
+    both = design.catalogue and design.selection is None and design.starts
+    if design.made_for != "gain" or not both:
+        return ""
+    built, real = f"{100 * design.least_gain:+.1f} %", _reached(design, max(design.starts))
+    return (
+        f"; buildable {built}, in real numbers {real}: the difference is what buildability costs"
+    )
 
 
 def _reached(design: Design, *frequencies: float) -> str:
@@ -269,10 +281,9 @@ def summary(design: Design) -> str:
 
 def _torques(design: Design) -> str:
     """Largest torques of all actuators, both ways, over today's."""
-    from armdesign.design.requirements.performance import performances
+    from armdesign.design.requirements.performance import torque_shares
 
-    new, today = (performances(machine) for machine in (design.machine, design.today))
-    shares = [100 * a.largest / b.largest for a, b in zip(new, today, strict=True)]
+    shares = [100 * share for share in torque_shares(design.machine, design.today).values()]
     low, high = np.min(shares), np.max(shares)
     return f"the actuators' largest torques are {low:.0f} to {high:.0f} % of today's"
 

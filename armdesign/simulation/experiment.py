@@ -29,7 +29,8 @@ from armdesign.simulation.identification.modal_fit import (
     record_length,
     spectral_peak,
 )
-from armdesign.simulation.linearization import LinearModel, linearize
+from armdesign.simulation.linear_model import LinearModel
+from armdesign.simulation.linearization import linearize
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
@@ -219,7 +220,8 @@ class Experiment:
 
         plant, size = self.plant, len(linear.A) - 2 * self.plant.nc
         time = np.arange(0, self.duration, 1 / self.rate)
-        outputs = np.vstack([np.eye(size), linear.C[:, :size]])
+        pistons = linear.select(outputs="piston positions").C
+        outputs = np.vstack([np.eye(size), pistons[:, :size]])
         column = self._opening_column()[:size, None]
         system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
         opening = [self.swept_sine(1.0)(t) for t in time]

@@ -34,7 +34,13 @@ from armdesign.simulation.identification.pressure_ratio import PressureRatio, pr
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.identification.swings import Swings, swings
-from armdesign.simulation.identification.windows import found_windows, stated_windows, strongest
+from armdesign.simulation.identification.windows import PER_PERIOD as FEWEST_SAMPLES
+from armdesign.simulation.identification.windows import (
+    found_windows,
+    stated_windows,
+    strongest,
+    strongest_beyond,
+)
 from armdesign.simulation.identified import Identified, IdentifiedWindow
 from armdesign.simulation.recorded_poses import with_pose
 from armdesign.units import bar
@@ -165,6 +171,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     step = length / (len(part.time) - 1)
     level = detrended(values[:, None], TRENDS[0])[:, 0]
     slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
+    _refuse_coarse(part, name, step, level, slow[1])
     too_short = "choose a longer window"
     if height == 0 or (slow[0] < PERIODS / length and slow[1] > DOMINATES * height):
         problem = f"shorter than two periods of {name} (about {slow[0]:.2g} Hz)"
@@ -190,6 +197,15 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         means=means_of(part),
         remarks=_remarks(fit, pieces),
     )
+
+
+def _refuse_coarse(part: Recording, name: str, step: float, level: Array, resolved: float) -> None:
+    """Raise where a line far above the highest ``resolved`` has too few samples in a period."""
+    fast, height = strongest_beyond(step, level)
+    if height > DOMINATES * resolved:
+        problem = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
+        remedy = f"record {FEWEST_SAMPLES} in a period, at {math.ceil(FEWEST_SAMPLES * fast)} Hz"
+        raise SimulationError(part.source, f"has only {problem}", remedy)
 
 
 def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:

@@ -15,7 +15,20 @@ from armdesign import Machine, Requirements, Workspace
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.hydraulics.actuator import Cylinder
-from tests.machines import BOOM, BUCKET, FOLD, LIFT, SOFT, STICK, CylinderSpec, Joint, build, rigid
+from tests.machines import (
+    ANY_LIFT_AND_TORQUE,
+    BOOM,
+    BUCKET,
+    FOLD,
+    LIFT,
+    SOFT,
+    STICK,
+    CylinderSpec,
+    Joint,
+    build,
+    named,
+    rigid,
+)
 from tests.sprung import spring
 
 
@@ -84,6 +97,7 @@ MACHINES = {
     "sprung": sprung,
     "odd": odd,
     "excavator": lambda: rigid("excavator_20t"),
+    "shipped": lambda: named("excavator_20t"),
 }
 POINTS = {
     "single": (9,),
@@ -93,12 +107,18 @@ POINTS = {
     "sprung": (5, 5),
     "odd": (4, 4, 4),
     "excavator": (5, 5, 9),
+    "shipped": (5, 5, 9),
 }
 
 
 @cache
 def workspace_of(name: str) -> Workspace:
     return Workspace.grid(MACHINES[name](), points=POINTS[name])
+
+
+def any_lift_and_torque(name: str) -> Requirements:
+    """A machine's requirements, of which neither lift nor torque is one."""
+    return replace(Requirements.of(MACHINES[name]()), **ANY_LIFT_AND_TORQUE)
 
 
 def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:

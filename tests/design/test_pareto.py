@@ -18,7 +18,7 @@ from armdesign.design.pareto import SHARES
 from armdesign.units import mm
 from tests import machines
 from tests.design.catalogue.enumeration import enumerated
-from tests.design.designs import MACHINES, workspace_of
+from tests.design.designs import MACHINES, any_lift_and_torque, workspace_of
 
 
 @pytest.mark.slow
@@ -37,7 +37,8 @@ def test_a_looser_limit_is_never_worse(name: str, against: str, vary: tuple[str,
     """Before rounding, to the tolerance of the searches; after it every machine keeps its
     limit.
     """
-    found = ad.pareto(MACHINES[name](), workspace_of(name), against=against, vary=vary, starts=1)
+    machine, kept = MACHINES[name](), any_lift_and_torque(name)
+    found = ad.pareto(machine, workspace_of(name), kept, against=against, vary=vary, starts=1)
     assert len(found.designs) >= 3
     unrounded = [design.unrounded for design in found.designs]
     assert np.all(np.diff(unrounded) >= -1e-5 * unrounded[-1])
@@ -61,12 +62,11 @@ def test_each_point_is_the_optimum_of_its_own_problem() -> None:
     machine.
     """
     machine, workspace = MACHINES["single"](), workspace_of("single")
-    found = ad.pareto(machine, workspace, against="oil", values=(1.05, 0.7, 0.85), vary=("areas",))
+    kept, values = any_lift_and_torque("single"), (1.05, 0.7, 0.85)
+    found = ad.pareto(machine, workspace, kept, against="oil", values=values, vary=("areas",))
     assert found.limits == (0.7, 0.85, 1.05)
     for limit, design in zip(found.limits, found.designs, strict=True):
-        requirements = replace(
-            ad.Requirements.of(machine), oil_total_share=limit, oil_each_share=1.1 * limit
-        )
+        requirements = replace(kept, oil_total_share=limit, oil_each_share=1.1 * limit)
         assert design.requirements == requirements
         alone = ad.optimize(machine, workspace, requirements, vary=("areas",))
         assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
@@ -78,9 +78,8 @@ def test_points_of_a_catalogue() -> None:
     """
     machine, workspace = MACHINES["double"](), workspace_of("double")
     sizes = [(bore * mm, rod * mm) for bore in (90, 95, 100, 105) for rod in (63, 66)]
-    found = ad.pareto(
-        machine, workspace, values=(0.5, 0.9, 1.0, 1.1), vary=("areas",), catalogue=sizes
-    )
+    kept, values = any_lift_and_torque("double"), (0.5, 0.9, 1.0, 1.1)
+    found = ad.pareto(machine, workspace, kept, values=values, vary=("areas",), catalogue=sizes)
     assert found.limits == (0.9, 1.0, 1.1)
     assert "no sizes of the catalogue meet" in found.left_out[0.5]
     for design in found.designs:
@@ -93,8 +92,10 @@ def test_points_of_a_catalogue() -> None:
 def test_points_of_a_catalogue_with_pins() -> None:
     """Each starts with its tighter neighbour's sizes and pins too, so it cannot be worse."""
     machine, workspace = MACHINES["double"](), workspace_of("double")
-    asked = {"against": "thrust", "values": (1.0, 1.15, 1.3)}
-    found = ad.pareto(machine, workspace, **asked, starts=1, catalogue="5mm")
+    kept, values = any_lift_and_torque("double"), (1.0, 1.15, 1.3)
+    found = ad.pareto(
+        machine, workspace, kept, against="thrust", values=values, starts=1, catalogue="5mm"
+    )
     unrounded = [design.unrounded for design in found.designs]
     assert np.all(np.diff(unrounded) >= -1e-5 * unrounded[-1])
     assert unrounded[-1] > 1.01 * unrounded[0]
@@ -108,9 +109,8 @@ def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
     """On a twentieth of its oil the lift cylinder, at 1.1 × its thrust at most, cannot hold the
     arm.
     """
-    found = ad.pareto(
-        MACHINES["single"](), workspace_of("single"), values=(0.05, 1.0), vary=("areas",)
-    )
+    machine, kept = MACHINES["single"](), any_lift_and_torque("single")
+    found = ad.pareto(machine, workspace_of("single"), kept, values=(0.05, 1.0), vary=("areas",))
     assert found.limits == (1.0,)
     assert set(found.left_out) == {0.05}
     assert found.sentences[0].startswith("oil 0.05 is left out: no design meets ")
@@ -126,7 +126,7 @@ def test_no_value_that_can_be_met() -> None:
 
 def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
     found = ad.pareto(
-        MACHINES["single"](), workspace_of("single"), values=(0.8, 1.0), vary=("areas",)
+        MACHINES["single"](), workspace_of("single"), values=(1.0, 1.2), vary=("areas",)
     )
     ax = found.plot()
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
@@ -135,7 +135,11 @@ def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
     )
     before = found.designs[0].before.worst.frequency
     assert lines["today's machine"].tolist() == [[1.0, before]]
-    assert lines["frequency² × joint speed as today"][0] == pytest.approx([0.8, 0.8**0.5 * before])
+    as_today = lines["frequency² × joint speed as today"][-1]
+    assert as_today == pytest.approx([1.2, 1.2**0.5 * before])
+    gains = [f"{100 * gain:+.1f} %" for gain in found.frame["gain"]]
+    assert [text.get_text() for text in ax.texts] == gains
+    assert ax.get_ylim()[0] > 0.5 * before, "an axis from zero hides what a limit costs"
     assert plots.save(ax.figure, tmp_path / "pareto.png").stat().st_size > 1000
 
 
@@ -178,6 +182,30 @@ def test_against_lift() -> None:
     assert (front.frame["lift_share"] >= np.array(front.limits) - 1e-9).all()
     assert [design.requirements.lift_share for design in front.designs] == [1.0, 0.8]
     assert front.designs[1].unrounded >= front.designs[0].unrounded * (1 - 1e-6)
+
+
+def test_against_digging_its_cylinders_may_lose_torque() -> None:
+    """Of the cylinder that digs as much torque as the limit says, of the other what is stated."""
+    machine = MACHINES["double"]()
+    requirements = replace(ad.Requirements.of(machine), digging=("fold",), lift_share=0.0)
+    front = ad.pareto(
+        machine, workspace_of("double"), requirements,
+        against="digging", values=(1.0, 0.8), vary=("areas",),
+    )  # fmt: skip
+    asked = [design.requirements.torque_share for design in front.designs]
+    assert asked == [{"default": 0.95, "fold": 0.95}, {"default": 0.95, "fold": 0.8}]
+    for design, limit, printed in zip(
+        front.designs, front.limits, front.frame["digging_share"], strict=True
+    ):
+        lift, fold = (
+            new.bore_area / old.bore_area
+            for new, old in zip(design.machine.cylinders, machine.cylinders, strict=True)
+        )
+        assert printed == pytest.approx(fold, rel=1e-9)
+        assert fold >= limit - 1e-9
+        assert lift >= 0.95 - 1e-9
+    assert front.frame["digging_share"].iloc[-1] < 0.95
+    assert front.designs[1].unrounded > front.designs[0].unrounded
 
 
 def test_default_values_run_from_tight_to_loose() -> None:

@@ -21,10 +21,14 @@ COARSE = (3, 3, 5)
 
 @pytest.fixture(scope="module")
 def crane(tmp_path_factory: pytest.TempPathFactory) -> ad.Machine:
-    """A machine made by ``armdesign new``, whose head says that every number is a placeholder."""
+    """A machine made by ``armdesign new``, whose head says that every number is a placeholder.
+
+    Here with cylinders of any size.
+    """
     folder = tmp_path_factory.mktemp("crane")
     text, urdf = scaffold.new("crane", 2)
     assert "EVERY NUMBER IS A PLACEHOLDER" in text
+    text = re.sub(r"(?m)^catalogue = .*\n", "", text)
     (folder / "crane.toml").write_text(text, encoding="utf-8")
     (folder / "crane.urdf").write_text(urdf, encoding="utf-8")
     return ad.load(folder / "crane.toml")
@@ -32,7 +36,8 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> ad.Machine:
 
 @pytest.fixture(scope="module")
 def design(crane: ad.Machine) -> ad.Design:
-    limits = replace(ad.Requirements.of(crane), oil_total_share=0.95)
+    less = {"oil_total_share": 0.95, **machines.ANY_LIFT_AND_TORQUE}
+    limits = replace(ad.Requirements.of(crane), **less)
     return ad.size_cylinders(crane, ad.Workspace.grid(crane, [3, 4]), limits)
 
 

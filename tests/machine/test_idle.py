@@ -28,7 +28,13 @@ def without(cylinder: str) -> Machine:
     """The same machine from a file that does not have the cylinder's tables, nor names it."""
     data = tomllib.loads(FROZEN.text)
     del data["cylinder"][cylinder]
-    data["requirements"]["digging"]["cylinders"].remove(cylinder)
+    requirements = data["requirements"]
+    requirements["digging"]["cylinders"].remove(cylinder)
+    requirements["clearance"] = {
+        name: table
+        for name, table in requirements["clearance"].items()
+        if table["cylinders"] != [cylinder]
+    }
     text = toml_writing.dump(data, "without")
     return Machine.from_text(text, FROZEN.urdf_text, Path("x.toml"))
 
@@ -81,7 +87,8 @@ def test_every_command_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     )
     assert (
         main(
-            ["optimize", "a.toml", "--points", "3", "--vary", "areas", "--out", "new"], monkeypatch
+            ["optimize", "a.toml", "--points", "3", "--vary", "areas", "--free", "--out", "new"],
+            monkeypatch,
         )
         == 0
     )

@@ -46,6 +46,31 @@ def test_it_loads_maps_and_looks_sound(
     assert main(["map", "my_boom", "--points", "3" if links < 5 else "2"], monkeypatch) == 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
+def test_it_has_a_design(links: int) -> None:
+    """Its requirements as they stand: cylinders of the catalogue that it names meet them all."""
+    machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
+    assert machine.section.requirements.catalogue == "5mm"
+    kept = {"lift_share": 0.9, "torque_share": 0.95, "end_torque_share": 0.8}
+    assert {key: getattr(ad.Requirements.of(machine), key) for key in kept} == kept
+    workspace = ad.Workspace.grid(machine, 3 if links < 5 else 2)
+    design = ad.size_cylinders(machine, workspace)
+    assert min(design.slacks.values()) >= -1e-9
+    sizes = {(round(1e3 * c.bore, 6), round(1e3 * c.rod, 6)) for c in design.machine.cylinders}
+    assert all(bore % 5 == 0 and rod % 5 == 0 for bore, rod in sizes)
+    assert design.after.worst.frequency >= design.before.worst.frequency * (1 - 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("links", [1, 2])
+def test_its_pins_can_be_moved_for_more(links: int) -> None:
+    machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
+    design = ad.optimize(machine, ad.Workspace.grid(machine, 4), starts=1)
+    assert min(design.slacks.values()) >= -1e-9
+    assert design.after.worst.frequency > 1.02 * design.before.worst.frequency
+
+
 @pytest.mark.parametrize("links", [1, 4, 6])
 def test_strokes_cover_the_ranges_of_the_urdf(links: int) -> None:
     text, urdf = scaffold.new("x", links)
@@ -137,6 +162,8 @@ def described(schema: dict[str, Any], node: dict[str, Any], data: Any, path: str
     if "$ref" in node:
         node = schema["$defs"][node["$ref"].rpartition("/")[2]]
     types = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int}
+    if "oneOf" in node:  # a number for all, or a table by name
+        node = next(one for one in node["oneOf"] if isinstance(data, types[one["type"]]))  # type: ignore[arg-type]
     if "type" in node:
         assert isinstance(data, types[node["type"]]), path  # type: ignore[arg-type]
     if isinstance(data, dict):

@@ -18,9 +18,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pinocchio
 import pytest
+from matplotlib.patches import Polygon
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.design.requirements.check import check
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from tests import machines
@@ -322,3 +324,34 @@ def test_the_tooth_is_drawn_where_the_tool_is(name: str) -> None:
         ends.append([x + half * math.cos(pitch), y, z - half * math.sin(pitch)])
     gaps = np.linalg.norm((np.array(ends) - machine.tool.at) * [1, 0, 1], axis=1)
     assert gaps.min() < 0.02
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_designs_are_buildable_and_pins_stay_on_the_plates(name: str) -> None:
+    """A catalogue; for every link that carries pins a plate that holds today's, by matplotlib."""
+    machine = machines.named(name)
+    stated = machine.section.requirements
+    assert stated.catalogue == ("5mm" if name in EXCAVATORS else "iso")
+    pins = [pin for linkage in machine.linkages for pin in linkage.pins]
+    assert set(stated.outline) == {pin.link for pin in pins}
+    for pin in pins:
+        plate = stated.outline[pin.link]
+        assert plate.pin_radius_mm > 0
+        at = [1000 * pin.at[0], 1000 * pin.at[2]]
+        turns = np.linspace(0, 2 * math.pi, 73)
+        boss = at + 0.99 * plate.pin_radius_mm * np.column_stack([np.cos(turns), np.sin(turns)])
+        assert Polygon(plate.points_mm).get_path().contains_points(boss).all(), pin
+    reasons = {cylinder for part in stated.clearance.values() for cylinder in part.cylinders}
+    assert reasons <= {cylinder.name for cylinder in machine.cylinders}
+    assert machine.cylinders[0].name in reasons  # beside chassis or pillar
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_todays_machine_meets_its_own_requirements(name: str) -> None:
+    machine = machines.named(name)
+    limits = ad.Requirements.of(machine)
+    found = check(machine, machine, ad.Workspace.grid(machine, points=3), limits)
+    places = {c.name: c.slack for c in found if c.name.startswith(("outline", "clearance"))}
+    assert len(places) > len(machine.cylinders)
+    assert min(places.values()) >= 0
+    assert min(c.slack for c in found) >= -1e-9

@@ -77,6 +77,12 @@ def test_every_number_of_the_machine_file_has_its_source(name: str) -> None:
             for number in found
         ]
         lost += [f"{path} = {value:g}" for value in values if value not in stated]
+    lost += [  # corners of polygons: a row for all of them
+        path
+        for path, _ in leaves(data)
+        if path.endswith(".points_mm")
+        and not any(fnmatchcase(path, key) for keys, _ in rows for key in keys)
+    ]
     assert lost == []
 
 

@@ -340,3 +340,19 @@ def test_the_command(
         assert main(["identify", str(CRANE), *wrong, "--out", str(none)], monkeypatch) == 2
         assert_one_line(capsys.readouterr().err, message)
         assert not none.exists()
+
+
+@pytest.mark.parametrize(("frequency", "answered"), [(6.0, True), (8.0, False), (14.0, False)])
+def test_too_few_samples_in_a_period_are_named(frequency: float, answered: bool) -> None:
+    """At 50 Hz, eight in a period up to 6.25 Hz: no longer window would help."""
+    t, w = np.arange(0, 4, 0.02), 2 * math.pi * frequency
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    recording = {"time_s": t, "p_bar": 100 + 5 * np.exp(-0.02 * w * t) * np.cos(w * t) + noise}
+    if answered:
+        window = ad.identify(recording, [(0.0, 4.0)]).windows[0]
+        assert window.fit.natural_frequencies[0] == pytest.approx(frequency, rel=2e-3)
+        return
+    with pytest.raises(
+        SimulationError, match=f"samples in a period of p_bar .about {frequency:g}"
+    ):
+        ad.identify(recording, [(0.0, 4.0)])

@@ -1,4 +1,4 @@
-"""The differentiated plant against the closed formulas of stiffness and damping."""
+"""Linear models against closed formulas of stiffness and damping, and against python-control."""
 
 from __future__ import annotations
 
@@ -78,16 +78,18 @@ def test_dry_friction_is_left_out(excavator: Machine) -> None:
 def test_shapes_names_and_spool(excavator: Machine) -> None:
     model = linearize(excavator, WORST)
     assert model.A.shape == (18, 18)
-    assert (model.B.shape, model.C.shape, model.D.shape) == ((18, 3), (3, 18), (3, 3))
-    assert model.inputs == ("boom", "stick", "bucket")
+    assert (model.B.shape, model.C.shape, model.D.shape) == ((18, 6), (24, 18), (24, 6))
+    assert model.inputs[:3] == ("boom", "stick", "bucket")
+    assert model.inputs[3:] == ("tool force x", "tool force y", "tool force z")
+    assert (model.outputs[0], model.outputs[-1]) == ("boom piston position", "tool acceleration z")
     assert (model.states[0], model.states[6], model.states[-1]) == (
         "boom position",
         "boom cap pressure",
         "bucket spool speed",
     )
     omega = 2 * math.pi * 10.0  # the spools' natural frequency in the file
-    np.testing.assert_allclose(model.B[-3:], omega**2 * np.eye(3), rtol=1e-9)
-    np.testing.assert_allclose(model.C[:, :3], excavator.at(WORST).moment_arms[0], atol=1e-9)
+    np.testing.assert_allclose(model.B[-3:, :3], omega**2 * np.eye(3), rtol=1e-9)
+    np.testing.assert_allclose(model.C[:3, :3], excavator.at(WORST).moment_arms[0], atol=1e-9)
     assert np.sum(np.isclose(np.abs(model.poles), omega)) == 6
     with pytest.raises(ValueError, match="read-only"):
         model.A[0, 0] = 1.0
@@ -100,12 +102,16 @@ def test_python_control_sees_the_same_plant(excavator: Machine) -> None:
     system = linear.to_control()
     assert system.state_labels == list(linear.states)
     assert system.input_labels == list(linear.inputs)
-    assert system.output_labels[0] == "boom position"
+    assert system.output_labels == list(linear.outputs)
     theirs = system.poles()
     for pole in linear.modes:
         assert np.abs(theirs - pole).min() < 1e-6 * abs(pole)
     response = linear.C @ np.linalg.solve(3j * np.eye(len(linear.A)) - linear.A, linear.B)
-    np.testing.assert_allclose(system(3j), response, rtol=1e-6, atol=1e-9 * np.abs(response).max())
+    response = response + linear.D
+    pressures = [name.endswith("pressure") for name in linear.outputs]
+    response[pressures] /= bar
+    for theirs, ours in zip(system(3j), response, strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-9 * np.abs(ours).max())
 
 
 def test_without_python_control_the_remedy_is_named(

@@ -17,11 +17,13 @@ from armdesign.design.search.infeasibility.elastic_programme import ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
-from armdesign.design.search.rounding import rounded_machine
+from armdesign.design.search.rounding import CheckedMachine, or_today, rounded_machine
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.frequency.modes import hertz
 
 ROOM = (0.0, 2e-3, 5e-3, 1e-2)  # shares by which limits are drawn in for the choice of sizes
+COSTLY = 0.01  # of the objective
 TURNS = 5  # of choosing sizes for pins and pins for sizes
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
@@ -50,13 +52,16 @@ def sizes_and_pins(
     seed: int,
     workers: int,
     start: tuple[Array, ChosenSizes] | None = None,
-) -> tuple[Search, Starts]:
-    """Sizes of a catalogue and the pins for them; and what each start came to with free sizes.
+) -> tuple[Search, Starts, CheckedMachine | None]:
+    """Sizes of a catalogue and the pins for them, with the machine on the drawing's grid, if any.
+
+    Between them stands what each start came to with free sizes.
 
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
-    Sizes that leave no room for lengths on the drawing's grid are chosen again under limits that
-    are drawn in.
+    Sizes that leave little room for lengths on the drawing's grid, so that drawing them costs more
+    than ``COSTLY``, are chosen again under limits that are drawn in. Today's machine is the answer
+    where it has sizes of the catalogue and none is better.
 
     Where no design was found that meets all requirements, with free sizes or without, the search
     misses some: their relaxation is then sought with sizes of the catalogue, which need more than
@@ -68,7 +73,7 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
-    first: Search | None = None
+    drawn: list[tuple[float, Search, CheckedMachine | None]] = []
     for share in ROOM if best.violation <= MISSED else ():
         inside = best.of(problem.tightened(share), best.x).look()
         sized = with_sizes(inside, sizes, start)
@@ -76,15 +81,21 @@ def sizes_and_pins(
         sized = run_to_end(sized.of(fixed, sized.x), trust=0.05)
         if sized.violation > MISSED:
             break
-        if rounded_machine(sized) is not None:
-            return sized, outcomes
-        first = first or sized
-    if first is not None:
-        return first, outcomes
+        machine = rounded_machine(sized)
+        reached = machine.judged if machine else -math.inf
+        drawn.append((reached, sized, machine))
+        if reached > (1 - COSTLY) * hertz(sized.squared):
+            break
+    if drawn:
+        _, sized, machine = max(drawn, key=lambda one: one[0])
+        own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
+        if _in_catalogue(problem, own, sizes):
+            machine = or_today(machine, problem)
+        return sized, outcomes, machine
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
-    return nearest, outcomes
+    return nearest, outcomes, None
 
 
 def with_sizes(
@@ -146,7 +157,8 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
     cylinders = problem.machine.cylinders
     pairs = zip(cylinders, chosen, problem.vector.resized, strict=False)  # motors have none
     return len(chosen) == len(cylinders) and all(
-        size in offered(c, sizes, *free) for c, size, free in pairs
+        size is not None and any(np.allclose(size, pair) for pair in offered(c, sizes, *free))
+        for c, size, free in pairs
     )
 
 

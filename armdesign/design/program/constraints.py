@@ -25,7 +25,7 @@ from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.requirements.settings import evaluations
 from armdesign.design.requirements.strength import rod_area_factor
-from armdesign.design.requirements.strokes_and_boxes import open_length
+from armdesign.design.requirements.strokes_and_boxes import range_covered
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.machine.file.schema import share_of
@@ -83,9 +83,9 @@ def evaluations_at(
     gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
     forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
     yield from evaluations(new, reference, forces)
-    for i, stroke in enumerate(problem.vector.chosen_strokes):
-        if stroke is not None:
-            yield open_length(new, reference, i)
+    for i, lengths in enumerate(problem.vector.chosen_lengths):
+        if lengths is not None:
+            yield from range_covered(new, reference, i)
 
 
 def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Array:

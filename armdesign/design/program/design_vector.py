@@ -54,14 +54,14 @@ class DesignVector:
         machine: today's machine, x = ``start``.
         vary: words and key paths of ``variables.py``.
         boxes: for each cylinder how far the coordinates of a place of its linkage may move [m].
-        chosen_strokes: strokes [m] of cylinders for which they are chosen; None, or no entry,
-            where the stroke is what the joint's range takes.
+        chosen_lengths: closed length and stroke [m] of cylinders for which they are chosen; None,
+            or no entry, where they are what the joint's range takes.
     """
 
     machine: Machine
     vary: tuple[str, ...]
     boxes: tuple[Mapping[str, float], ...]
-    chosen_strokes: tuple[float | None, ...] = ()
+    chosen_lengths: tuple[tuple[float, float] | None, ...] = ()
 
     @classmethod
     def of(
@@ -219,8 +219,8 @@ class DesignVector:
                 with np.errstate(invalid="ignore"):
                     length = linkages[i].length(poses)
                 closed[i], stroke[i] = length.min(), np.ptp(length)
-        for i, chosen in enumerate(self.chosen_strokes):
-            stroke[i] = stroke[i] if chosen is None else chosen
+        for i, chosen in enumerate(self.chosen_lengths):
+            closed[i], stroke[i] = chosen or (closed[i], stroke[i])
         return closed, stroke
 
     # -------------------------------------------------------------------------------------- masses

@@ -78,8 +78,8 @@ class SteppedDesign:
                 length = swept[0]
                 closed[:, i] = length[:, length[0].real.argmin()]
                 stroke[:, i] = length[:, length[0].real.argmax()] - closed[:, i]
-        for i, chosen in enumerate(self.vector.chosen_strokes):
-            stroke[:, i] = stroke[:, i] if chosen is None else chosen
+        for i, chosen in enumerate(self.vector.chosen_lengths):
+            closed[:, i], stroke[:, i] = chosen or (closed[:, i], stroke[:, i])
         return closed, stroke
 
     @property

@@ -141,9 +141,9 @@ class Problem:
         areas = other.vector.areas(x) / self.vector.areas_today
         return np.clip(np.concatenate([areas.ravel(), coordinates]), *self.bounds)
 
-    def with_strokes(self, strokes: tuple[float | None, ...]) -> Problem:
-        """The same problem with strokes [m] that are chosen."""
-        vector = replace(self.vector, chosen_strokes=strokes)
+    def with_lengths(self, lengths: tuple[tuple[float, float] | None, ...]) -> Problem:
+        """The same problem with closed lengths and strokes [m] that are chosen."""
+        vector = replace(self.vector, chosen_lengths=lengths)
         return replace(self, dynamics=replace(self.dynamics, vector=vector))
 
     def tightened(self, share: float) -> Problem:

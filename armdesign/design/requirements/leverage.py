@@ -44,7 +44,7 @@ class MomentArms:
         transmission: angle between rocker and coupler [rad], at least; or today's smallest, if
             that is lower.
         digging: names of the cylinders whose digging force counts, extending.
-        digging_share: their digging torque, at least.
+        digging_share: their digging torque, at least; without effect up to ``torque_share``.
     """
 
     moment_arm_share: float | Mapping[str, float] = shares("moment_arm_share")
@@ -64,6 +64,8 @@ class MomentArms:
 
 def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Smallest moment arm over the joint range, and digging torque at the best pose.
+
+    The latter only where the share of the largest torque (``torque.py``) asks for less.
 
     The bound states both again for one cylinder alone: ``bound/cylinder_constraints.py``;
     ``test_branching_against_dense_sampling`` ties them.
@@ -85,7 +87,8 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             scale=float(today.min()),
             setting=f"moment_arm_share.{name}",
         )
-        if name in requirements.digging:
+        stated_by_torque = share_of(requirements.torque_share, name) >= requirements.digging_share
+        if name in requirements.digging and not stated_by_torque:
             samples = np.arange(arm.shape[1])
             largest, largest_today = (peak(samples, a)[1] for a in (arm, today[None]))
             torque_today = pressure * float(reference.old.areas[0, i, 0] * largest_today[0])

@@ -50,14 +50,16 @@ def lift_share(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     mass, per_mass = (np.take_along_axis(part, best, axis=1) for part in (mass, per_mass))
     lifted = today[today > 0, None]
     constraint, per_limit = spare_force(reference, mass, per_mass, share * lifted)
+    loaded = np.isfinite(mass)  # complex infinities do not divide
+    over_today = np.where(loaded, np.where(loaded, mass, 0.0) / lifted, np.inf)
     for i, actuator in enumerate(reference.today.actuators):
-        if not (share[i] and np.isfinite(mass[..., i]).any()):
+        if not (share[i] and loaded[..., i].any()):
             continue
         yield Evaluation(
             name=f"lift_share.{actuator.name}",
             words=f"lift over today's that the {actuator.name} {actuator.kind} allows",
             unit="",
-            value=mass[..., i] / lifted[:, 0],
+            value=over_today[..., i],
             limit=float(share[i]),
             at_least=True,
             reformulated=(constraint[..., i], per_limit[..., i]),

@@ -68,3 +68,16 @@ def performances(machine: Machine) -> list[Performance]:
             )
         )
     return rows
+
+
+def torque_shares(new: Machine, today: Machine) -> dict[str, Array]:
+    """Largest torque of every actuator over today's (2,), extending and retracting.
+
+    Of an actuator that moves several joints the least.
+    """
+    shares: dict[str, Array] = {}
+    for now, before in zip(performances(new), performances(today), strict=True):
+        name = today.actuators[now.actuator].name
+        share = np.asarray(now.largest) / before.largest
+        shares[name] = np.minimum(share, shares.get(name, share))
+    return shares

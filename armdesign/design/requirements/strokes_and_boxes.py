@@ -30,7 +30,7 @@ def _names(boxes: Mapping[str, Mapping[str, float]], machine: Machine) -> Names:
         yield f"pin_boxes.{name}", "pin", box, ("base", "rod_end")
 
 
-ROUNDING_OPEN = 2e-4  # [m] that rounding to 0.1 mm may add to the travel
+ROUNDING_RANGE = 2e-4  # [m] that rounding to 0.1 mm may move an end of the range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,21 +71,13 @@ def strokes_and_boxes(
 ) -> Iterator[Evaluation]:
     """Strokes that cover their joint's range, places within their boxes; ``box`` is common [m].
 
-    The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``, but for strokes
+    The optimiser states them as ``DesignVector.strokes`` and ``Problem.bounds``, but for lengths
     that are chosen; ``test_constraints_of_the_optimiser_are_the_requirements`` ties them.
     """
     for i, cylinder in enumerate(reference.today.cylinders):
         name, swept, linkage = cylinder.name, new.sweeps[i], new.machine.linkages[i]
         if swept is not None:
-            yield open_length(new, reference, i)
-            yield Evaluation(
-                name=f"range.closed.{name}",
-                words=f"stroke covers {reference.today.joints[linkage.joints[0]]}",
-                unit="m",
-                value=new.closed[:, i],
-                limit=float(swept[0].min()),
-                slack_scale=cylinder.stroke,
-            )
+            yield from range_covered(new, reference, i)
         for place in linkage.places:
             now, before = new.place(i, place), reference.old.place(i, place)
             if now is None or before is None:
@@ -104,21 +96,25 @@ def strokes_and_boxes(
             )
 
 
-def open_length(new: Candidate, reference: Reference, i: int) -> Evaluation:
-    """The open length of a cylinder that moves one joint reaches the far end of its range."""
+def range_covered(new: Candidate, reference: Reference, i: int) -> Iterator[Evaluation]:
+    """Closed and open length of a cylinder that moves one joint reach both ends of its range."""
     swept, today = new.sweeps[i], reference.today
     assert swept is not None
-    lengths = swept[0]
-    longest = lengths[:, int(lengths[0].real.argmax())]
-    reached, stroke = new.closed[:, i] + new.stroke[:, i], today.cylinders[i].stroke
-    return Evaluation(
-        name=f"range.open.{today.cylinders[i].name}",
-        words=f"stroke covers {today.joints[today.linkages[i].joints[0]]}",
-        unit="m",
-        value=reached,
-        limit=float(longest[0].real),
-        at_least=True,
-        slack_scale=stroke,
-        reformulated=(((reached - longest) / stroke)[:, None], np.zeros((len(longest), 1))),
-        rounding_loss=ROUNDING_OPEN / stroke,
-    )
+    name, stroke = today.cylinders[i].name, today.cylinders[i].stroke
+    words = f"stroke covers {today.joints[today.linkages[i].joints[0]]}"
+    order = swept[0][0].real.argsort()
+    closed, opened = new.closed[:, i], new.closed[:, i] + new.stroke[:, i]
+    for end, value, k in (("closed", closed, order[0]), ("open", opened, order[-1])):
+        limit = swept[0][:, k]
+        room = limit - value if end == "closed" else value - limit
+        yield Evaluation(
+            name=f"range.{end}.{name}",
+            words=words,
+            unit="m",
+            value=value,
+            limit=float(limit[0].real),
+            at_least=end == "open",
+            slack_scale=stroke,
+            reformulated=((room / stroke)[:, None], np.zeros((len(limit), 1))),
+            rounding_loss=ROUNDING_RANGE / stroke,
+        )

@@ -10,7 +10,7 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
-from armdesign.design.program.variables import SIZES, Variable
+from armdesign.design.program.variables import SIZES
 from armdesign.frequency.bands import Bands
 from armdesign.machine.machine import Machine
 from armdesign.units import litre, mm
@@ -18,6 +18,7 @@ from armdesign.units import litre, mm
 GRID = 0.1  # [mm] of closed lengths, and of bores and rods where no catalogue has them
 DIGITS = 6  # of shares
 UNMOVED = 1e-12  # [m] of a coordinate
+EXACT = 1e-2  # of a step, from which on a length lies on the grid
 
 
 def neighbours(value: float) -> list[float]:
@@ -32,10 +33,26 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
 
 
-def grid_strokes(problem: Problem, stroke: float) -> list[float]:
-    """The strokes of the drawing grid below and above a stroke [m]."""
-    grid = problem.grid.strokes * mm
-    return [k * grid for k in sorted({math.floor(stroke / grid), math.ceil(stroke / grid)})]
+def grid_lengths(problem: Problem, x: Array, i: int) -> list[tuple[float, float]]:
+    """Closed lengths and strokes of the drawing grid around those of a cylinder at x [m].
+
+    Each stroke has closed lengths around the shortest that reaches the far end of the range, none
+    of which is too short for today's dead length.
+    """
+    closed, stroke = (lengths[i] for lengths in problem.vector.strokes(x))
+    grid, step = problem.grid.lengths * mm, problem.grid.strokes * mm
+    dead_length, pairs = problem.machine.cylinders[i].dead_length, []
+    for own in _around(stroke, step):
+        least = math.ceil((dead_length + own) / grid - EXACT) * grid
+        near = _around(closed + stroke - own, grid)
+        pairs += [(length, own) for length in sorted({max(one, least) for one in near})]
+    return pairs
+
+
+def _around(value: float, step: float) -> list[float]:
+    """Multiples of a step below and above a value, or the one that it is."""
+    share = value / step
+    return [k * step for k in sorted({math.floor(share + EXACT), math.ceil(share - EXACT)})]
 
 
 def grid_values(problem: Problem, x: Array, entry: int) -> list[float]:
@@ -46,7 +63,7 @@ def grid_values(problem: Problem, x: Array, entry: int) -> list[float]:
     """
     variable = problem.vector.variables[entry]
     if variable.pin is not None:
-        return _grid_coordinates(problem, x, entry, variable)
+        return _grid_coordinates(problem, x, entry)
     i, side = variable.cylinder, variable.axis
     chosen = bool(problem.sizes) and problem.sizes[i] is not None
     if i >= len(problem.machine.cylinders) or not problem.vector.resized[i][side] or chosen:
@@ -60,15 +77,27 @@ def grid_values(problem: Problem, x: Array, entry: int) -> list[float]:
     return shares
 
 
-def _grid_coordinates(problem: Problem, x: Array, entry: int, v: Variable) -> list[float]:
-    """A coordinate that moved on the grid below and above, within its box; today's if none is."""
+def grid_of(problem: Problem, x: Array, entry: int) -> tuple[float, float] | None:
+    """Origin and step of the grid that a coordinate of a pin or bar lies on, in its unit of x.
+
+    None where lengths are fine, or where it did not move.
+    """
+    v = problem.vector.variables[entry]
     if problem.grid == FINE or abs(x[entry]) * problem.vector.pin_box < UNMOVED:
-        return []
+        return None
     today = (problem.machine.linkages[v.cylinder].place(v.pin or "") or ())[v.axis]
-    grid, (low, high) = problem.grid.lengths * mm, (end[entry] for end in problem.bounds)
-    steps = (today + x[entry] * problem.vector.pin_box) / grid
-    near = sorted((math.floor(steps), math.ceil(steps)), key=lambda step: abs(step - steps))
-    values = [(step * grid - today) / problem.vector.pin_box for step in near]
+    return -today / problem.vector.pin_box, problem.grid.lengths * mm / problem.vector.pin_box
+
+
+def _grid_coordinates(problem: Problem, x: Array, entry: int) -> list[float]:
+    """A coordinate that moved on the grid below and above, within its box; today's if none is."""
+    grid = grid_of(problem, x, entry)
+    if grid is None:
+        return []
+    (origin, step), (low, high) = grid, (end[entry] for end in problem.bounds)
+    number = (x[entry] - origin) / step
+    near = sorted((math.floor(number), math.ceil(number)), key=lambda k: abs(k - number))
+    values = [origin + step * k for k in near]
     return [value for value in values if low <= value <= high] or [0.0]
 
 
@@ -102,15 +131,17 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         poses = problem.vector.range_poses[i]
         if poses is None:
             continue
-        length = linkages[i].length(poses) / mm
-        closed = math.floor(length.min() / GRID + 1e-9) * GRID
-        stroke = (problem.vector.chosen_strokes or {i: None})[i]
-        if stroke is None:
-            steps = math.ceil((length.max() - closed) / problem.grid.strokes - 1e-9)
-            stroke = steps * problem.grid.strokes * mm
-        changes[f"{name}.closed_length_mm"] = round(closed, 1)
-        changes[f"{name}.stroke_mm"] = round(stroke / mm, 1)
+        chosen = (problem.vector.chosen_lengths or {i: None})[i]
+        lengths = chosen or _covering(linkages[i].length(poses), problem.grid.strokes * mm)
+        for key, value in zip(("closed_length_mm", "stroke_mm"), lengths, strict=True):
+            changes[f"{name}.{key}"] = round(value / mm, 1)
     return changes
+
+
+def _covering(length: Array, step: float) -> tuple[float, float]:
+    """Closed length on the grid and stroke in steps that cover lengths over a range [m]."""
+    closed = math.floor(length.min() / (GRID * mm) + 1e-6) * GRID * mm
+    return closed, math.ceil((length.max() - closed) / step - 1e-6) * step
 
 
 def _rounded(value: float, before: float, limit: float, grid: float) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,12 +25,12 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import (
     changes_of,
     diameters,
-    grid_strokes,
-    grid_values,
+    grid_lengths,
     neighbours,
     pin_changes,
 )
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
+from armdesign.design.search.pin_grid import with_pins_on_grid
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder, areas_of
@@ -39,7 +40,6 @@ from armdesign.units import mm
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
 STROKES = 8  # combinations of strokes that pins are tuned for
-CHEAP = 1e-4  # of merit that a coordinate on the grid may cost before its other neighbour is tried
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
@@ -55,16 +55,22 @@ SizesInRow: TypeAlias = tuple[float, ...]  # bore and rod of every cylinder [mm]
 
 @dataclass(frozen=True, eq=False)
 class CheckedMachine:
-    """A machine read from its file, and every requirement judged on it."""
+    """A machine read from its file, and every requirement of a problem judged on it."""
 
     machine: Machine
     checks: tuple[Check, ...]
+    problem: Problem
 
     @classmethod
     def of(cls, machine: Machine, problem: Problem) -> CheckedMachine:
         """Judged on the whole workspace of a problem."""
         within = problem.machine, problem.workspace, problem.requirements
-        return cls(machine, check(machine, *within))
+        return cls(machine, check(machine, *within), problem)
+
+    @cached_property
+    def judged(self) -> float:
+        """What the objective is of it [Hz], see ``corners``."""
+        return self.problem.dynamics.corners.judged(self.machine)
 
     @property
     def allowed(self) -> bool:
@@ -82,42 +88,48 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
-    search = with_strokes_on_grid(search)
-    problem, judged = search.problem, search.problem.dynamics.corners.judged
+    search = with_lengths_on_grid(search)
+    problem = search.problem
     tuned = [CheckedMachine.of(machine, problem) for machine in _retuned(search)]
     allowed = [one for one in tuned if one.allowed]
     if not allowed:
         one = _near_sizes(search) or inmost_machine(search)
         allowed = [one] if one else []
     if len(allowed) > 1:  # of one alone nothing need be known
-        allowed = [max(allowed, key=lambda one: judged(one.machine))]
+        allowed = [max(allowed, key=lambda one: one.judged)]
     best = allowed[0] if allowed else None
-    if not _hardly_gained(search):
-        return best
+    return or_today(best, problem) if _hardly_gained(search) else best
+
+
+def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | None:
+    """Today's machine if it is allowed and the best one is no better, or there is none."""
     today = CheckedMachine.of(problem.machine, problem)
-    if best is None:
+    if today.allowed and (best is None or best.judged <= today.judged):
         return today
-    new, old = (judged(one.machine) for one in (best, today))
-    return best if new > old else today
+    return best
 
 
-def with_strokes_on_grid(search: Search) -> Search:
-    """The search with strokes in the steps of its drawing grid; the same where these are fine.
+def with_lengths_on_grid(search: Search) -> Search:
+    """The search with strokes and closed lengths on its drawing grid; as it is where that is fine.
 
-    Of the strokes around its own, the nearest that miss no requirement which pins cannot help are
+    Of the lengths around its own, the nearest that miss no requirement which pins cannot help are
     tried while pins follow, and the best are taken.
     """
     problem = search.problem
     moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
-    if problem.grid == FINE or problem.vector.chosen_strokes or not moving:
+    if problem.grid == FINE or problem.vector.chosen_lengths or not moving:
         return search
-    own = problem.vector.strokes(search.x)[1]
-    options = [grid_strokes(problem, own[i]) if i in moving else [None] for i in range(len(own))]
-    near = sorted(
-        itertools.product(*options),
-        key=lambda strokes: sum(abs(strokes[i] - own[i]) for i in moving),
-    )
-    tried = [search.of(problem.with_strokes(strokes), search.x) for strokes in near[:COMBINATIONS]]
+    own = list(zip(*problem.vector.strokes(search.x), strict=True))
+    options = [
+        grid_lengths(problem, search.x, i) if i in moving else [None] for i in range(len(own))
+    ]
+
+    def distance(lengths: Sequence[tuple[float, float] | None]) -> float:
+        pairs = zip(lengths, own, strict=True)
+        return sum(float(np.abs(np.subtract(near, at)).sum()) for near, at in pairs if near)
+
+    near = sorted(itertools.product(*options), key=distance)
+    tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near[:COMBINATIONS]]
     tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
     best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=lambda one: one.rank)
     return search.of(best.problem, best.x).look()
@@ -136,7 +148,7 @@ def inmost_machine(search: Search) -> CheckedMachine | None:
 
     None if it misses one even so.
     """
-    search = with_strokes_on_grid(search)
+    search = with_lengths_on_grid(search)
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
@@ -161,15 +173,13 @@ def nearest_misses(search: Search) -> list[Check]:
 
 
 def _hardly_gained(search: Search) -> bool:
-    """Whether today's machine is allowed and the optimum less than 1 % above it.
+    """Whether the optimum is less than 1 % above today's machine: rounding may cost more.
 
-    Rounding may then cost more than the gain.
+    Not where sizes are of a catalogue, in which today's machine need not be.
     """
     problem = search.problem
     gained = search.squared > 1.02 * problem.dynamics.omega_squared_today
-    if problem.sizes or gained:  # today's machine need not be in the catalogue
-        return False
-    return CheckedMachine.of(problem.machine, problem).allowed
+    return not (problem.sizes or gained)
 
 
 # ----------------------------------------------------------------- sizes first, then pins for them
@@ -194,7 +204,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
             if near.violation > PROMISED:  # not with these sizes
                 break
             x = near.x
-            drawn = _with_pins_on_grid(near).x
+            drawn = with_pins_on_grid(near).x
             machine = today.replace(changes_of(problem, drawn, sizes, drawn))
             slacks = {c.name: c.slack for c in check(machine, today, light, limits)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
@@ -202,26 +212,6 @@ def _retuned(search: Search) -> Iterator[Machine]:
                 yield machine
                 break
             reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
-
-
-def _with_pins_on_grid(search: Search) -> Search:
-    """The search with one coordinate after the other on a coarse grid, while the rest follows.
-
-    Of the two values around a coordinate the nearer if it costs next to nothing, else the better.
-    """
-    ends = [end.copy() for end in search.bounds]
-    for entry in map(int, np.flatnonzero(search.problem.vector.is_coordinate)):
-        best: Search | None = None
-        for value in grid_values(search.problem, search.x, entry):
-            low, high, x = (part.copy() for part in (*ends, search.x))
-            low[entry] = high[entry] = x[entry] = value
-            near = search.of(search.problem, x, (low, high)).refine(TRUST, PROMISED)
-            best = max(best or near, near, key=lambda one: one.rank)
-            if best.rank >= (True, search.merit - CHEAP):
-                break
-        if best is not None:
-            search, ends = best, [end.copy() for end in best.bounds]
-    return search
 
 
 def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Array]]]:

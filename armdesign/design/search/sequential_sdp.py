@@ -159,6 +159,12 @@ class Search:
         """A search of a similar problem, not yet looked at, with the rows watched so far."""
         return replace(self, problem=problem, x=x, within=within or self.within)
 
+    def taking(self, trial: Trial) -> Search:
+        """A search at a trial of its own."""
+        search = self.of(self.problem, trial.x, self.within)
+        search.limits, search.squared = trial.limits, float(trial.squared.min())
+        return search
+
     # --------------------------------------------------------------------------------------- steps
 
     def trial(self, x: Array | None = None) -> Trial:

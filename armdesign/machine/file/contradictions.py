@@ -6,9 +6,10 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from armdesign.errors import MachineFileError, choose
+from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
+from armdesign.machine.file.numbers import chosen_numbers
 from armdesign.machine.file.schema import (
     BY_ACTUATOR,
     DEFAULT,
@@ -52,6 +53,7 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
     yield from _of_springs(machine)
     yield from _of_lift_chart(machine)
     yield from _of_bands(machine)
+    yield from _of_tolerances(machine)
     yield from _of_requirements(machine)
 
 
@@ -92,6 +94,16 @@ def _of_bands(machine: MachineSection) -> Iterator[Fault]:
         if name not in actuators:
             remedy = f"choose from: {', '.join(actuators)}"
             yield f"bands.structures.{name}", f'no actuator "{name}"', remedy
+
+
+def _of_tolerances(machine: MachineSection) -> Iterator[Fault]:
+    """Tolerances of single numbers are of numbers that there are."""
+    for path in machine.tolerances.keys:
+        part = f"tolerances.keys.{path}"
+        try:
+            chosen_numbers(machine, path, part)
+        except ArmDesignError as error:
+            yield part, error.fault, error.remedy
 
 
 def _of_springs(machine: MachineSection) -> Iterator[Fault]:

@@ -79,6 +79,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     " rigid, 1 as soft as the oil",
     "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
+    "tolerances": "how far single machines may lie from this file's values, either way",
     "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
     "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round",
     "from_m": "least reach of the grid; default: two steps",
@@ -130,6 +131,21 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "distance_mm": "distance between barrel and part, at least",
 }
 IN_SECTION = {  # where a key means something else than in most tables
+    "TolerancesSection": {
+        "distribution": "uniform: within the widths; normal: the width is two deviations",
+        "least_hz": "worst frequency that a machine must reach; default: that of this file",
+        "pin_mm": "of every coordinate of a cylinder's pins in their link's plane, either way",
+        "bar_mm": "of rockers and couplers of four-bars, either way",
+        "payload_percent": "of the mass of every load case, either way",
+        "link_mass_percent": "of mass and inertia of what each joint moves, either way",
+        "cylinder_mass_percent": "of barrels, rods and bars of four-bars, either way",
+        "bulk_modulus_percent": "of the oil's, either way",
+        "entrained_air_percent": "by volume, more or less air than the file says, not below none",
+        "dead_volume_percent": "of every chamber, either way",
+        "compliance_percent": "of the structure in series with each actuator, either way",
+        "spring_stiffness_percent": "of every spring, either way",
+        "keys": "of single numbers by key path in quotes, in their unit, either way",
+    },
     "LiftChartSection": {
         "link": "that carries the load; default: by the pin of the tool's link, or the tool",
         "joints": (

@@ -15,6 +15,8 @@ from pydantic import (
     field_validator,
 )
 
+from armdesign.machine.file.unquoted_keys import joined_keys
+
 NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
 Text = Annotated[str, Field(min_length=1, max_length=200)]
@@ -139,9 +141,9 @@ class RequirementsSection(Section):
     oil_each_share: ByActuator[Ratio] = 1.1
     thrust_share: ByActuator[Ratio] = 1.1
     moment_arm_share: ByActuator[Ratio] = 0.8
-    lift_share: ByActuator[Least] = 0.0
-    torque_share: ByActuator[Least] = 0.0
-    end_torque_share: ByActuator[Least] = 0.0
+    lift_share: ByActuator[Least] = 0.9
+    torque_share: ByActuator[Least] = 0.95
+    end_torque_share: ByActuator[Least] = 0.8
     transmission_deg: Annotated[float, Field(ge=0, le=90)] = 20.0
     digging: DiggingSection | None = None
     digging_kN: dict[Name, Annotated[float, Field(gt=0, le=1e6)]] = {}
@@ -392,6 +394,33 @@ class StabilitySection(Section):
     rear_mm: Distance
 
 
+Width = Annotated[float, Field(gt=0, le=100_000)]
+Percent = Annotated[float, Field(gt=0, lt=100)]
+
+
+class TolerancesSection(Section):
+    """How far single machines may lie from this file's values, either way.
+
+    ``keys``: of single numbers by key path, in their unit.
+    """
+
+    distribution: Literal["uniform", "normal"] = "uniform"
+    least_hz: Annotated[float, Field(gt=0, le=1_000)] | None = None
+    pin_mm: Width | None = None
+    bar_mm: Width | None = None
+    payload_percent: Percent | None = None
+    link_mass_percent: Percent | None = None
+    cylinder_mass_percent: Percent | None = None
+    bulk_modulus_percent: Percent | None = None
+    entrained_air_percent: Percent | None = None
+    dead_volume_percent: Percent | None = None
+    compliance_percent: Percent | None = None
+    spring_stiffness_percent: Percent | None = None
+    keys: dict[Text, Width] = {}
+
+    _unquoted = field_validator("keys", mode="before")(joined_keys)
+
+
 class MachineSection(Section):
     """The whole file."""
 
@@ -412,3 +441,4 @@ class MachineSection(Section):
     stability: StabilitySection | None = None
     requirements: RequirementsSection = RequirementsSection()
     bands: BandsSection = BandsSection()
+    tolerances: TolerancesSection = TolerancesSection()

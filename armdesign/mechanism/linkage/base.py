@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, side_by_side
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.jets import ScalarJet, VectorJet
@@ -190,7 +190,9 @@ class Linkage(Drive):
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the linkage does not close."""
         few, back = self._distinct(poses)
-        return np.asarray(np.linalg.norm(self.span(few).value, axis=1)[back])
+        end = self.rod_end_from(few, self.observer, ()).position
+        span = (end - self._motion(few, self.base, self.observer, ())).value
+        return np.asarray(np.sqrt(np.einsum("ni,ni->n", span, span))[back])
 
     def actuation(self, poses: RigidPoses) -> Actuation:
         """Length, moment arm and its derivative at the poses."""
@@ -219,7 +221,7 @@ class Linkage(Drive):
 
     def point(self, poses: RigidPoses, pin: Pin) -> Array:
         """World position (n, 3) [m] of a pin."""
-        return self.arm.point(poses, pin.link, np.array(pin.at))
+        return self.arm.point(poses, pin.link, side_by_side(pin.at))
 
     def bars(self, poses: RigidPoses, length: float) -> dict[str, tuple[VectorJet, VectorJet]]:
         """Both ends of every moving bar seen from the root, with derivatives by all coordinates.
@@ -246,7 +248,7 @@ class Linkage(Drive):
         self, poses: RigidPoses, pin: Pin, link: str, joints: tuple[int, ...]
     ) -> VectorJet:
         """A pin seen from a link."""
-        return self.arm.motion(poses, pin.link, np.array(pin.at), link, joints)
+        return self.arm.motion(poses, pin.link, side_by_side(pin.at), link, joints)
 
     def _distinct(self, poses: RigidPoses) -> tuple[RigidPoses, Array | slice]:
         """Poses at which the length differs, and for every pose which of them has its length."""
@@ -268,7 +270,7 @@ class Linkage(Drive):
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
         """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""
         length, k = jet.value[back], len(self.arm.coordinates)
-        moment_arm, derivative = np.zeros((len(length), k)), np.zeros((len(length), k, k))
+        moment_arm, derivative = (np.zeros((len(length), *[k] * d), length.dtype) for d in (1, 2))
         for a, joint in enumerate(self.joints):
             moment_arm[:, joint] = jet.first[back, a]
             for b, other in enumerate(self.joints):

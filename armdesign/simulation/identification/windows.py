@@ -99,15 +99,25 @@ def _decays(
 def strongest(step: float, signal: Array, lowest: float = LOWEST) -> tuple[float, float]:
     """Frequency [Hz] and height of the highest line in the spectrum of a signal's slope over √f.
 
-    The slope leaves little of steps and trends; the root keeps it from favouring ripple.
+    The slope leaves little of steps and trends; the root keeps it from favouring ripple. Lines
+    have ``PER_PERIOD`` samples in a period at least.
     """
+    return _highest_line(step, signal, lowest, 1 / (PER_PERIOD * step))
+
+
+def strongest_beyond(step: float, signal: Array) -> tuple[float, float]:
+    """As ``strongest``, of the lines that have fewer samples in a period."""
+    return _highest_line(step, signal, 1 / (PER_PERIOD * step), 0.5 / step)
+
+
+def _highest_line(step: float, signal: Array, low: float, high: float) -> tuple[float, float]:
     slope = np.diff(signal) * np.hanning(len(signal) - 1)
     count = 4 * len(slope)  # zeros beside it: lines closer to each other
     lines = np.fft.rfftfreq(count, step)
-    inside = (lines >= lowest) & (lines <= min(HIGHEST, 1 / (PER_PERIOD * step)))
+    inside = (lines >= low) & (lines <= min(HIGHEST, high))
     if not inside.any():
-        return lowest, 0.0
-    heights = np.abs(np.fft.rfft(slope, count)) * inside / np.sqrt(np.maximum(lines, lowest))
+        return low, 0.0
+    heights = np.abs(np.fft.rfft(slope, count)) * inside / np.sqrt(np.maximum(lines, low))
     return float(lines[np.argmax(heights)]), float(heights.max())
 
 

@@ -39,7 +39,8 @@ F = TypeVar("F", bound=Callable[..., object])
 Record: TypeAlias = np.record  # of a structured array: fields are attributes
 Records: TypeAlias = NDArray[np.record]
 
-HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation
+HERE = Path(__file__).parents[1]  # everything that may be compiled is of the simulation or loops
+LOOPS = HERE.parent / "control"
 
 for module in (fluid, friction, valve):
     for law in vars(module).values():
@@ -153,7 +154,8 @@ def cache_folders() -> tuple[tuple[Path, ...], Path | None]:
     it.
     """
     sources = [Path(module.__file__ or "") for module in (fluid, friction, units, valve)]
-    texts = (source.read_bytes() for source in [*sources, *sorted(HERE.rglob("*.py"))])
+    programs_of = [*sorted(HERE.rglob("*.py")), *sorted(LOOPS.rglob("*.py"))]
+    texts = (source.read_bytes() for source in [*sources, *programs_of])
     name = f"compiled-{hashlib.sha256(b''.join(texts)).hexdigest()[:12]}"
     chosen, readable = str(cast(Any, numba.config).CACHE_DIR), list[Path]()
     places: list[tuple[Path, Path | None]] = [(Path(chosen), None)] if chosen else []

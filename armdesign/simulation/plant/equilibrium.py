@@ -16,7 +16,7 @@ The law is ``hydraulics.port``: edges, leakage, reliefs and load-holding valves 
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -184,11 +184,17 @@ def find_equilibrium(plant: Plant, q: ArrayLike, preloaded: bool | None = None) 
     Raises:
         PoseError: the pose cannot be taken.
     """
-    from scipy.optimize import brentq
-
-    poses, pump = plant.machine.at(q), plant.parameters.systems[0]
+    poses = plant.machine.at(q)
     if len(poses) != 1:
         raise PoseError(f"{plant.machine.name}: q", f"holds {len(poses)} poses", "give one")
+    return _equilibrium(plant, poses, preloaded)
+
+
+def _equilibrium(plant: Plant, poses: Poses, preloaded: bool | None) -> Equilibrium:
+    """Equilibrium at one pose."""
+    from scipy.optimize import brentq
+
+    pump = plant.parameters.systems[0]
 
     def excess(line: float) -> float:
         state = _under_pressure(plant, poses, preloaded, line).state
@@ -208,16 +214,37 @@ def find_equilibrium(plant: Plant, q: ArrayLike, preloaded: bool | None = None) 
     return Equilibrium(full.state, (full.holdings[0]._replace(creeps=words), *full.holdings[1:]))
 
 
-def refuse_overcome(plant: Plant, q: ArrayLike) -> None:
-    """Refuse a pose (nq,) of one machine at which a load presses a relief open.
+def rest_states(plant: Plant, poses: Poses, preloaded: bool | None = None) -> Array:
+    """States of equilibrium (n, size) of one machine at poses, as ``find_equilibrium`` has them.
+
+    At once where all valves are tight, else pose by pose.
+    """
+    actuators, supply = plant.machine.actuators, plant.machine.supply
+    if preloaded is not False and any(one.valve and one.valve.leaks for one in actuators):
+        rows = range(len(poses))
+        return np.array([_equilibrium(plant, poses[k : k + 1], preloaded).state for k in rows])
+    pairs = zip(actuators, poses.cylinder_forces.T, strict=True)
+    pressures = [closed_pressures(one, supply, force, preloaded) for one, force in pairs]
+    line = float(plant.parameters.systems["pressure"][0])
+    return plant.states_at(poses.q, np.array(pressures).transpose(2, 1, 0), line, 0.0)
+
+
+def refuse_overcome(plant: Plant, poses: Poses) -> None:
+    """Refuse the first of the poses of one machine at which a load presses a relief open.
 
     Raises:
-        SimulationError: names all such actuators.
+        SimulationError: names all such actuators there.
     """
-    holdings = find_equilibrium(plant, q, False).holdings
-    if words := "; ".join(one.overcome for one in holdings if one.overcome):
-        remedy = "raise relief_bar, or choose a lighter load, a larger cylinder or another pose"
-        raise SimulationError(f"{plant.machine.name}: rest", words, remedy)
+    actuators, supply = plant.machine.actuators, plant.machine.supply
+    pairs = list(zip(actuators, poses.cylinder_forces.T, strict=True))
+    largest = [np.maximum(*closed_pressures(one, supply, f, False)) for one, f in pairs]
+    beyond = np.stack(largest) > np.array([[one.relief(supply)] for one in actuators])
+    if not beyond.any():
+        return
+    row = int(beyond.any(axis=0).argmax())
+    words = [_closed_hold(one, supply, float(f[row]), False).overcome for one, f in pairs]
+    remedy = "raise relief_bar, or choose a lighter load, a larger cylinder or another pose"
+    raise SimulationError(f"{plant.machine.name}: rest", "; ".join(filter(None, words)), remedy)
 
 
 def _under_pressure(
@@ -243,15 +270,11 @@ def holding(
     A valve that leaks but has no balance is taken as closed, as is every valve with ``preloaded``
     (see ``find_equilibrium``) False. The law of its ports is at the supply pressure that they see.
     """
-    unloaded = _closed_pressures(actuator, supply, force, preloaded=False)
-    pressures = unloaded
-    if preloaded is not False:
-        pressures = _closed_pressures(actuator, supply, force, preloaded)
-    if words := _overcome(actuator, supply, force, unloaded):
-        return StaticHold(*pressures, overcome=words)
-    if actuator.valve is None or not actuator.valve.leaks or preloaded is False:
-        return StaticHold(*pressures)
-    low, high = np.array(unloaded), _highest_pressures(actuator, force, law.supply)
+    closed = _closed_hold(actuator, supply, force, preloaded)
+    if closed.overcome or actuator.valve is None or not actuator.valve.leaks or preloaded is False:
+        return closed
+    unloaded = _closed_hold(actuator, supply, force, False)
+    low, high = np.array(unloaded[:2]), _highest_pressures(actuator, force, law.supply)
     # Where nothing leaks across the piston the balance is at equal pressures, a single point.
     equal = np.full(2, _equal_pressure(actuator, force))
     for ends in ((low, high), (equal, equal)):
@@ -259,13 +282,22 @@ def holding(
         if balanced and ends[0].min() >= low.min():
             return StaticHold(cap, annulus, spool)
     words = "valve leaks, and at no spool position does it make up for that: the load creeps"
-    return StaticHold(*pressures, creeps=f"{actuator.name}'s {words}")
+    return closed._replace(creeps=f"{actuator.name}'s {words}")
 
 
-def _closed_pressures(
+def _closed_hold(
     actuator: Actuator, supply: Supply, force: float, preloaded: bool | None
-) -> tuple[float, float]:
-    """Pressures of cap and annulus [Pa] behind a closed valve.
+) -> StaticHold:
+    """Hold of a static force [N, + pushes] behind a closed valve."""
+    cap, annulus = map(float, closed_pressures(actuator, supply, force, preloaded))
+    unloaded = tuple(map(float, closed_pressures(actuator, supply, force, False)))
+    return StaticHold(cap, annulus, overcome=_overcome(actuator, supply, force, unloaded))
+
+
+def closed_pressures(
+    actuator: Actuator, supply: Supply, force: Any, preloaded: bool | None
+) -> tuple[Any, Any]:
+    """Pressures of cap and annulus [Pa] behind a closed valve, elementwise over forces [N].
 
     ``preloaded``: p1 + p2 = supply + return is what a matched symmetric valve leaves when it moves
     about its middle (Merritt 1967, ch. 5), with neither chamber below return pressure. Any preload
@@ -273,17 +305,16 @@ def _closed_pressures(
     """
     back, areas = supply.return_pressure, (actuator.bore_area, actuator.annulus_area)
     relief = actuator.relief(supply)
-    common = actuator.preload(back) if preloaded is None else back
+    common: Any = actuator.preload(back) if preloaded is None else back
     if preloaded:
         total = supply.pressure + back
         middle = (force + areas[1] * total) / sum(areas)
-        common = min(middle, total - middle, BELOW_RELIEF * relief)
-    cap, annulus = preloaded_pressures(force, *areas, common, back, relief)
-    return float(cap), float(annulus)
+        common = np.minimum(np.minimum(middle, total - middle), BELOW_RELIEF * relief)
+    return preloaded_pressures(force, *areas, common, back, relief)
 
 
 def _overcome(
-    actuator: Actuator, supply: Supply, force: float, pressures: tuple[float, float]
+    actuator: Actuator, supply: Supply, force: float, pressures: tuple[float, ...]
 ) -> str:
     """That the relief of a chamber opens under the load alone, in words; empty if it does not."""
     relief, largest = actuator.relief(supply), max(pressures)

@@ -160,8 +160,8 @@ class Plant:
             return np.asarray(state[:, self._parts[4]][:, 0] * bar)
         return np.resize(self.parameters.systems["pressure"], len(state))
 
-    def with_spools(self, state: Array, position: float) -> Array:
-        """States (n, size) with all spools at a position −1…1."""
+    def with_spools(self, state: Array, position: float | Array) -> Array:
+        """States (n, size) with all spools at a position −1…1, or at positions (n, nc)."""
         moved = state.copy()
         moved[:, self._parts[5]] = position
         return moved
@@ -179,11 +179,17 @@ class Plant:
             line: supply pressure [Pa], for a flow-limited pump.
             spool: positions (nc,).
         """
-        state = np.zeros(self.size)
-        state[self._parts[0]] = self.machine.arm.with_springs(q[None])[0]
-        state[self._chambers] = pressures.ravel() / bar
-        state[self._parts[4]], state[self._parts[5]] = line / bar, spool
-        return state
+        return np.asarray(self.states_at(q[None], pressures[None], line, np.array(spool))[0])
+
+    def states_at(
+        self, q: Array, pressures: Array, line: Array | float, spool: Array | float
+    ) -> Array:
+        """States (n, size) without motion, of the same arguments with poses as axis 0."""
+        states = np.zeros((len(q), self.size))
+        states[:, self._parts[0]] = self.machine.arm.with_springs(q)
+        states[:, self._chambers] = pressures.reshape(len(q), -1) / bar
+        states[:, self._parts[4]], states[:, self._parts[5]] = line / bar, spool
+        return states
 
     def evaluate(self, state: Array, command: Array) -> PlantInstant:
         """ẏ, and what it was made from.

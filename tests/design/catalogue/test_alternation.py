@@ -19,7 +19,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
 from armdesign.units import mm
 from tests.design.catalogue.enumeration import AROUND
-from tests.design.designs import double, workspace_of
+from tests.design.designs import any_lift_and_torque, double, workspace_of
 from tests.machines import named
 
 # ---------------------------------------------------------------------------------------- pins too
@@ -262,7 +262,7 @@ def test_what_no_pins_meet_either_is_a_conflict() -> None:
         ad.optimize(
             double(),
             workspace_of("double"),
-            Requirements(cylinder_mass=1.0),
+            replace(any_lift_and_torque("double"), cylinder_mass=1.0),
             catalogue=AROUND,
             starts=1,
         )

@@ -26,7 +26,7 @@ from armdesign.units import mm
 from tests.design.catalogue.enumeration import AROUND, LOOSE, around, enumerated
 from tests.design.designs import MACHINES, double, single, workspace_of
 from tests.design.requirements.shared import EVERYTHING
-from tests.machines import named
+from tests.machines import ANY_LIFT_AND_TORQUE, named
 
 SMALL = {
     "single": (7,), "double": (5, 5), "sprung": (5, 5), "excavator_20t": (3, 3, 5), "random_1": 4,
@@ -55,6 +55,20 @@ def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> Non
     assert found.bound == found.frequency
 
 
+def test_lift_and_torque_are_kept() -> None:
+    """Every combination judged as a machine of its own; without them another one is best."""
+    machine, space = double(), workspace_of("double")
+    sizes = around(machine, 3, 11) + [(c.bore, c.rod) for c in machine.cylinders]
+    limits = replace(LOOSE, oil_total_share=1.1, moment_arm_share=0.0)
+    kept = replace(limits, lift_share=0.9, torque_share=0.95, end_torque_share=0.9)
+    best, free = (
+        select(allowed_sizes(machine, machine, space, each, sizes_of(sizes))).frequency
+        for each in (kept, limits)
+    )
+    assert best == pytest.approx(enumerated(machine, space, kept, sizes), rel=1e-9)
+    assert best < 0.999 * free
+
+
 def test_one_actuator_by_hand() -> None:
     """k grows with both areas (THEORY §3), so the largest annulus that oil and rod allow on the
     largest bore wins.
@@ -64,7 +78,9 @@ def test_one_actuator_by_hand() -> None:
     next (its annulus 1.262 of today's); 70 leaves less annulus.
     """
     sizes = [(b * mm, r * mm) for b in (100, 105, 110, 112) for r in (63, 65, 66, 67, 70)]
-    limits = Requirements(oil_total_share=1.3, oil_each_share=1.3, thrust_share=1.25)
+    limits = Requirements(
+        oil_total_share=1.3, oil_each_share=1.3, thrust_share=1.25, **ANY_LIFT_AND_TORQUE
+    )
     design = ad.size_cylinders(single(), workspace_of("single"), limits, catalogue=sizes)
     (cylinder,) = design.machine.cylinders
     assert (cylinder.bore, cylinder.rod) == pytest.approx((110 * mm, 67 * mm))
@@ -220,7 +236,7 @@ def test_what_does_not_vary_stays() -> None:
     sizes = [
         (bore * mm, rod * mm) for bore in (98, 99, 101, 102, 103, 104, 120) for rod in (63, 64)
     ]
-    limits = Requirements(oil_total_share=1.1, thrust_share=1.1)
+    limits = Requirements(oil_total_share=1.1, thrust_share=1.1, **ANY_LIFT_AND_TORQUE)
     design = ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=sizes)
     reached = []
     for bore in sorted({bore for bore, _ in sizes}):

@@ -26,7 +26,7 @@ from tests.design.brute_force import where_allowed, zoomed_best
 from tests.design.by_machine import slopes, true_frequencies
 from tests.design.designs import as_machine, solved, some_x
 from tests.design.program.weighed_machines import bars, posed
-from tests.machines import CylinderSpec, Joint, build, named
+from tests.machines import ANY_LIFT_AND_TORQUE, CylinderSpec, Joint, build, named
 
 # ------------------------------------------------------------------ what x stands for, derivatives
 
@@ -188,7 +188,7 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
             end_margin=0.02,
             machine=machine,
         ),
-        requirements=Requirements(buckling_share=0.3),
+        requirements=Requirements(buckling_share=0.3, **ANY_LIFT_AND_TORQUE),
         vary=("areas",),
         proportional=True,
     )
@@ -279,7 +279,7 @@ def test_two_actuators_against_brute_force(share: float) -> None:
     """Areas that share the oil and carry each other: no grid design is better, none exceeds the
     bound.
     """
-    problem = posed(bars("double"), ("areas",), oil_total_share=share)
+    problem = posed(bars("double"), ("areas",), oil_total_share=share, **ANY_LIFT_AND_TORQUE)
     search = solved(problem)
     found, bound = brute_force(problem), bound_of_areas(search)
     assert bound is not None

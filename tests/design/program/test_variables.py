@@ -25,7 +25,7 @@ from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.four_bar import FourBar
 from tests.design.by_machine import slopes, true_frequencies
 from tests.design.designs import as_machine, double, problem_of, solved, some_x
-from tests.machines import BOOM, CylinderSpec, Joint, build, named
+from tests.machines import ANY_LIFT_AND_TORQUE, BOOM, CylinderSpec, Joint, build, named
 
 SIZES = {
     f"cylinder.{name}.{key}"
@@ -122,7 +122,9 @@ def test_bore_alone_leaves_the_rod() -> None:
     """
     machine = named("excavator_20t")
     vary = ["cylinder.boom.bore_mm", "cylinder.boom.base.at_mm"]
-    design = ad.optimize(machine, Workspace.grid(machine, points=(5, 5, 9)), vary=vary)
+    space = Workspace.grid(machine, points=(5, 5, 9))
+    any_size = replace(Requirements.of(machine), **ANY_LIFT_AND_TORQUE)
+    design = ad.optimize(machine, space, any_size, vary=vary, catalogue="free")
     old, new = ({c.name: c for c in m.cylinders} for m in (machine, design.machine))
     assert new["boom"].bore != old["boom"].bore
     assert new["boom"].rod == old["boom"].rod
@@ -140,7 +142,8 @@ def test_a_bore_and_a_coordinate_by_scan() -> None:
 
     (A bore alone may not grow: the rod must stand its thrust.)
     """
-    problem = problem_of("double", ("cylinder.lift.bore_mm", "cylinder.lift.base.at_mm.0"))
+    vary = ("cylinder.lift.bore_mm", "cylinder.lift.base.at_mm.0")
+    problem = problem_of("double", vary, **ANY_LIFT_AND_TORQUE)
     search, best = solved(problem), 0.0
     for value in np.linspace(0.9, 1.1, 101):
         for move in np.linspace(-1, 1, 81):
@@ -180,7 +183,8 @@ def test_bound_of_a_bore_alone() -> None:
 )
 def test_only_what_is_named_changes(path: str) -> None:
     machine = named("excavator_20t")
-    design = ad.optimize(machine, Workspace.grid(machine, points=(5, 5, 9)), vary=[path], starts=1)
+    space = Workspace.grid(machine, points=(5, 5, 9))
+    design = ad.optimize(machine, space, vary=[path], starts=1, catalogue="free")
     old, new = ({**m.section.model_dump()["cylinder"]} for m in (machine, design.machine))
     name = path.split(".")[1]
     changed = {key for key in old[name] if old[name][key] != new[name][key]}
@@ -337,7 +341,8 @@ def arms_apart() -> Machine:
 
 def twin_problem() -> Problem:
     machine = arms_apart()
-    requirements = Requirements(oil_each_share=1.6, thrust_share=1.6, holding_share=5.0)
+    any_areas = {"oil_each_share": 1.6, "thrust_share": 1.6, "holding_share": 5.0}
+    requirements = Requirements(**any_areas, **ANY_LIFT_AND_TORQUE)
     space = Workspace.grid(machine, points=5)
     return Problem.of(machine=machine, workspace=space, requirements=requirements, vary=("areas",))
 

@@ -10,7 +10,7 @@ import pytest
 
 from armdesign.design.requirements.check import check
 from tests.design.designs import problem_of
-from tests.design.requirements.shared import PRESSURE, by_name, shipped_reference
+from tests.design.requirements.shared import PRESSURE, by_name, own, shipped_reference
 from tests.reference_planar import Reference
 
 
@@ -21,7 +21,9 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
     """Values of the planar reference (complex step of the length, 20 001 poses); 1e-3 for 181
     poses here.
     """
-    problem = problem_of("excavator", moment_arm_share=1.0, transmission=math.radians(40))
+    problem = problem_of(
+        "excavator", moment_arm_share=1.0, transmission=math.radians(40), torque_share=0.0
+    )
     today = problem.machine
     changes = {
         "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5]},
@@ -57,3 +59,18 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
         assert found.value == pytest.approx(angles[0], rel=1e-3)
         # or today's, if lower
         assert found.limit == pytest.approx(min(math.radians(40), angles[1]), rel=1e-3)
+
+
+def test_digging_torque_is_stated_where_it_asks_for_more_than_torque() -> None:
+    """Largest torque extending is the same number: with a lower share digging says nothing."""
+    for torque, wanted in (
+        (0.95, set()),
+        (0.9, {"digging.stick", "digging.bucket"}),
+        ({"default": 0.95, "bucket": 0.94}, {"digging.bucket"}),
+    ):
+        checks = own(torque_share=torque)
+        assert {name for name in checks if name.startswith("digging.")} == wanted
+        for name in wanted:
+            extending = checks[name.replace("digging", "torque.extending")]
+            assert checks[name].value == pytest.approx(extending.value, rel=1e-9)
+            assert checks[name].limit > extending.limit

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import Bands, InfeasibleError, Machine, Requirements, Workspace
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.search.prices import prices
-from tests.design.designs import MACHINES, problem_of, solved, workspace_of
+from armdesign.machine import scaffold
+from armdesign.machine.lifting import liftable_masses
+from tests.design.by_machine import slopes
+from tests.design.designs import MACHINES, problem_of, solved, some_x, workspace_of
 from tests.design.requirements.shared import judged, own
 from tests.machine.test_lift_chart import _two_elbows
-from tests.machines import named
+from tests.machines import ANY_LIFT_AND_TORQUE, named
 
 
 def _values(machine: Machine, today: Machine, **settings: float) -> dict[str, float]:
@@ -25,7 +32,7 @@ def _values(machine: Machine, today: Machine, **settings: float) -> dict[str, fl
 
 
 def test_todays_machine_lifts_what_it_lifts() -> None:
-    """A share of one everywhere, so the slack is 1/0.9 − 1; nothing is asked without the key."""
+    """A share of one everywhere, so the slack is 1/0.9 − 1; with a share of 0 nothing is asked."""
     found = own(lift_share=0.9)
     values = {name: c for name, c in found.items() if name.startswith("lift_share.")}
     assert set(values) == {"lift_share.boom", "lift_share.stick"}  # the bucket's pin: no bucket
@@ -33,7 +40,7 @@ def test_todays_machine_lifts_what_it_lifts() -> None:
         assert c.value == pytest.approx(1.0, rel=1e-12)
         assert c.slack == pytest.approx(1 / 0.9 - 1, rel=1e-9)
         assert (c.setting, c.at_least) == (c.name, True)
-    assert not any(name.startswith("lift_share") for name in own())
+    assert not any(name.startswith("lift_share") for name in own(lift_share=0.0))
 
 
 @pytest.mark.parametrize(
@@ -73,6 +80,29 @@ def test_the_new_machine_may_take_its_own_best_pose() -> None:
     assert min(shares) == pytest.approx(ratio, rel=1e-9)
 
 
+def test_an_actuator_that_the_load_leaves_alone_at_a_place() -> None:
+    """There it lifts anything, so other places limit it; derivatives by central differences."""
+    text, robot = scaffold.new("crane", 2)
+    machine = Machine.from_text(text, robot, Path("crane.toml"))
+    poses = ad.lift_chart(machine).poses
+    masses = liftable_masses(machine, poses.rigid, poses.torque, 0.87)
+    idle = np.isinf(masses).sum(axis=0)
+    assert 0 < idle.max() < len(masses)
+    problem = Problem.of(
+        machine=machine,
+        workspace=Workspace.grid(machine, 3),
+        requirements=Requirements.of(machine),
+        vary=("areas", "pins"),
+    )
+    x, rows = some_x(problem, 3), np.array([0])
+    at = constraints_at(problem, x, rows)
+    lifts = np.array([name.startswith("lift_share") for name in at.names])
+    expected = slopes(lambda y: constraints_at(problem, y, rows).values[lifts], x)
+    assert_allclose(at.jacobian[lifts].T, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    checks = check(machine, machine, problem.workspace, problem.requirements)
+    assert {c.value for c in checks if c.name.startswith("lift_share")} == {1.0}
+
+
 def test_shares_of_many_sizes() -> None:
     """As of machines with these sizes, one after the other."""
     today, workspace = MACHINES["excavator"](), workspace_of("excavator")
@@ -105,7 +135,8 @@ def test_a_conflict_names_the_share_that_grants_it() -> None:
     enough.
     """
     machine, workspace = MACHINES["double"](), workspace_of("double")
-    requirements = replace(Requirements.of(machine), lift_share=1.0, thrust_share=0.95)
+    asked = {**ANY_LIFT_AND_TORQUE, "lift_share": 1.0, "thrust_share": 0.95}
+    requirements = replace(Requirements.of(machine), **asked)
     with pytest.raises(InfeasibleError) as caught:
         ad.size_cylinders(machine, workspace, requirements)
     conflict = caught.value.conflict
@@ -137,10 +168,7 @@ def test_gains_of_the_trials_with_lift_kept(name: str, share: float, gain: float
     """Structure rigid, as trials with another optimiser's inputs found them; the written machine
     keeps the share at every point, by its own chart.
     """
-    machine = named(name)
-    machine = machine.replace(
-        {f"cylinder.{c.name}.compliance_m_per_N": 0.0 for c in machine.cylinders}
-    )
+    machine = named(f"rigid_{name}")
     requirements = replace(Requirements.of(machine), lift_share=share)
     design = ad.optimize(machine, requirements=requirements, bands=Bands(), starts=1)
     before, after = design.before.worst.frequency, design.after.worst.frequency

@@ -16,7 +16,7 @@ from armdesign.design.requirements.places import Outline
 from armdesign.errors import MachineFileError
 from tests.design.designs import MACHINES, workspace_of
 from tests.design.requirements.shared import BOOM_PLATE, EVERYTHING, FRONT, POSED, STICK_PLATE
-from tests.machines import named
+from tests.machines import demanding, named
 
 FILE = """
 buckling_factor = 1.9
@@ -49,8 +49,7 @@ distance_mm = 150
 
 
 def written(extra: str) -> Machine:
-    machine = named("excavator_20t")
-    return Machine.from_text(machine.text + extra, machine.urdf_text, machine.source)
+    return demanding(named("excavator_20t"), extra)
 
 
 def test_requirements_from_the_file() -> None:
@@ -106,7 +105,7 @@ BAD_FILES = [
 @pytest.mark.parametrize(("extra", "message"), BAD_FILES)
 def test_a_file_that_asks_what_cannot_be(extra: str, message: str) -> None:
     with pytest.raises(MachineFileError, match=message):
-        written("\n" + extra + "\n")
+        written(extra)
 
 
 def test_degrees_of_a_joint_that_slides() -> None:
@@ -173,13 +172,28 @@ def test_requirements_read_the_file() -> None:
     defaults.
     """
     machine = named("excavator_20t")
-    assert Requirements.of(machine) == Requirements(
-        digging=("stick", "bucket"), digging_share=0.95, pin_box=0.25
-    )
+    stated = Requirements.of(machine)
+    assert [o.link for o in stated.outlines] == ["chassis", "boom", "stick", "bucket"]
+    assert {o.pin_radius for o in stated.outlines} == {0.11}
+    assert {c.name: (c.link, *c.cylinders) for c in stated.clearances} == {
+        "frame": ("chassis", "boom"),
+        "boom_back": ("boom", "stick"),
+        "stick_back": ("stick", "bucket"),
+    }
+    places = {"outlines": stated.outlines, "clearances": stated.clearances}
+    digging = ("stick", "bucket")
+    assert stated == Requirements(digging=digging, digging_share=0.95, pin_box=0.25, **places)
     changed = machine.replace({"requirements.pin_box_mm": 40.0, "requirements.digging.share": 0.9})
     assert Requirements.of(changed) == Requirements(
-        digging=("stick", "bucket"), digging_share=0.9, pin_box=0.04
+        digging=digging, digging_share=0.9, pin_box=0.04, **places
     )
+
+
+def test_lift_and_torque_are_kept_by_default() -> None:
+    """The numbers of DESIGN.md, in Python and in a file that states nothing."""
+    kept = {"lift_share": 0.9, "torque_share": 0.95, "end_torque_share": 0.8}
+    for requirements in (Requirements(), Requirements.of(MACHINES["double"]())):
+        assert {name: getattr(requirements, name) for name in kept} == kept
 
 
 @pytest.mark.parametrize(
@@ -193,14 +207,14 @@ def test_a_requirement_that_cannot_be_is_refused(setting: str, value: float) -> 
 
 def test_shares_by_actuator() -> None:
     """A number, or a table whose default is the schema's where it has none; in file and Python."""
-    machine = named("excavator_20t")
+    machine = demanding(named("excavator_20t"), "")
     table = "[requirements.torque_share]\ndefault = 0.95\nbucket = 0.9\n"
     for extra, wanted in (
         ("torque_share = 0.95\n", 0.95),
         (table, {"default": 0.95, "bucket": 0.9}),
         ("thrust_share = { boom = 1.3 }\n", None),
     ):
-        file = Machine.from_text(machine.text + "\n" + extra, machine.urdf_text, machine.source)
+        file = demanding(machine, extra)
         read = Requirements.of(file)
         if wanted is None:
             assert read.thrust_share == {"default": 1.1, "boom": 1.3}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from armdesign.mechanism.joint_ranges import over
 from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.design.requirements.shared import PRESSURE, by_name, shipped_reference
-from tests.machines import ODD
+from tests.machines import ANY_LIFT_AND_TORQUE, ODD
 from tests.reference_planar import Reference
 
 SHARES = {"torque_share": 0.95, "end_torque_share": 0.8}
@@ -111,7 +112,9 @@ def test_constraints_are_the_checks(name: str) -> None:
 
 def test_without_a_share_there_is_no_such_requirement() -> None:
     machine, space = MACHINES["double"](), workspace_of("double")
-    some = Requirements(torque_share={"fold": 0.9}, end_torque_share={"default": 0.8, "fold": 0})
+    some = Requirements(
+        torque_share={"default": 0, "fold": 0.9}, end_torque_share={"default": 0.8, "fold": 0}
+    )
     names = [c.name for c in check(machine, machine, space, some) if "torque" in c.name]
     assert names == [
         "end_torque.extending.lift",
@@ -127,8 +130,8 @@ def test_without_a_share_there_is_no_such_requirement() -> None:
 def test_a_design_keeps_the_torques_of_its_file(catalogue: str | None) -> None:
     """Rounded or of a catalogue, written and read; without the requirement they fall below."""
     machine, space = MACHINES["double"](), workspace_of("double")
-    plain = Requirements(thrust_share=1.3, oil_each_share=1.3)
-    kept = Requirements(thrust_share=1.3, oil_each_share=1.3, **SHARES)
+    plain = Requirements(thrust_share=1.3, oil_each_share=1.3, **ANY_LIFT_AND_TORQUE)
+    kept = replace(plain, **SHARES)
     with_torque, without = (
         ad.optimize(machine, space, r, ("areas",), starts=1, catalogue=catalogue)
         for r in (kept, plain)

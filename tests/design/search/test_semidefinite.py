@@ -24,7 +24,7 @@ from armdesign.frequency.modes import hertz
 from tests.design.brute_force import where_allowed, zoomed_best
 from tests.design.by_machine import true_frequencies
 from tests.design.designs import MACHINES, as_machine, problem_of, solved, workspace_of
-from tests.machines import named
+from tests.machines import ANY_LIFT_AND_TORQUE, named
 
 STEEL = 210e9  # [Pa]
 
@@ -120,8 +120,9 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
     they where the pins help.
     """
     problem = problem_of(
-        "twins", vary, oil_each_share=4.0, thrust_share=4.0, buckling_share=0.0, proportional=True
-    )
+        "twins", vary, oil_each_share=4.0, thrust_share=4.0, buckling_share=0.0,
+        proportional=True, **ANY_LIFT_AND_TORQUE
+    )  # fmt: skip
     search = solved(problem)
     modes = (
         np.linalg.eigvalsh(
@@ -150,7 +151,8 @@ def test_never_worse_than_brute_force_and_never_above_the_bound(
     """Two actuators compete for one oil budget. 1e-6: what the last grid of brute force can tell
     apart.
     """
-    problem = problem_of(name, ("areas",), oil_total_share=share, proportional=proportional)
+    limits = {"oil_total_share": share, **ANY_LIFT_AND_TORQUE}
+    problem = problem_of(name, ("areas",), proportional=proportional, **limits)
     search = solved(problem)
     found, step = brute_force(problem, proportional=proportional)
     bound = bound_of_areas(search)

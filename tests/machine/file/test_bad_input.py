@@ -41,6 +41,9 @@ OPTIONAL = {  # have a default
     ),
     *(
         "requirements.pin_box_mm",
+        "requirements.catalogue",
+        "requirements.outline",
+        "requirements.clearance",
         "fluid.entrained_air_percent",
         "fluid.density_kg_per_m3",
         "cylinder.boom.count",
@@ -57,7 +60,14 @@ OPTIONAL = {  # have a default
             *(f"friction.{key}" for key in table["friction"]),
         )
     ),
-    *("motor", "motor.swing", "motor.swing.valve", "bands", "bands.structure"),
+    *(
+        f"requirements.{kind}.{name}{key}"
+        for kind, optional in (("outline", ".pin_radius_mm"), ("clearance", ".distance_mm"))
+        for name in DATA["requirements"][kind]
+        for key in ("", optional)
+    ),
+    *("motor", "motor.swing", "motor.swing.valve", "bands", "bands.structure", "tolerances"),
+    *(f"tolerances.{key}" for key in DATA["tolerances"]),
     *("motor.swing.valve.leakage_l_per_min_per_bar", "motor.swing.friction"),
     *(f"motor.swing.friction.{key}" for key in DATA["motor"]["swing"]["friction"]),
 }
@@ -82,6 +92,11 @@ def test_a_misspelt_key_is_named_and_the_right_one_offered(path: str) -> None:
     named = path.split(".")
     # names of the author's own
     if len(named) == 2 and named[0] in ("cylinder", "motor", "payload", "frozen"):
+        return
+    if len(named) == 3 and named[:2] == ["requirements", "clearance"]:
+        return
+    if len(named) == 3 and named[:2] == ["requirements", "outline"]:
+        assert re.search(rf'no link "{leaf[:1]}z.*did you mean "{leaf}"', message), message
         return
     wrong = f"{leaf[:1]}z{leaf[1:]}"
     assert f"{wrong}: unknown key" in message
@@ -231,7 +246,11 @@ CASES: list[tuple[str, Any, str]] = [
         r"return_pressure_bar: 350 bar is not below the supply's 350 bar",
     ),
     ("cylinder", {}, r"cylinder: an empty table"),
-    ("cylinder.boom", KeyError, r'joints: no cylinder or motor moves "boom"'),
+    (
+        "cylinder.boom",
+        KeyError,
+        r'clearance\.frame\.cylinders: no cylinder "boom"; choose from: s',
+    ),
     (
         "cylinder.boom.count",
         10**9,
@@ -354,6 +373,13 @@ def test_two_cylinders_that_exclude_each_other() -> None:
     long = {**BOOM, "closed_length_mm": 2500, "stroke_mm": 500}
     message = outcome(changed("cylinder", {**DATA["cylinder"], "boom": short, "second": long}))
     assert "are the cylinders boom, second in stroke together" in message
+
+
+def test_a_joint_that_nothing_moves() -> None:
+    """Its cylinder is gone, and with it every requirement that named it."""
+    data = copy.deepcopy(DATA)
+    del data["cylinder"]["boom"], data["requirements"]
+    assert 'joints: no cylinder or motor moves "boom"' in outcome(toml(data))
 
 
 def test_massless_link_under_an_empty_load_case() -> None:

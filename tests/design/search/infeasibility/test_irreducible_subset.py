@@ -31,7 +31,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.machine.file.key_paths import bounds
 from armdesign.units import outward
 from tests.design.designs import MACHINES, problem_of, workspace_of
-from tests.machines import four_bar
+from tests.machines import ANY_LIFT_AND_TORQUE, four_bar
 
 
 def refused(name: str, vary: tuple[str, ...], **settings: Any) -> InfeasibleError:
@@ -40,7 +40,7 @@ def refused(name: str, vary: tuple[str, ...], **settings: Any) -> InfeasibleErro
         ad.optimize(
             machine,
             workspace_of(name),
-            replace(Requirements.of(machine), **settings),
+            replace(Requirements.of(machine), **ANY_LIFT_AND_TORQUE | settings),
             vary=vary,
             starts=1,
         )
@@ -53,7 +53,7 @@ def allowed(name: str, vary: tuple[str, ...], **settings: Any) -> None:
     ad.optimize(
         machine,
         workspace_of(name),
-        replace(Requirements.of(machine), **settings),
+        replace(Requirements.of(machine), **ANY_LIFT_AND_TORQUE | settings),
         vary=vary,
         starts=1,
     )
@@ -309,7 +309,8 @@ def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
     """
     machine, workspace = MACHINES["single"](), workspace_of("single")
     requirements = replace(
-        Requirements.of(machine), **TWO | {"oil_total_share": 0.6, "pin_box": 0.01}
+        Requirements.of(machine),
+        **ANY_LIFT_AND_TORQUE | TWO | {"oil_total_share": 0.6, "pin_box": 0.01},
     )
     with pytest.raises(InfeasibleError, match="sizes of the catalogue") as error:
         ad.optimize(machine, workspace, requirements, starts=1, catalogue="iso")
@@ -368,7 +369,7 @@ def test_no_holding_share_above_one_is_asked_for() -> None:
     0.1 mm of the bore is 0.2 % of the area, and amounts are tried in steps of 1 % of a limit.
     """
     machine, workspace = held_eight_tenths(), workspace_of("single")
-    requirements = replace(Requirements.of(machine), thrust_share=0.6)
+    requirements = replace(Requirements.of(machine), thrust_share=0.6, **ANY_LIFT_AND_TORQUE)
     with pytest.raises(InfeasibleError) as error:
         ad.optimize(machine, workspace, requirements, ("areas",), starts=1)
     refuse_beyond_the_schema(error.value.conflict)
@@ -386,7 +387,7 @@ def test_no_holding_share_above_one_is_asked_for_with_a_catalogue() -> None:
     answer go on to another round, which took 2.7 % more thrust than is needed.
     """
     machine, workspace = held_eight_tenths(), workspace_of("single")
-    requirements = replace(Requirements.of(machine), thrust_share=0.6)
+    requirements = replace(Requirements.of(machine), thrust_share=0.6, **ANY_LIFT_AND_TORQUE)
     (cylinder,), bores = machine.cylinders, [bore / 1e4 for bore in range(700, 1001)]
     enough = min(
         bore

@@ -1,0 +1,216 @@
+"""Closed loops in the nonlinear plant: does a mode decay as the linear loops say, or grow?
+
+The plant starts at rest but for a small swing in one mode λ of the linear closed loop, with right
+eigenvector v, left w and w·v = 1. The modal coordinate a = w·(x − x₀) of the nonlinear run then
+follows e^{λt} as far as the linear model holds, which gives frequency and damping. Dry friction,
+which has no derivative at standstill, is left out, as in the linear model.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array, ReadOnly
+from armdesign.control.controller import Controller, closed_loop
+from armdesign.control.damping import controllable
+from armdesign.control.loop_plant import LoopPlant, loop_plant
+from armdesign.errors import SimulationError
+from armdesign.machine.machine import Machine
+from armdesign.simulation.excitation import SymmetricValve
+from armdesign.simulation.integrator import Breaks, GaveUpError, Pace, Span, integrate
+from armdesign.simulation.linearization import without_dry_friction
+from armdesign.simulation.plant.equilibrium import find_equilibrium
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.springs import settled
+
+SWING = 0.02  # [bar] of the load pressures in the mode at the start: valves are linear so far
+LEAST_PERIODS, MOST_PERIODS = 1.5, 12.0  # of the run, which ends when the swing has changed
+CHANGE = 30.0  # by this factor
+RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
+TOLERANCE = 1e-10
+SMALL = 1e-6  # opening
+CREEP = 1e-3  # [ω_1] what swings slower is drift
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosedLoopRun(ReadOnly):
+    """A mode of a closed loop in the nonlinear plant.
+
+    Attributes:
+        time: (n,) [s].
+        amplitude: modal coordinate over that at the start (n,), complex.
+        pole: of the linear closed loop [rad/s].
+    """
+
+    time: Array
+    amplitude: Array
+    pole: complex
+
+    @cached_property
+    def nonlinear_pole(self) -> complex:
+        """λ of A e^{λt} + B + C t, fitted to the modal coordinate [rad/s].
+
+        The line is the drift of pressures that valves open to one side leave behind.
+        """
+        from scipy.optimize import least_squares
+
+        def residual(x: Array) -> Array:
+            swing = np.exp((x[0] + 1j * x[1]) * self.time)
+            basis = np.stack([swing, np.ones_like(swing), self.time + 0j], axis=1)
+            terms = np.linalg.lstsq(basis, self.amplitude, rcond=None)[0]
+            return (self.amplitude - basis @ terms).view(float)
+
+        return complex(*least_squares(residual, [self.pole.real, self.pole.imag]).x)
+
+    @property
+    def damping_ratios(self) -> tuple[float, float]:
+        """Of the nonlinear run, and of the linear loop."""
+        poles = self.nonlinear_pole, self.pole
+        first, second = (-pole.real / abs(pole) for pole in poles)
+        return first, second
+
+
+@dataclass(frozen=True, eq=False)
+class _ControlledArm:
+    """The nonlinear plant of one machine with its controller; states of high-passes after its own.
+
+    Moment arms in the controller are those of the pose, as swings are small.
+    """
+
+    plant: Plant
+    loops: LoopPlant
+    controller: Controller
+    valves: list[SymmetricValve]
+    target: Array  # joint positions (nq,)
+    rest: Array  # state of the plant and of the filters at rest (size + nc,)
+
+    @cached_property
+    def opening(self) -> Array:
+        """Openings of the valves at rest (nc,)."""
+        spools = self.plant.split(self.rest[: self.plant.size])[4]
+        pairs = zip(self.valves, spools, strict=True)
+        return np.array([float(valve.opening(spool)) for valve, spool in pairs])
+
+    @property
+    def speeds(self) -> Array:
+        """Piston speed by opening (nc,) [m/s]."""
+        return np.array([valve.speed for valve in self.valves])
+
+    def spools(self, speed: Array) -> Array:
+        """Spool positions (n, nc) for demanded piston speeds (n, nc) [m/s]."""
+        opened = self.opening + speed / self.speeds
+        pairs = [zip(self.valves, row, strict=True) for row in opened]
+        return np.array([[valve.spool(share) for valve, share in row] for row in pairs])
+
+    def from_linear(self, swing: Array) -> Array:
+        """States (size + nc,) of a small swing of the linear closed loop (m,)."""
+        nc, size = self.plant.nc, self.plant.size
+        ns = size - 2 * nc
+        speed, rate = swing[ns : ns + nc], swing[ns + nc : ns + 2 * nc]
+        spools, slope = self.spools(speed[None])[0], self._slope(speed)
+        state = self.rest.copy()
+        state[:ns] += swing[:ns]
+        state[ns:size] = np.concatenate([spools, rate * slope])
+        state[size:] += swing[-nc:]
+        return state
+
+    def to_linear(self, states: Array) -> Array:
+        """States (n, m) of the linear closed loop from small swings (n, size + nc)."""
+        nc, size = self.plant.nc, self.plant.size
+        ns, away = size - 2 * nc, states - self.rest
+        opened = np.array(
+            [
+                valve.opening(x)
+                for valve, x in zip(self.valves, states[:, ns : -2 * nc].T, strict=True)
+            ]
+        )
+        speed = (opened.T - self.opening) * self.speeds
+        slopes = np.array([self._slope(row) for row in speed])
+        parts = [away[:, :ns], speed, states[:, ns + nc : size] / slopes, away[:, size:]]
+        return np.concatenate(parts, axis=1)
+
+    def _slope(self, speed: Array) -> Array:
+        """Spool position by piston speed on the side to which the pistons move (nc,) [s/m]."""
+        step = np.where(speed >= 0, SMALL, -SMALL) * self.speeds
+        return (self.spools(step[None]) - self.spools(0 * step[None]))[0] / step
+
+    def picked(self, cases: object) -> _ControlledArm:
+        """The same: all cases are alike."""
+        return self
+
+    def rates(self, time: Array, state: Array) -> Array:
+        """Rates (n, size + nc) of the plant's states and of the filters'."""
+        size, nq = self.plant.size, len(self.target)
+        pressures = (state[:, : size - 2 * self.plant.nc] @ self.loops.load.T) - state[:, size:]
+        asked = (self.target - state[:, :nq]) * self.controller.position
+        speed = asked @ self.loops.moment_arms[0].T - self.controller.pressure * pressures
+        command = self.spools(speed)
+        evaluated = self.plant.evaluate(state[:, :size], command)
+        return np.hstack([evaluated.rates, self.controller.corner[:, None] * pressures])
+
+
+def closed_loop_run(
+    machine: Machine, q: ArrayLike, controller: Controller, *, least_damped: bool = True
+) -> ClosedLoopRun:
+    """A small swing of the nonlinear plant in the least damped mode of its closed loops.
+
+    Args:
+        machine: with its load case at work; its own damping counts.
+        q: the pose (nq,) [rad, m].
+        controller: of this one pose, with high-passes.
+        least_damped: whether the mode with the smallest damping ratio swings, else the slowest.
+
+    Raises:
+        SimulationError: the closed loops do not swing, or the integration gives up.
+    """
+    loops = loop_plant(machine, machine.at(q))
+    pole, right, left = _mode(machine, loops, controller, least_damped)
+    arm = _arm(machine, q, loops, controller)
+    scale = SWING / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
+    start = arm.from_linear((right * scale).real)
+    cycle = 2 * math.pi / pole.imag
+    decays = math.log(CHANGE) / max(abs(pole.real) * cycle, 1e-9)
+    periods = min(max(decays, LEAST_PERIODS), MOST_PERIODS)
+    duration = periods * cycle
+    fastest = max(abs(pole), loops.valve_omega.max(), 2 * math.pi * loops.frequencies.max())
+    pace = Pace(np.array([fastest]), np.array([fastest]))
+    span = Span.of([duration], [RATE * periods / duration])
+    run = integrate(arm, start[None], span, pace, [Breaks((), True)], TOLERANCE, MOST_STEPS)[0]
+    if isinstance(run, GaveUpError):
+        fault = f"gave up at {run.time:.4g} s ({run})"
+        raise SimulationError(f"{machine.name}: closed loops", fault, "give smaller gains")
+    amplitude = arm.to_linear(run) @ left
+    time = np.linspace(0.0, duration, len(run))
+    return ClosedLoopRun(time=time, amplitude=amplitude / amplitude[0], pole=pole)
+
+
+def _arm(
+    machine: Machine, q: ArrayLike, loops: LoopPlant, controller: Controller
+) -> _ControlledArm:
+    """The arm at rest at a pose, with its filters settled."""
+    plant = Plant(without_dry_friction(settled(controllable(machine, stated=False), q)))
+    start = find_equilibrium(plant, q).state
+    load = loops.load @ start[: plant.size - 2 * plant.nc]
+    target = np.asarray(q, dtype=float).reshape(-1)
+    valves = SymmetricValve.all(plant, start)
+    return _ControlledArm(plant, loops, controller, valves, target, np.concatenate([start, load]))
+
+
+def _mode(
+    machine: Machine, loops: LoopPlant, controller: Controller, least_damped: bool
+) -> tuple[complex, Array, Array]:
+    """A swinging pole of the linear closed loop, its right and left eigenvector (m,)."""
+    poles, right = np.linalg.eig(closed_loop(loops, controller)[0][0])
+    swings = np.flatnonzero(poles.imag > CREEP * loops.omega[0])
+    if len(swings) == 0:
+        fault, remedy = "no mode swings: all are overdamped", "give smaller pressure gains"
+        raise SimulationError(f"{machine.name}: closed loops", fault, remedy)
+    ratio, size = -poles[swings].real / np.abs(poles[swings]), np.abs(poles[swings])
+    chosen = swings[(ratio if least_damped else size).argmin()]
+    left = np.linalg.inv(right)[chosen]
+    return complex(poles[chosen]), right[:, chosen], left

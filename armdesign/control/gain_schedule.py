@@ -1,0 +1,109 @@
+"""Gain schedules: gains between the poses of a bandwidth map, for a controller that follows q."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.control.bandwidth_map import BandwidthMap
+from armdesign.control.controller import Controller
+from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.machine import Machine
+from armdesign.machine.poses import joint_positions
+
+MOST = 4  # joints between which gains are linear; beyond, those of the nearest pose
+
+
+@dataclass(frozen=True, eq=False)
+class GainSchedule:
+    """Gains of their own for each loop at any pose; call it with q.
+
+    Attributes:
+        machine: the machine.
+        poses: at which gains are known (n, nq) [rad, m].
+        gains: there (n, nq + nc + 1): position gains [1/s], pressure gains [m/s/bar], corner of
+            the filters [rad/s].
+        of: gains (m, nq + nc + 1) at positions (m, nq) of joints.
+        map: the map from which they come.
+    """
+
+    machine: Machine
+    poses: Array
+    gains: Array
+    of: Callable[[Array], Array]
+    map: BandwidthMap
+
+    def __call__(self, q: ArrayLike) -> Controller:
+        """The controllers at poses q (n, nq): linear between the map's poses.
+
+        Beyond them the gains of the nearest pose.
+
+        Raises:
+            PoseError: they are no joint positions.
+        """
+        gains, nq = self.of(joint_positions(self.machine, q)), len(self.machine.joints)
+        return Controller(
+            position=gains[:, :nq],
+            pressure=gains[:, nq:-1],
+            corner=gains[:, -1],
+            filter=self.map.options.filter,
+        )
+
+
+def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainSchedule:
+    """The gains of a bandwidth map, interpolated over the joints.
+
+    Args:
+        bandwidths: the map.
+        payload: the load case whose gains are taken; None: at each pose those of the load case
+            with the smallest position gains.
+
+    Raises:
+        ArmDesignError: no such load case, or no pose at which it can be controlled.
+    """
+    machine, table = bandwidths.machine, bandwidths.schedule
+    cases = list(dict.fromkeys(bandwidths.frame["payload"]))
+    if payload is not None:
+        if payload not in cases:
+            fault = "is no load case of the map"
+            raise ArmDesignError(f"payload {payload}", fault, choose(payload, cases))
+        table = table[table["payload"] == payload]
+    names = [f"{joint}_gain_per_s" for joint in machine.joints]
+    names += [f"{one.name}_pressure_gain_m_per_s_bar" for one in machine.actuators]
+    table = table[table[names[0]] > 0]
+    if table.empty:
+        fault = "no gains keep the margin at any pose"
+        raise ArmDesignError(f"{machine.name}: gains", fault, "ask for a smaller margin")
+    least = table[names[: len(machine.joints)]].min(axis=1)
+    keys = [table[joint].round(9) for joint in machine.joints]
+    table = table.loc[least.groupby(keys).idxmin().to_numpy()]
+    poses, gains = table[list(machine.joints)].to_numpy(), table[[*names, "corner_rad_per_s"]]
+    moving = [j for j in range(len(machine.joints)) if np.ptp(poses[:, j]) > 0]
+    of = _interpolated(poses[:, moving], gains.to_numpy(), moving)
+    return GainSchedule(machine, poses, gains.to_numpy(), of, bandwidths)
+
+
+def _interpolated(poses: Array, gains: Array, moving: list[int]) -> Callable[[Array], Array]:
+    """Gains (m, …) as a function of poses (m, nq), of which the ``moving`` joints count."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+    if len(moving) == 0:
+        return lambda q: np.tile(gains[:1], (len(q), 1))
+    if len(moving) == 1:
+        order = poses[:, 0].argsort()
+        at, known = poses[order, 0], gains[order].T
+        return lambda q: np.stack([np.interp(q[:, moving[0]], at, one) for one in known], axis=1)
+    nearest = NearestNDInterpolator(poses, gains, rescale=True)
+    if len(moving) > MOST or len(poses) <= 2 ** len(moving):
+        return lambda q: np.asarray(nearest(q[:, moving]))
+    linear = LinearNDInterpolator(poses, gains, rescale=True)
+
+    def both(q: Array) -> Array:
+        between = linear(q[:, moving])
+        return np.where(np.isfinite(between), between, nearest(q[:, moving]))
+
+    return both

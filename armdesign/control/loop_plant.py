@@ -1,0 +1,229 @@
+"""What the loops act on: the arm, from demanded piston speeds to positions and load pressures.
+
+A controller demands a speed v_i of each piston; the static gain of its valve at rest (piston speed
+by spool position at constant force) makes a spool command of it. An extending and a retracting
+piston have gains of their own, which a controller knows, so that in demanded speeds the valve is
+the same on both sides. Between demand and valve lie the spool's dynamics and, if stated, a delay:
+of the controller, the bus, the pilot stage.
+
+The load pressure is p_L = (A1 p1 − A2 p2)/A1, the force over the bore.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.control.damping import checked_damping, controllable, modal_damping, refuse_undamped
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.modes import natural_modes
+from armdesign.hydraulics.actuator import areas_of
+from armdesign.machine.machine import Machine
+from armdesign.machine.poses import Poses
+from armdesign.simulation.damped_modes import NEGLIGIBLE
+from armdesign.simulation.linearization import linear_models
+from armdesign.simulation.plant.hydraulics import actuators_of
+from armdesign.units import bar
+
+INDEPENDENT = 1e9  # condition of eigenvectors that lose no more than half of the digits
+AT_ONCE = 30_000  # frequencies, of all poses: their matrices stay below 100 MB
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopPlant(ReadOnly):
+    """The plant of the loops at n poses of a machine with nq joints and nc actuators.
+
+    States: positions and speeds of joints and springs, chamber pressures [bar], line pressure.
+
+    Attributes:
+        q: joint positions (n, nq) [rad, m].
+        A: (n, ns, ns).
+        B: by the speeds of the pistons that the openings of the valves stand for (n, ns, nc).
+        load: to the load pressures [bar] (nc, ns).
+        moment_arms: R (n, nc, nq) [m/rad].
+        oil_stiffness: of each actuator with compliance (n, nc) [N/m].
+        areas: bore areas (nc,) [m²].
+        speed_gains: piston speed by spool position at rest, mean of both sides (n, nc) [m/s].
+        frequencies: of the modes, ascending (n, k) [Hz].
+        damping: damping ratios of the modes (n, k).
+        valve_omega: natural frequencies of the spools (nc,) [rad/s].
+        valve_damping: their damping ratios (nc,).
+        delay: between demand and spool [s].
+    """
+
+    q: Array
+    A: Array
+    B: Array
+    load: Array
+    moment_arms: Array
+    oil_stiffness: Array
+    areas: Array
+    speed_gains: Array
+    frequencies: Array
+    damping: Array
+    valve_omega: Array
+    valve_damping: Array
+    delay: float
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, rows: slice | Array) -> LoopPlant:
+        """The plants of some of the poses (slice, mask or indices)."""
+        shared = {"load", "areas", "valve_omega", "valve_damping", "delay"}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        picked = {name: value[rows] for name, value in values.items() if name not in shared}
+        return LoopPlant(**{**values, **picked})
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return self.q.shape[1]
+
+    @cached_property
+    def omega(self) -> Array:
+        """Lowest natural frequency (n,) [rad/s]."""
+        return np.asarray(2 * math.pi * self.frequencies[:, 0])
+
+    def valve(self, s: Array) -> Array:
+        """Response of spool and delay (…, nc) at complex frequencies s (…) [rad/s]."""
+        omega, s = self.valve_omega, np.asarray(s)[..., None]
+        lag = omega**2 / (s**2 + 2 * self.valve_damping * omega * s + omega**2)
+        return np.asarray(lag * np.exp(-self.delay * s))
+
+    @cached_property
+    def _modal(self) -> tuple[Array, Array, Array]:
+        """Poles (n, ns), outputs by modal states (n, nq + nc, ns), these by v (n, ns, nc)."""
+        poles, shapes = np.linalg.eig(self.A)
+        shapes[self._defective] = np.eye(self.A.shape[1])
+        return poles, self._outputs @ shapes, np.linalg.solve(shapes, self.B.astype(complex))
+
+    @cached_property
+    def _defective(self) -> Flags:
+        """Poses whose A has hardly independent eigenvectors (n,)."""
+        return np.asarray(np.linalg.cond(np.linalg.eig(self.A)[1]) > INDEPENDENT)
+
+    @property
+    def _outputs(self) -> Array:
+        """Joint positions and load pressures by states (nq + nc, ns)."""
+        return np.concatenate([np.eye(self.joints, self.A.shape[1]), self.load])
+
+    def response(self, omega: Array) -> tuple[Array, Array]:
+        """Joint positions (n, f, nq, nc) and load pressures [bar] (n, f, nc, nc) by demands.
+
+        Args:
+            omega: frequencies of each pose (n, f) [rad/s].
+        """
+        (n, f), (poles, outputs, inputs) = omega.shape, self._modal
+        answers = np.empty((n, f, outputs.shape[1], inputs.shape[2]), complex)
+        step = max(AT_ONCE // f, 1)
+        for begin in range(0, n, step):
+            rows = slice(begin, begin + step)
+            swings = 1 / (1j * omega[rows, :, None] - poles[rows, None])
+            answers[rows] = (outputs[rows, None] * swings[:, :, None]) @ inputs[rows, None]
+        for pose in np.flatnonzero(self._defective):
+            matrix = 1j * omega[pose, :, None, None] * np.eye(self.A.shape[1]) - self.A[pose]
+            answers[pose] = self._outputs @ np.linalg.solve(matrix, self.B[pose].astype(complex))
+        answers *= self.valve(1j * omega)[:, :, None]
+        return answers[:, :, : self.joints], answers[:, :, self.joints :]
+
+
+def loop_plant(
+    machine: Machine, poses: Poses, damping: float | None = None, delay: float = 0.0
+) -> LoopPlant:
+    """The plant of the loops at poses at which the machine can work, see ``workable``.
+
+    Args:
+        machine: with its load case at work.
+        poses: of it.
+        damping: ratio of all modes in place of the file's damping; None: the file's.
+        delay: between demand and spool [s].
+
+    Raises:
+        ArmDesignError: a mode is not damped, or a delay or damping ratio cannot be.
+        SimulationError: an actuator has no valve.
+    """
+    ratio = checked_damping(damping)
+    if not 0 <= delay < math.inf:
+        raise ArmDesignError("delay", f"{delay:g} s is not allowed", "give seconds, 0 or more")
+    matrices = _linear_models(controllable(machine, ratio is not None), poses.q)
+    modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)
+    rows, areas = slice(k, 2 * k), areas_of(machine.actuators)
+    A = np.array(matrices[:, : -2 * nc, : -2 * nc])
+    if ratio is not None:
+        A[:, rows, rows] -= modal_damping(poses, modes, ratio)
+        frequencies, ratios = modes.frequencies, np.full(modes.frequencies.shape, ratio)
+    else:
+        poles = _oscillating(A, k)
+        frequencies, ratios = np.abs(poles) / (2 * math.pi), -poles.real / np.abs(poles)
+        refuse_undamped(machine, ratios, poses.q)
+    load = _load_pressures(areas, A.shape[1], 2 * k)
+    force = load * areas[:, :1] * bar
+    opened = matrices[:, : -2 * nc, -2 * nc : -nc]
+    arms = poses.moment_arms
+    # Ḟ = f x − k ℓ̇: at constant force the piston moves with f/k for each unit of the spool.
+    against = -((force @ A)[:, :, rows] * arms).sum(axis=2) / (arms**2).sum(axis=2)
+    gains = np.einsum("cs,nsc->nc", force, opened) / against
+    valves = [actuator.valve for actuator in machine.actuators if actuator.valve]
+    return LoopPlant(
+        q=poses.q,
+        A=A,
+        B=opened / gains[:, None],
+        load=load,
+        moment_arms=arms[:, :, : poses.q.shape[1]],
+        oil_stiffness=against,
+        areas=areas[:, 0],
+        speed_gains=gains,
+        frequencies=frequencies,
+        damping=ratios,
+        valve_omega=2 * math.pi * np.array([valve.natural_frequency for valve in valves]),
+        valve_damping=np.array([valve.damping_ratio for valve in valves]),
+        delay=float(delay),
+    )
+
+
+def workable(machine: Machine, poses: Poses) -> Flags:
+    """Whether a controller can work at each pose (n,): stable, and held below supply and reliefs.
+
+    Raises:
+        SimulationError: an actuator has no valve.
+    """
+    actuators_of(machine)
+    works = natural_modes(poses).frequencies[:, 0] > 0
+    for actuator, force in zip(machine.actuators, poses.cylinder_forces.T, strict=True):
+        pressures = np.max(actuator.static_pressures(force, machine.supply), axis=0)
+        works &= pressures < min(machine.supply.pressure, actuator.relief(machine.supply))
+    return np.asarray(works)
+
+
+def _linear_models(machine: Machine, q: Array) -> Array:
+    """State matrices (n, ns, ns) with pressures in bar; spools and their speeds come last."""
+    models = linear_models(machine, q)
+    unit = np.array([bar if "pressure" in name else 1.0 for name in models.states])
+    return np.asarray(models.A * unit / unit[:, None])
+
+
+def _oscillating(A: Array, count: int) -> Array:
+    """The ``count`` fastest oscillating poles of each pose (n, count), slow ones first [rad/s].
+
+    In place of a pair that is overdamped stands a real pole.
+    """
+    poles: Array = np.linalg.eigvals(A)
+    size = np.abs(poles)
+    swings = (poles.imag > 0) & (size > NEGLIGIBLE * size.max(axis=1, keepdims=True))
+    order = np.argsort(np.where(swings, size, -1.0 / (1 + size)), axis=1)[:, -count:]
+    poles = np.take_along_axis(poles, order, axis=1)
+    return np.take_along_axis(poles, np.argsort(np.abs(poles), axis=1), axis=1)
+
+
+def _load_pressures(areas: Array, size: int, first: int) -> Array:
+    """Rows p1 − (A2/A1) p2 (nc, size) of states whose pressures begin at ``first``."""
+    nc = len(areas)
+    rows, each = np.zeros((nc, size)), np.arange(nc)
+    rows[each, first + each] = 1.0
+    rows[each, first + nc + each] = -areas[:, 1] / areas[:, 0]
+    return rows

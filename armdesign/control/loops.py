@@ -1,0 +1,261 @@
+"""Loops in the frequency domain: margins and responses of all controllers at once, compiled.
+
+The loops are opened at two places, and margins hold at both: at the commands of the valves,
+through which all that a controller asks for passes, and at the position errors, with the pressure
+feedback closed:
+
+    L_c = R K P + c H Y,     L_p = P (I + c H Y)⁻¹ R K
+
+with P joint positions and Y load pressures by demanded piston speeds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.control.controller import Controller
+from armdesign.control.loop_plant import LoopPlant
+from armdesign.control.margins import balanced_norm, invert
+from armdesign.simulation.plant.compiled import compiled
+
+HALF = math.sqrt(0.5)  # −3 dB
+# Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
+COARSE, FINE = (8, 42, 7), (12, 70, 11)
+ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
+
+
+@dataclass(frozen=True, eq=False)
+class Loops(ReadOnly):
+    """Responses of the plants of n poses on frequency grids of their own; see the module.
+
+    Attributes:
+        omega: frequencies, ascending (n, f) [rad/s].
+        positions: P (n, f, nq, nc).
+        pressures: Y (n, f, nc, nc) [bar].
+        moment_arms: R (n, nc, nq).
+    """
+
+    omega: Array
+    positions: Array
+    pressures: Array
+    moment_arms: Array
+
+    def __getitem__(self, rows: slice | Array) -> Loops:
+        """The loops of some of the poses (slice, mask or indices)."""
+        return Loops(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @classmethod
+    def of(
+        cls, plant: LoopPlant, counts: tuple[int, int, int] = COARSE, poles: Array | None = None
+    ) -> Loops:
+        """The loops of plants, with frequencies on and about all modes.
+
+        Args:
+            plant: of n poses.
+            counts: frequencies below the modes, among them, and about each one.
+            poles: of closed loops (n, m) [rad/s]: at those that ring most are frequencies too.
+        """
+        below, among, near = counts
+        omega, ratio = 2 * math.pi * plant.frequencies, plant.damping
+        low = np.minimum(0.03, 0.3 * ratio[:, 0]) * omega[:, 0]
+        high = 3 * np.maximum(omega[:, -1], 0.5 * plant.valve_omega.max())
+        middle = 0.4 * omega[:, 0]
+        scales = [
+            np.geomspace(low, middle, below, endpoint=False, axis=1),
+            np.geomspace(middle, high, among, axis=1),
+        ]
+        even = np.linspace(-1, 1, near)
+        steps = ABOUT * even * np.abs(even)  # closest together at the peak
+        width = np.minimum(ratio, 0.9 / ABOUT)
+        about = omega[:, :, None] * (1 + width[:, :, None] * steps)
+        parts = [*scales, about.reshape(len(plant), -1)]
+        if poles is not None:
+            ratio = -poles.real / (np.abs(poles) + 1e-9 * low[:, None])
+            rows = np.argsort(ratio, axis=1)[:, : 4 * omega.shape[1] : 2]  # one of each pair
+            peaks, wide = (np.take_along_axis(of, rows, axis=1) for of in (np.abs(poles), ratio))
+            wide = np.clip(np.abs(wide), 0.0, 0.5)[:, :, None] * np.linspace(-1.5, 1.5, 7)
+            peaks = (peaks[:, :, None] * (1 + wide)).reshape(len(plant), -1)
+            parts.append(np.clip(peaks, low[:, None], high[:, None]))
+        grid = np.sort(np.concatenate(parts, axis=1), axis=1)
+        return cls(grid, *plant.response(grid), plant.moment_arms)
+
+    def holds(self, controller: Controller, margin: float, rows: Array) -> Flags:
+        """Whether all loops together keep a balanced disk margin at some of the poses (m,).
+
+        Args:
+            controller: of all poses.
+            margin: the balanced disk margin α.
+            rows: indices of the poses (m,).
+        """
+        keeps = np.empty(len(rows), dtype=bool)
+        _write_holds(self._args(controller), 1 / margin, rows, self._worst, keeps)
+        return keeps
+
+    @cached_property
+    def _worst(self) -> Array:
+        """The frequency of each pose that missed a margin last (n,): looked at first."""
+        return np.zeros(len(self.omega), dtype=int)
+
+    def figures(self, controller: Controller) -> LoopFigures:
+        """Margins, bandwidths and peaks of the closed loops; 0 at poses without gains."""
+        n, nq = len(self.omega), self.positions.shape[2]
+        shapes = n, n, (n, nq), (n, nq), (n, nq), n
+        figures = LoopFigures._make(np.zeros(shape) for shape in shapes)
+        _write_figures(self._args(controller), self.omega, figures)
+        closed = controller.position.all(axis=1)
+        return LoopFigures(*((values.T * closed).T for values in figures))
+
+    def _args(self, controller: Controller) -> _Arguments:
+        return _Arguments(
+            self.positions,
+            self.pressures,
+            self.moment_arms,
+            np.ascontiguousarray(controller.position, dtype=float),
+            np.ascontiguousarray(controller.pressure, dtype=float),
+            controller.filtered(self.omega),
+        )
+
+
+class LoopFigures(NamedTuple):
+    """Figures of closed loops at n poses."""
+
+    command_margin: Array  # balanced disk margin at the commands of all valves (n,)
+    position_margin: Array  # at all position errors (n,)
+    loop_margins: Array  # of each position loop with the others closed (n, nq)
+    bandwidth: Array  # of each loop, up to −3 dB (n, nq) [rad/s]
+    command_bandwidth: Array  # the same of the command's response with feed-forward (n, nq)
+    peak: Array  # of the sensitivity S of all loops (n,)
+
+    def where(self, flags: Flags, other: LoopFigures) -> LoopFigures:
+        """These figures at flagged poses (n,), at the rest those of other controllers."""
+        pairs = zip(self, other, strict=True)
+        return LoopFigures(*(np.where(flags, one.T, two.T).T for one, two in pairs))
+
+    @property
+    def narrowest(self) -> Array:
+        """Bandwidth of the narrowest loop (n,) [rad/s]."""
+        return np.asarray(self.bandwidth.min(axis=1))
+
+    @property
+    def margin(self) -> Array:
+        """Balanced disk margin of all loops together (n,)."""
+        return np.minimum(self.command_margin, self.position_margin)
+
+
+class _Arguments(NamedTuple):
+    positions: Array
+    pressures: Array
+    arms: Array
+    gains: Array  # K (n, nq)
+    pressure_gains: Array  # c (n, nc)
+    filters: Array  # H (n, f)
+
+
+@compiled
+def _close(
+    loops: _Arguments, pose: int, f: int, command: Array, inner: Array, position: Array
+) -> None:
+    """Write I + L_c, (I + cHY)⁻¹ and P (I + cHY)⁻¹ R of a pose at its frequency f."""
+    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
+    P, Y, R = loops.positions[pose, f], loops.pressures[pose, f], loops.arms[pose]
+    H, c, K = loops.filters[pose, f], loops.pressure_gains[pose], loops.gains[pose]
+    for i in range(nc):
+        for j in range(nc):
+            back = c[i] * H * Y[i, j]
+            inner[i, j] = back + (1.0 if i == j else 0.0)
+            command[i, j] = inner[i, j]
+            for k in range(nq):
+                command[i, j] += R[i, k] * K[k] * P[k, j]
+    damped = np.empty_like(inner)
+    invert(inner, damped)
+    for i in range(nq):
+        position[i] = 0.0
+        for m in range(nc):
+            total = 0j
+            for k in range(nc):
+                total += P[i, k] * damped[k, m]
+            for j in range(nq):
+                position[i, j] += total * R[m, j]
+
+
+@compiled
+def _write_holds(loops: _Arguments, limit: float, rows: Array, worst: Array, keeps: Flags) -> None:
+    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
+    command, inner = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
+    plant, opened = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
+    S_c, S = np.empty_like(command), np.empty_like(plant)
+    for row in range(len(rows)):
+        keeps[row] = True
+        first = worst[rows[row]]
+        for turn in range(loops.positions.shape[1]):
+            f = first if turn == 0 else turn - 1 if turn <= first else turn
+            _close(loops, rows[row], f, command, inner, plant)
+            _sensitivities(loops.gains[rows[row]], command, plant, opened, S_c, S)
+            for i in range(nc):
+                S_c[i, i] -= 0.5
+            for i in range(nq):
+                S[i, i] -= 0.5
+            if balanced_norm(S_c, limit) > limit or balanced_norm(S, limit) > limit:
+                keeps[row], worst[rows[row]] = False, f
+                break
+
+
+@compiled
+def _sensitivities(
+    gains: Array, command: Array, plant: Array, opened: Array, S_c: Array, S: Array
+) -> None:
+    """Write (I + L_c)⁻¹ and (I + L_p)⁻¹ of position gains (nq,); ``opened`` is room."""
+    for i in range(len(gains)):
+        for j in range(len(gains)):
+            opened[i, j] = plant[i, j] * gains[j] + (1.0 if i == j else 0.0)
+    invert(command, S_c)
+    invert(opened, S)
+
+
+@compiled
+def _write_figures(loops: _Arguments, omega: Array, figures: LoopFigures) -> None:
+    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
+    command, inner = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
+    plant, opened = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
+    S_c, S = np.empty_like(command), np.empty_like(plant)
+    for pose in range(len(omega)):
+        last, last_command, floor = np.ones(nq), np.ones(nq), np.zeros(2)
+        figures.bandwidth[pose], figures.command_bandwidth[pose] = 0.0, 0.0
+        figures.loop_margins[pose] = np.inf
+        for f in range(omega.shape[1]):
+            _close(loops, pose, f, command, inner, plant)
+            _sensitivities(loops.gains[pose], command, plant, opened, S_c, S)
+            for i in range(nc):
+                S_c[i, i] -= 0.5
+            figures.peak[pose] = balanced_norm(S, figures.peak[pose])
+            for i in range(nq):
+                track = 0j
+                for j in range(nq):
+                    track += S[i, j] * plant[j, i]
+                track *= loops.gains[pose, i] + 1j * omega[pose, f]
+                before = omega[pose, max(f - 1, 0)], omega[pose, f]
+                for size, sizes, widths in (
+                    (abs(1 - S[i, i]), last, figures.bandwidth[pose]),
+                    (abs(track), last_command, figures.command_bandwidth[pose]),
+                ):
+                    if widths[i] == 0.0 and size < HALF:
+                        share = math.log(sizes[i] / HALF) / math.log(sizes[i] / size)
+                        widths[i] = before[0] * (before[1] / before[0]) ** share
+                    sizes[i] = size
+                both = abs(S[i, i] - 0.5)
+                figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
+            for i in range(nq):
+                S[i, i] -= 0.5
+            floor[0] = balanced_norm(S_c, floor[0])
+            floor[1] = balanced_norm(S, floor[1])
+        figures.command_margin[pose], figures.position_margin[pose] = 1 / floor[0], 1 / floor[1]
+        for i in range(nq):
+            for widths in (figures.bandwidth[pose], figures.command_bandwidth[pose]):
+                if widths[i] == 0.0:
+                    widths[i] = omega[pose, -1]

@@ -1,0 +1,137 @@
+"""Disk margins of loops that are closed together.
+
+With the loop L(jω), S = (I + L)⁻¹ and T = I − S, the balanced disk margin is
+
+    α = 1 / max_ω μ(½(S − T)),   μ(X) = min_D σ_max(D X D⁻¹), D diagonal,
+
+as ``control.disk_margins`` has it (there by slycot). All loops together may then change at once by
+gains up to (2 + α)/(2 − α) or phases up to 2 arctan(α/2), each by its own (Seiler, Packard,
+Gahinet 2020); without D the number would depend on the units of the loops. D is Osborne's
+balancing (1960): exact for two loops and where one mode rings, else a few percent on the safe
+side.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError
+from armdesign.simulation.plant.compiled import compiled
+from armdesign.units import deg
+
+SWEEPS = 4  # of the balancing
+GAIN_MARGIN_DB, PHASE_MARGIN = 6.0, 45 * deg  # customary
+
+
+def disk_margin_for(gain_db: float, phase: float) -> float:
+    """The balanced disk margin that keeps a gain margin [dB] and a phase margin [rad].
+
+    Raises:
+        ArmDesignError: no disk does.
+    """
+    if not 0 < gain_db < math.inf:
+        raise ArmDesignError("gain margin", f"{gain_db:g} dB", "give more than 0 dB, as 6")
+    if not 0 < phase < math.pi / 2:
+        fault = f"{phase / deg:g} deg is not between 0 and 90 deg"
+        raise ArmDesignError("phase margin", fault, "give one as 45 deg")
+    factor = 10 ** (gain_db / 20)
+    return max(2 * (factor - 1) / (factor + 1), 2 * math.tan(phase / 2))
+
+
+def gain_margin_db(margin: Array | float) -> Array:
+    """Gain margin [dB] in all loops at once that a balanced disk margin α guarantees."""
+    bounded = np.minimum(margin, 2 - 1e-12)
+    return np.asarray(20 * np.log10((2 + bounded) / (2 - bounded)))
+
+
+def phase_margin(margin: Array | float) -> Array:
+    """Phase margin [rad] in all loops at once that a balanced disk margin α guarantees."""
+    return np.asarray(2 * np.arctan(np.asarray(margin) / 2))
+
+
+def disk_margin(loop: Array) -> Array:
+    """Balanced disk margins (…,) of loops L (…, f, m, m) on grids of f frequencies."""
+    size = loop.shape[-1]
+    both = np.linalg.inv(np.eye(size) + loop) - np.eye(size) / 2
+    return np.asarray(1 / structured_norm(both).max(axis=-1))
+
+
+def structured_norm(matrices: Array) -> Array:
+    """μ(X) (…,) of complex matrices (…, m, m)."""
+    flat = np.ascontiguousarray(matrices, dtype=complex).reshape(-1, *matrices.shape[-2:])
+    return _norms(flat).reshape(matrices.shape[:-2])
+
+
+@compiled
+def _norms(matrices: Array) -> Array:
+    values = np.empty(len(matrices))
+    for i in range(len(matrices)):
+        values[i] = balanced_norm(matrices[i], 0.0)
+    return values
+
+
+@compiled
+def balanced_norm(matrix: Array, floor: float) -> float:
+    """μ(X) of one matrix, or ``floor`` where that is larger."""
+    m = len(matrix)
+    squares, scale = np.empty((m, m)), np.ones(m)
+    for i in range(m):
+        for j in range(m):
+            squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+    if squares.sum() <= floor * floor:  # μ ≤ σ_max ≤ Frobenius norm
+        return floor
+    for _ in range(SWEEPS if m > 1 else 0):
+        for i in range(m):
+            row, column = 1e-300, 1e-300
+            for j in range(m):
+                if j != i:
+                    row += squares[i, j] / scale[j]
+                    column += squares[j, i] * scale[j]
+            scale[i] = math.sqrt(column / row)  # scale: squares of D, where row × d = column / d
+    total = 0.0
+    for i in range(m):
+        for j in range(m):
+            total += squares[i, j] * scale[i] / scale[j]
+    if total <= floor * floor:
+        return floor
+    scaled = np.empty((m, m), np.complex128)
+    for i in range(m):
+        for j in range(m):
+            scaled[i, j] = matrix[i, j] * math.sqrt(scale[i] / scale[j])
+    return max(math.sqrt(np.linalg.eigvalsh(scaled @ scaled.conj().T)[-1]), floor)
+
+
+@compiled
+def size(number: complex) -> float:
+    """|Re| + |Im|, which is fast."""
+    return abs(number.real) + abs(number.imag)
+
+
+@compiled
+def invert(matrix: Array, inverse: Array) -> None:
+    """Write the inverse of a small complex matrix (m, m), which is spoilt; by Gauss and Jordan."""
+    m = len(matrix)
+    for i in range(m):
+        for j in range(m):
+            inverse[i, j] = 1.0 if i == j else 0.0
+    for i in range(m):
+        pivot = i
+        for j in range(i + 1, m):
+            if size(matrix[j, i]) > size(matrix[pivot, i]):
+                pivot = j
+        for j in range(m):
+            matrix[i, j], matrix[pivot, j] = matrix[pivot, j], matrix[i, j]
+            inverse[i, j], inverse[pivot, j] = inverse[pivot, j], inverse[i, j]
+        over = 1.0 / matrix[i, i]
+        for j in range(m):
+            matrix[i, j] *= over
+            inverse[i, j] *= over
+        for row in range(m):
+            if row != i:
+                factor = matrix[row, i]
+                for j in range(m):
+                    matrix[row, j] -= factor * matrix[i, j]
+                    inverse[row, j] -= factor * inverse[i, j]

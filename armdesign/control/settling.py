@@ -1,0 +1,67 @@
+"""Closed loops in time: settling after a step, the error of a move at constant speed, damping."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.control.controller import Controller, closed_loop
+from armdesign.control.loop_plant import LoopPlant
+
+WITHIN = 0.02  # of the step
+NOTABLE = 0.01  # residue, in the step, of a pole that counts
+SLOW = 0.05  # s over the smallest K
+CREEP = 1e-6  # [ω_1] poles of pressures that move nothing
+
+
+def settling_time(plant: LoopPlant, controller: Controller) -> Array:
+    """Settling time (n,) [s] of the slowest pole that a step of any joint shows; inf if unstable.
+
+    A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors.
+    """
+    A, B, C = closed_loop(plant, controller)
+    poles, right = np.linalg.eig(A)
+    try:
+        left = np.linalg.solve(right, B.astype(complex))
+    except np.linalg.LinAlgError:  # eigenvectors that are not independent
+        left = np.linalg.pinv(right) @ B
+    counts = np.abs(poles) > CREEP * plant.omega[:, None]
+    residues = (C @ right)[:, :, :] * np.swapaxes(left, 1, 2)  # (n, nq, m): own response
+    shown = np.abs(residues / np.where(counts, poles, 1.0)[:, None]).max(axis=1) > NOTABLE
+    slowest = np.where(shown & counts, poles.real, -np.inf).max(axis=1)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.where(slowest < 0, math.log(1 / WITHIN) / -slowest, np.inf))
+
+
+def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
+    """Error of a move of each joint at constant speed over that speed (n, nq) [s].
+
+    (I − T(s))/s of a move that lasts some ten time constants 1/K, so that leakage, which drifts
+    for hours, does not count: 1/K, and what gravity's stiffness and the filters add. Without
+    feed-forward; inf without gains.
+    """
+    A, B, C = closed_loop(plant, controller)
+    slowest = np.where(controller.position > 0, controller.position, np.inf).min(axis=1)
+    s = SLOW * np.where(np.isfinite(slowest), slowest, 1.0)
+    inverse = []
+    for at in (s, 2 * s):
+        matrix = at[:, None, None] * np.eye(A.shape[1]) - A
+        followed = np.einsum("nii->ni", C @ np.linalg.solve(matrix, B))
+        inverse.append(at[:, None] / np.maximum(np.abs(1 - followed), 1e-12))
+    gain = 2 * inverse[0] - inverse[1]  # 1/(K + s) extrapolated to s = 0
+    with np.errstate(divide="ignore"):
+        return np.where(controller.position > 0, 1 / np.abs(gain), np.inf)
+
+
+def damping_ratios(plant: LoopPlant, controller: Controller) -> tuple[Array, Array]:
+    """Frequency [Hz] and damping ratio of each closed loop's least damped oscillation (n,)."""
+    poles = np.linalg.eigvals(closed_loop(plant, controller)[0])
+    size = np.abs(poles)
+    swings = (poles.imag > 0) & (size > CREEP * plant.omega[:, None])
+    ratio = np.where(swings, -poles.real / np.where(swings, size, 1.0), np.inf)
+    least = ratio.argmin(axis=1)[:, None]
+    picked = (np.take_along_axis(of, least, axis=1)[:, 0] for of in (size, ratio))
+    omega, ratios = picked
+    return omega / (2 * math.pi), ratios

@@ -1,0 +1,1 @@
+"""What each number of a machine file is worth: derivatives, changes, tolerances."""

@@ -1,0 +1,97 @@
+"""Changes of numbers and words of a machine file, by key path and value."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from armdesign.errors import ArmDesignError
+from armdesign.machine.file.key_paths import Location
+from armdesign.machine.file.machine_file import flat
+from armdesign.machine.file.numbers import chosen_numbers, numbers_of
+from armdesign.machine.machine import Machine
+
+
+def read_changes(words: Sequence[str]) -> dict[str, Any]:
+    """Changes stated as ``KEY=VALUE``, values as in TOML; what is no TOML value is a text.
+
+    Raises:
+        ArmDesignError: a word without key or value, or a key twice.
+    """
+    changes: dict[str, Any] = {}
+    for word in words:
+        path, equals, value = (part.strip() for part in word.partition("="))
+        if not (path and equals and value):
+            remedy = "give KEY=VALUE, as cylinder.boom.bore_mm=125"
+            raise ArmDesignError("what-if", f'"{word}" is not understood', remedy)
+        if path in changes:
+            raise ArmDesignError(f"what-if {path}", "is there twice", "leave one out")
+        try:
+            changes[path] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            changes[path] = value
+    return changes
+
+
+def changed_machine(machine: Machine, changes: Mapping[str, Any]) -> Machine:
+    """The machine with other values at key paths; of a list, each number has one, as ``at_mm.0``.
+
+    Raises:
+        ArmDesignError: a path or value that the file cannot have.
+    """
+    if not changes:
+        raise ArmDesignError("what-if", "nothing changes", "give KEY=VALUE")
+    known, whole = flat(machine.section), dict[str, Any]()
+    for path, value in changes.items():
+        table, _, leaf = path.rpartition(".")
+        if leaf.isdigit() and isinstance(known.get(table), list):
+            number = chosen_numbers(machine.section, path, f"what-if {path}")[0]
+            row = list(whole.get(table, known[table]))
+            row[int(number.location[-1])] = value
+            whole[table] = row
+        else:
+            if path not in known:
+                _refuse_unknown(machine, path)
+            whole[path] = value
+    return machine.replace(
+        {path: _as_before(known.get(path), value) for path, value in whole.items()}
+    )
+
+
+def _refuse_unknown(machine: Machine, path: str) -> None:
+    """Raise unless the schema has a value at a path that the file leaves out."""
+    part = f"what-if {path}"
+    try:
+        chosen_numbers(machine.section, path, part)
+    except ArmDesignError as error:
+        if error.fault != "has no value in the file":
+            raise
+
+
+def _as_before(before: Any, value: Any) -> Any:
+    """A whole number as a float where the file has floats."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if isinstance(value, list):
+        return [_as_before(0.0, item) for item in value]
+    return float(value) if whole and not isinstance(before, int) else value
+
+
+def numeric_changes(machine: Machine, other: Machine) -> dict[Location, tuple[float, float]]:
+    """Every number of the file that differs in another, before and after, by key path.
+
+    Empty if anything else differs: a count, a word, or a number that one file lacks.
+    """
+    one, two = flat(machine.section), flat(other.section)
+    before, after = numbers_of(machine.section), numbers_of(other.section)
+    if one.keys() != two.keys() or before.keys() != after.keys():
+        return {}
+    for path, value in one.items():
+        numeric = path in before or (isinstance(value, list) and f"{path}.0" in before)
+        if value != two[path] and not numeric:
+            return {}
+    return {
+        number.location: (number.value, after[path].value)
+        for path, number in before.items()
+        if number.value != after[path].value
+    }

@@ -1,0 +1,183 @@
+"""What ends the poses: end stops, limits of joints and pitch; how a worst pose follows them.
+
+A worst pose at an end stop moves with every number that moves the stop. With c(q, p) ≥ 0 the room
+left to the ends, f the frequency and p a number, the worst frequency f* changes by
+
+    df*/dp = ∂f/∂p − Σ λ ∂c/∂p,   ∂f/∂q = Σ λ ∂c/∂q,   λ ≥ 0
+
+(multipliers λ; Fiacco 1983): a pose in the middle of all ranges may stay where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from armdesign.arrays import Array, Flags
+from armdesign.frequency.workspace import Workspace
+from armdesign.influence.family import Family
+from armdesign.machine.file.key_paths import Location
+from armdesign.machine.machine import Machine
+
+REACHED = 1e-6  # room that is none: share of the stroke, of the joint's range, rad
+PULL = 1e-6  # multiplier, over the largest, that is none
+STEP = 1e-4  # of differences by q, over the joint's range
+NEWTON, CLOSE = 30, 1e-13  # steps by which a pose follows its ends, and when they are none
+
+
+@dataclass(frozen=True)
+class End:
+    """An end of the poses.
+
+    Attributes:
+        kind: of a cylinder's stroke, of a joint in the URDF, of a load case's pitch.
+        index: of the cylinder or joint.
+        upper: whether it is the upper end.
+        words: what it is.
+    """
+
+    kind: Literal["stroke", "joint", "pitch"]
+    index: int
+    upper: bool
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """The ends that a pose touches, under one load case, and how hard they hold it.
+
+    Attributes:
+        machine: the machine with the load case at work.
+        end_margin: share of the stroke that poses leave free.
+        ends: the ends (m).
+        multipliers: λ (m,) [Hz per unit of room].
+    """
+
+    machine: Machine
+    end_margin: float
+    ends: tuple[End, ...]
+    multipliers: Array
+
+    def some(self, chosen: Flags) -> Ends:
+        """Some of the ends."""
+        kept = tuple(end for end, keep in zip(self.ends, chosen, strict=True) if keep)
+        return replace(self, ends=kept)
+
+    def room(self, family: Family, q: Array) -> Array:
+        """Room left to each end (n, m) at poses (n, nq) of a family's members."""
+        if not self.ends:
+            return np.zeros((len(q), 0))
+        strokes = {end.index for end in self.ends if end.kind == "stroke"}
+        extensions = family.extensions(q, strokes)
+        return np.stack([self._room(end, extensions, q) for end in self.ends], axis=1)
+
+    def _room(self, end: End, extensions: Mapping[int, Array], q: Array) -> Array:
+        if end.kind == "stroke":
+            out = extensions[end.index]
+            return np.asarray((1 - out if end.upper else out) - self.end_margin)
+        if end.kind == "joint":
+            limits = self.machine.arm.limits[end.index]
+            away = limits[1] - q[:, end.index] if end.upper else q[:, end.index] - limits[0]
+            return np.asarray(away / np.ptp(limits))
+        case, rigid = self.machine.payload, self.machine.arm.kinematics(q)
+        low, high = case.pitch or (0.0, 0.0)
+        offset = self.machine.arm.pitch(rigid, str(case.link)) - (low + high) / 2
+        beyond = np.arctan2(np.sin(offset), np.cos(offset))
+        return np.asarray((high - low) / 2 - (beyond if end.upper else -beyond))
+
+    def slopes(self, family: Family, q: Array) -> Array:
+        """∂(room)/∂q (n, m, nq) by differences of fourth order."""
+        return differences(
+            lambda at: self.room(family, at), q, np.ptp(self.machine.ranges, axis=1)
+        )
+
+    def follow(self, family: Family, q: Array) -> Array:
+        """Poses (n, nq) of a family's members that touch the same ends as one pose (nq,).
+
+        The nearest such poses, by Newton's method with the slopes of the machine itself.
+        """
+        at = np.tile(q, (family.count, 1))
+        if not self.ends:
+            return at
+        inverse = np.linalg.pinv(self.slopes(Family.of(family.machine, {}, 1), q[None])[0])
+        for _ in range(NEWTON):
+            step = self.room(family, at) @ inverse.T
+            at = at - step
+            if not np.abs(np.nan_to_num(step)).max() > CLOSE:
+                break
+        return at
+
+    def by_other_keys(self, location: Location) -> Array:
+        """∂(room)/∂p (m,) by numbers that only end poses: end margin, pitch of the load case."""
+        slopes = np.zeros(len(self.ends))
+        for k, end in enumerate(self.ends):
+            if end.kind == "stroke" and location == ("requirements", "end_margin"):
+                slopes[k] = -1.0
+            own = ("payload", self.machine.payload.name, "pitch_deg")
+            if end.kind == "pitch" and location[:3] == own and location[3] == int(end.upper):
+                slopes[k] = np.deg2rad(1.0 if end.upper else -1.0)
+        return slopes
+
+
+def differences(function: Callable[[Array], Array], q: Array, spans: Array) -> Array:
+    """∂/∂q (n, …, nq) of a function (n, …) of poses (n, nq), central, of fourth order."""
+    columns = []
+    for joint, span in enumerate(spans):
+        step = np.zeros(q.shape[1])
+        step[joint] = STEP * span
+        near, far = (function(q + k * step) - function(q - k * step) for k in (1, 2))
+        columns.append((8 * near - far) / (12 * step[joint]))
+    return np.stack(columns, axis=-1)
+
+
+def ends_at(
+    machine: Machine, workspace: Workspace, q: Array, frequency: Callable[[Array], Array]
+) -> Ends:
+    """The ends that hold a worst pose (nq,) of the load case at work.
+
+    Args:
+        machine: with the load case at work.
+        workspace: whose worst pose it is.
+        q: the pose.
+        frequency: lowest frequency (n,) [Hz] of the machine at poses (n, nq), in stroke or not.
+    """
+    own = Family.of(machine, {}, 1)
+    ends = Ends(machine, workspace.end_margin, all_ends(machine), np.zeros(0))
+    ends = ends.some(ends.room(own, q[None])[0] < REACHED)
+    multipliers = _multipliers(ends, own, q, frequency)
+    holding = multipliers > PULL * multipliers.max(initial=0.0)
+    return replace(ends.some(holding), multipliers=multipliers[holding])
+
+
+def _multipliers(
+    touched: Ends, own: Family, q: Array, frequency: Callable[[Array], Array]
+) -> Array:
+    """λ ≥ 0 of ∂f/∂q = Σ λ ∂c/∂q (m,), least squares."""
+    from scipy.optimize import nnls
+
+    if not touched.ends:
+        return np.zeros(0)
+    gradient = differences(frequency, q[None], np.ptp(touched.machine.ranges, axis=1))[0]
+    slopes = touched.slopes(own, q[None])[0]
+    if not (np.isfinite(gradient).all() and np.isfinite(slopes).all()):
+        return np.zeros(len(touched.ends))  # a linkage opens there: the pose stays
+    multipliers, _ = nnls(slopes.T, gradient)
+    return np.asarray(multipliers)
+
+
+def all_ends(machine: Machine) -> tuple[End, ...]:
+    """Every end that a pose may touch."""
+    ends = []
+    for i, cylinder in enumerate(machine.cylinders):
+        for upper, words in ((False, "in"), (True, "out")):
+            ends.append(End("stroke", i, upper, f"{cylinder.name} {words}"))
+    for j, joint in enumerate(machine.arm.joints):
+        for upper, words in ((False, "lower"), (True, "upper")):
+            ends.append(End("joint", j, upper, f"{words} limit of {joint.name}"))
+    if machine.payload.pitch is not None:
+        for upper, words in ((False, "lower"), (True, "upper")):
+            ends.append(End("pitch", 0, upper, f"{words} pitch of {machine.payload.link}"))
+    return tuple(ends)

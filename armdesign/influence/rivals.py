@@ -1,0 +1,120 @@
+"""The worst pose and its rivals: local minima of the frequency that could become the worst."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
+from armdesign.frequency.modes import lowest_frequency, natural_modes
+from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
+from armdesign.influence.compass_search import lowest_near
+from armdesign.influence.ends import Ends, ends_at
+from armdesign.influence.family import Family
+from armdesign.machine.machine import Machine
+
+WITHIN = 0.25  # of the worst frequency: poses so near to it are its rivals
+APART = 0.02  # of a joint's range: poses nearer than this are one
+MOST = 8  # rivals, the worst pose with them
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A local minimum of the lowest frequency over the poses of one load case.
+
+    Attributes:
+        pose: where it is, and how low.
+        next_frequency: of the second mode there [Hz]; inf where there is one mode alone.
+        ends: end stops, joint limits and pitch limits that hold the pose.
+    """
+
+    pose: WorstPose
+    next_frequency: float
+    ends: Ends
+
+    @property
+    def frequency(self) -> float:
+        """Lowest natural frequency [Hz]."""
+        return self.pose.frequency
+
+    def frequencies(self, family: Family) -> Array:
+        """Lowest frequency (n,) [Hz] of a family's members, at poses that follow their ends."""
+        ends, q = self.ends, self.pose.q
+        at = ends.follow(family, q) if ends.ends else q
+        return lowest_frequency(family.at(at, self.pose.payload))
+
+    def lowest_near(self, family: Family) -> Array:
+        """Lowest frequency (n,) [Hz] of a family's members near its pose, wherever that is.
+
+        NaN where neither its pose nor the one that follows its ends is in stroke.
+        """
+        return lowest_near(family, self.ends, self.pose.q)[0]
+
+
+def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tuple[Rival, ...]:
+    """The worst pose of a machine, and after it its rivals, from the lowest up.
+
+    Args:
+        machine: the machine.
+        workspace: the poses from which local minima are looked for.
+        within: share of the worst frequency by which a rival may lie above it.
+
+    Raises:
+        ArmDesignError: the machine is unstable at its worst pose, where no derivative exists.
+    """
+    cases = list(load_cases(machine, workspace))
+    parts: dict[CasePoses, list[Array]] = {case: [] for case in cases}
+    for case, _, rigid in in_chunks(cases, f"{machine.name}: worst pose"):
+        parts[case].append(lowest_frequency(poses_of(cases, case, rigid)))
+    minima = [
+        (case, q, value)
+        for case, values in parts.items()
+        if case.exists.any()
+        for q, value in _minima(case, np.concatenate(values))
+    ]
+    minima.sort(key=lambda minimum: minimum[2])
+    least = minima[0][2]
+    if least <= 0:
+        raise ArmDesignError(
+            machine.name,
+            "is unstable at its worst pose: its frequency is 0 there and has no derivative",
+            "look at armdesign map first",
+        )
+    near = [minimum for minimum in minima if minimum[2] <= (1 + within) * least]
+    return tuple(_rival(*minimum) for minimum in _apart(workspace, near)[:MOST])
+
+
+def _minima(case: CasePoses, frequency: Array) -> list[tuple[Array, float]]:
+    lowest = case.workspace.q[case.exists][frequency.argmin()], float(frequency.min())
+    return [*local_minima(case, frequency), lowest]
+
+
+def _apart(
+    workspace: Workspace, minima: list[tuple[CasePoses, Array, float]]
+) -> list[tuple[CasePoses, Array, float]]:
+    """Minima of which no two are one, the lower kept."""
+    span, idle = np.ptp(workspace.ranges, axis=1), list(workspace.machine.idle_joints)
+    kept: list[tuple[CasePoses, Array, float]] = []
+    for case, q, value in minima:
+        away = (np.abs(q - other) / span for one, other, _ in kept if one is case)
+        if all(np.delete(distance, idle).max(initial=0.0) > APART for distance in away):
+            kept.append((case, q, value))
+    return kept
+
+
+def _rival(case: CasePoses, q: Array, value: float) -> Rival:
+    machine = case.machine
+
+    def frequency(at: Array) -> Array:
+        return lowest_frequency(machine.evaluate(machine.rigid_poses(at)))
+
+    modes = natural_modes(machine.at(q)).frequencies[0]
+    return Rival(
+        pose=worst_pose(case, q, value),
+        next_frequency=float(modes[1]) if len(modes) > 1 else np.inf,
+        ends=ends_at(machine, case.workspace, q, frequency),
+    )

@@ -1,0 +1,263 @@
+"""Sensitivity: how the worst frequency changes with every number of the machine file.
+
+``sensitivity`` answers with derivatives at the worst pose and at its rivals, and with changes by a
+natural step, linear and exact: 10 mm, 100 kg, 1 % of air, a tenth of the bulk modulus, 10 MN/m.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array, ReadOnly
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.workspace import Workspace
+from armdesign.influence.family import Family, can_matter, rebuilt
+from armdesign.influence.rivals import WITHIN, Rival, rivals
+from armdesign.influence.slopes import slopes
+from armdesign.machine.file.numbers import Number, numbers_of
+from armdesign.machine.machine import Machine
+from armdesign.report.sheet import Sheet, pose_text
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NEGLIGIBLE = 1e-6  # change of the worst frequency by a natural step, relative, that is none
+PART = 0.01  # of a natural step, by which any quantity is differenced
+WAYS, KINDS = ("up", "down"), ("linear", "exact")
+SHOWN = 25  # numbers in the printed table; the CSV file has them all
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity(ReadOnly):
+    """What every number of a machine file is worth.
+
+    Attributes:
+        machine: the machine.
+        rivals: the worst pose, and after it the poses that could become the worst.
+        numbers: all numbers that matter, the greatest change by a natural step first.
+        slopes: derivatives of the frequencies of the rivals by them (r, k, 2) [Hz per unit of the
+            file], upwards and downwards: exact.
+        changes: of the worst frequency by a natural step up and down (k, 2, 2) [Hz]: linear, and
+            exact by a search near the rivals; NaN where the file cannot have such a number.
+        left_out: number of other numbers, which do not matter.
+    """
+
+    machine: Machine
+    rivals: tuple[Rival, ...]
+    numbers: tuple[Number, ...]
+    slopes: Array
+    changes: Array
+    left_out: int
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row for each number that matters, the greatest change first.
+
+        Columns: ``key``, ``value``, ``unit``, ``step``; ``hz_per_unit`` of the worst pose, and
+        downwards where it differs; ``up_linear_hz``, ``up_exact_hz``, ``down_linear_hz``,
+        ``down_exact_hz``: change of the worst frequency by one step; ``overtaken_at``: value at
+        which a rival becomes the worst, linear; ``rival_2_hz_per_unit`` …: of the rivals.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {
+            "key": [number.path for number in self.numbers],
+            "value": [number.value for number in self.numbers],
+            "unit": [number.unit for number in self.numbers],
+            "step": [number.step[1] for number in self.numbers],
+            "hz_per_unit": self.slopes[0, :, 0],
+            "hz_per_unit_downwards": self.slopes[0, :, 1],
+        }
+        for j, kind in enumerate(KINDS):
+            for i, way in enumerate(WAYS):
+                columns[f"{way}_{kind}_hz"] = self.changes[:, i, j]
+        columns["overtaken_at"] = self._overtaken
+        for r in range(1, len(self.rivals)):
+            columns[f"rival_{r + 1}_hz_per_unit"] = self.slopes[r, :, 0]
+        return pd.DataFrame(columns)
+
+    @property
+    def _overtaken(self) -> list[float]:
+        """Value of each number, nearest to its own, at which a rival becomes the worst."""
+        values = []
+        for k, number in enumerate(self.numbers):
+            nearest = np.inf
+            for rival, slope in zip(self.rivals[1:], self.slopes[1:, k, 0], strict=True):
+                closing = self.slopes[0, k, 0] - slope
+                change = (rival.frequency - self.rivals[0].frequency) / closing if closing else 0.0
+                inside = number.low <= number.value + change <= number.high
+                if change and inside and abs(change) < abs(nearest):
+                    nearest = change
+            values.append(number.value + nearest if np.isfinite(nearest) else np.nan)
+        return values
+
+    def differences(self, quantity: Callable[[Machine], float], count: int = SHOWN) -> Any:
+        """Change of any other quantity, such as a bandwidth, by a natural step of single numbers.
+
+        By differences of a hundredth of the step, central where the file may have both values: a
+        series by key path.
+
+        Args:
+            quantity: a number of a machine.
+            count: how many of the numbers, the greatest change of the worst frequency first.
+        """
+        import pandas as pd
+
+        changes = {}
+        for number in self.numbers[:count]:
+            ends = []
+            for step in _ways(number):
+                part = PART * step if np.isfinite(step) else 0.0
+                near = rebuilt(self.machine, {number.location: number.value + part})
+                ends.append((part, quantity(near)))
+            (up, higher), (down, lower) = ends
+            if up != down:
+                changes[number.path] = (higher - lower) / (up - down) * number.step[0]
+        return pd.Series(changes, dtype=float)
+
+    def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
+        """Worst pose with its rivals, and the table of the numbers."""
+        return [self._rivals(units), self._table()]
+
+    def _rivals(self, units: Units) -> Sheet:
+        rows = []
+        for rival in self.rivals:
+            ends = ", ".join(end.words for end in rival.ends.ends) or "nothing"
+            second = f"{rival.next_frequency:.3f}" if np.isfinite(rival.next_frequency) else "–"
+            where = pose_text(self.machine, rival.pose, units)
+            rows.append((f"{rival.frequency:.3f}", second, rival.pose.cylinder, ends, where))
+        return Sheet(
+            title="Worst pose and its rivals [Hz]",
+            columns=("frequency", "next mode", "limited by", "held by", "where"),
+            rows=tuple(rows),
+            note="held by: ends that the pose follows when a number moves them",
+            bold=(0,),
+            words=("held by", "where"),
+        )
+
+    def _table(self) -> Sheet:
+        rows = []
+        for number, (up, down) in zip(self.numbers[:SHOWN], self.changes[:SHOWN], strict=True):
+            value = f"{number.value:.5g} {number.unit}".strip()
+            cells = (_change(x) for x in (up[0], up[1], down[0], down[1]))
+            rows.append((number.path, value, number.step[1], *cells))
+        hidden = len(self.numbers) - len(rows)
+        more = f"{hidden} more in sensitivity.csv; " if hidden > 0 else ""
+        return Sheet(
+            title="Change of the worst frequency by a natural step [mHz]",
+            columns=("key", "value", "step", "up", "up [exact]", "down", "down [exact]"),
+            rows=tuple(rows),
+            note=(
+                f"{more}{self.left_out} numbers of the file do not matter; up, down: by the"
+                " derivatives of worst pose and rivals; exact: by a search near them; of a"
+                " compliance the step is that of its stiffness; –: the file cannot have such a"
+                " number"
+            ),
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """The tornado: change of the worst frequency by a natural step of each number."""
+        from armdesign import plots
+
+        return plots.tornado(self, ax)
+
+
+def _change(change: float) -> str:
+    digits = 1 if abs(change) < 0.1 else 0
+    return f"{1e3 * change:+.{digits}f}" if np.isfinite(change) else "–"
+
+
+def sensitivity(
+    machine: Machine, workspace: Workspace | None = None, within: float = WITHIN
+) -> Sensitivity:
+    """How the worst frequency changes with every number of a machine's file.
+
+    Derivatives are exact: of K and M by a complex step along each number, of the worst pose by
+    the multipliers of the ends that hold it. Numbers of the URDF are left as they are.
+
+    Args:
+        machine: the machine.
+        workspace: poses over which the worst is looked for, between them too; default:
+            ``Workspace.grid(machine)``.
+        within: share of the worst frequency by which rivals may lie above it.
+
+    Raises:
+        ArmDesignError: the machine is unstable at its worst pose, or ``within`` is no share.
+    """
+    if not 0 <= within <= 10:
+        raise ArmDesignError("within", f"{within!r} is not allowed", "give a share in [0, 10]")
+    workspace = workspace or Workspace.grid(machine)
+    poses = rivals(machine, workspace, within)
+    numbers = list(numbers_of(machine.section).values())
+    derivatives = np.stack([slopes(machine, rival, numbers) for rival in poses])
+    effect = np.abs(derivatives).max(axis=2) * [abs(number.step[0]) for number in numbers]
+    known = np.flatnonzero(effect.max(axis=0) > NEGLIGIBLE * poses[0].frequency)
+    chosen, derivatives = [numbers[k] for k in known], derivatives[:, known]
+    changes = np.stack(
+        [_linear(poses, chosen, derivatives), _exact(machine, poses, chosen)], axis=2
+    )
+    size = np.nan_to_num(np.abs(changes[:, :, 0])).max(axis=1)
+    order = np.argsort(-size, kind="stable")
+    return Sensitivity(
+        machine=machine,
+        rivals=poses,
+        numbers=tuple(chosen[k] for k in order),
+        slopes=derivatives[:, order],
+        changes=changes[order],
+        left_out=len(numbers) - len(known),
+    )
+
+
+def _ways(number: Number) -> list[float]:
+    """A natural step up and down in the file's unit; NaN where the schema does not allow it."""
+    steps = (number.step[0], -number.step[0])
+    inside = (number.low <= number.value + step <= number.high for step in steps)
+    return [step if fits else np.nan for step, fits in zip(steps, inside, strict=True)]
+
+
+def _linear(poses: Sequence[Rival], numbers: Sequence[Number], derivatives: Array) -> Array:
+    """Change of the worst frequency by a step up and down (k, 2) [Hz], by the derivatives."""
+    start = np.array([rival.frequency for rival in poses])[:, None, None]
+    steps = np.array([_ways(number) for number in numbers]).reshape(-1, 2)
+    slope = np.where(steps >= 0, derivatives[:, :, :1], derivatives[:, :, 1:])
+    return np.asarray((start + slope * steps).min(axis=0) - start[0])
+
+
+def _exact(machine: Machine, poses: Sequence[Rival], numbers: Sequence[Number]) -> Array:
+    """Change of the worst frequency by a step up and down (k, 2) [Hz], near the rivals."""
+    steps = np.array([_ways(number) for number in numbers]).reshape(-1, 2)
+    lowest = np.full((len(poses), *steps.shape), np.nan)
+    batched = [k for k, number in enumerate(numbers) if can_matter(number.location)]
+    for way in (0, 1):
+        fits = [k for k in batched if np.isfinite(steps[k, way])]
+        values = {
+            numbers[k].location: numbers[k].value + np.where(np.arange(len(fits)) == i, step, 0.0)
+            for i, (k, step) in enumerate(zip(fits, steps[fits, way], strict=True))
+        }
+        family = Family.of(machine, values, len(fits))
+        for r, rival in enumerate(poses if fits else ()):
+            lowest[r, fits, way] = rival.lowest_near(family)
+        for k in set(range(len(numbers))) - set(batched):
+            if np.isfinite(steps[k, way]):
+                value = numbers[k].value + steps[k, way]
+                lowest[:, k, way] = [_alone(machine, one, numbers[k], value) for one in poses]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # NaN alone
+        return np.asarray(np.nanmin(lowest, axis=0) - poses[0].frequency)
+
+
+def _alone(machine: Machine, rival: Rival, number: Number, value: float) -> float:
+    """A rival's frequency [Hz] with another number that no family can have as an array."""
+    other = rebuilt(machine, {number.location: value})
+    margins = (one.section.requirements.end_margin for one in (machine, other))
+    margin = rival.ends.end_margin - next(margins) + next(margins)
+    loaded = other.with_payload(rival.pose.payload)
+    moved = replace(rival, ends=replace(rival.ends, machine=loaded, end_margin=margin))
+    return float(moved.lowest_near(Family.of(other, {}, 1))[0])

@@ -1,0 +1,323 @@
+"""Tolerances: how the worst frequency differs from machine to machine of one drawing.
+
+Monte Carlo with a scrambled Sobol sequence (Owen 1998): every machine is evaluated at the worst
+pose and its rivals, which follow their ends, and its worst frequency is the lowest of them. Beside
+it stands the estimate by derivatives, f + Σ s δ, the lowest over the rivals, and where it fails.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array, ReadOnly, chunks
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.workspace import Workspace
+from armdesign.influence.rivals import Rival, rivals
+from armdesign.influence.slopes import mass_slopes, slopes
+from armdesign.influence.widths import Width, family_of, widths_of
+from armdesign.machine.machine import Machine
+from armdesign.report.sheet import Sheet, pose_text
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COUNT, MOST = 10_000, 1_000_000  # machines
+LOOKED_AT = 32  # machines whose poses are searched, not followed alone
+PERCENTS = (0.1, 1, 5, 50, 95, 99, 99.9)
+SHOWN = 15  # numbers in the printed table
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerances(ReadOnly):
+    """Worst frequencies of n machines within the tolerances of one file.
+
+    Attributes:
+        machine: the machine as its file describes it.
+        rivals: its worst pose and the poses that could become the worst.
+        widths: the numbers that differ (w).
+        values: their values (n, w), in the file's unit, of the mass of links a factor.
+        slopes: derivatives of the rivals' frequencies by them (r, w, 2) [Hz per unit].
+        of_rivals: frequencies of all machines at the rivals (n, r) [Hz], NaN where a machine
+            cannot take the pose.
+        least: worst frequency that a machine must reach [Hz].
+        stated: whether file or caller state it; else it is that of the file.
+        searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
+    """
+
+    machine: Machine
+    rivals: tuple[Rival, ...]
+    widths: tuple[Width, ...]
+    values: Array
+    slopes: Array
+    of_rivals: Array
+    least: float
+    stated: bool
+    searched: Array
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Worst frequency of every machine (n,) [Hz]."""
+        return np.asarray(np.nanmin(self.of_rivals, axis=1))
+
+    @cached_property
+    def linear(self) -> Array:
+        """Worst frequency of every machine (n,) [Hz] by the derivatives."""
+        change = self.values - [width.value for width in self.widths]
+        up, down = (np.clip(change, *ends) for ends in ((0, None), (None, 0)))
+        lines = [
+            rival.frequency + up @ slope[:, 0] + down @ slope[:, 1]
+            for rival, slope in zip(self.rivals, self.slopes, strict=True)
+        ]
+        return np.asarray(np.min(lines, axis=0))
+
+    @property
+    def share(self) -> float:
+        """Share of machines that reach the least frequency."""
+        return float(np.mean(self.frequencies >= self.least))
+
+    @property
+    def linear_share(self) -> float:
+        """The same share by the derivatives."""
+        return float(np.mean(self.linear >= self.least))
+
+    @property
+    def moved(self) -> float:
+        """Share of machines whose worst pose is another than that of the file."""
+        return float(np.mean(np.nanargmin(self.of_rivals, axis=1) > 0))
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A row for each machine: the values that differ, then both worst frequencies."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.values, columns=[width.name for width in self.widths])
+        return frame.assign(worst_hz=self.frequencies, linear_hz=self.linear)
+
+    @cached_property
+    def by_number(self) -> pd.DataFrame:
+        """A row for each number that differs, the greatest share of the variance first.
+
+        ``linear_hz``: half width times derivative of the worst pose; ``low_hz``, ``high_hz``:
+        exact change at either end of the width, all else as in the file; ``curvature_hz``: what
+        these are off the line together; ``variance``: share of the linear variance.
+        """
+        import pandas as pd
+
+        half = np.array([width.half for width in self.widths])
+        start = np.array([[width.value for width in self.widths]])
+        limits = np.array([width.limits for width in self.widths])
+        ends = []
+        for end in limits.T:
+            values = np.where(np.eye(len(half), dtype=bool), end, start)
+            lowest = _frequencies(self.machine, self.rivals, self.widths, values)
+            ends.append(np.nanmin(lowest, axis=1) - self.rivals[0].frequency)
+        line = self.slopes[0, :, 0] * half
+        spread = self.slopes[0, :, 0] * (limits[:, 1] - limits[:, 0]) / 2
+        expected = self.slopes[0, :, :1] * (limits - start.T)
+        off = np.abs(np.array(ends).T - expected).max(axis=1)
+        frame = pd.DataFrame(
+            {
+                "number": [width.name for width in self.widths],
+                "value": start[0],
+                "half_width": half,
+                "linear_hz": line,
+                "low_hz": ends[0],
+                "high_hz": ends[1],
+                "curvature_hz": off,
+                "variance": spread**2 / (spread @ spread or 1.0),
+            }
+        )
+        return frame.sort_values("variance", ascending=False, ignore_index=True, kind="stable")
+
+    @property
+    def percentiles(self) -> pd.DataFrame:
+        """Percentiles of the worst frequency [Hz], exact and by the derivatives."""
+        import pandas as pd
+
+        columns = {"exact": self.frequencies, "linear": self.linear}
+        return pd.DataFrame(
+            {name: np.percentile(values, PERCENTS) for name, values in columns.items()},
+            index=[f"{percent:g} %" for percent in PERCENTS],
+        )
+
+    def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
+        """Share that is good enough, percentiles, and the numbers that spread it."""
+        return [self._summary(units), self._percentiles(), self._numbers()]
+
+    def _summary(self, units: Units) -> Sheet:
+        worst, error = self.rivals[0], self.linear - self.frequencies
+        at = int(np.abs(error).argmax())
+        followed = self.frequencies[: len(self.searched)]
+        near = np.max((followed - self.searched) / np.where(followed > 0, followed, 1.0))
+        what = "stated" if self.stated else "of this file: none is stated, least_hz states one"
+        spread = f"{self.frequencies.std():.4f} Hz, by derivatives {self.linear.std():.4f} Hz"
+        rows = (
+            ("machines", f"{len(self.values)}, {len(self.widths)} numbers differ"),
+            ("requirement", f"worst frequency of at least {self.least:.3f} Hz ({what})"),
+            (
+                "met by",
+                f"{100 * self.share:.1f} %; by derivatives {100 * self.linear_share:.1f} %",
+            ),
+            (
+                "as drawn",
+                f"{worst.frequency:.3f} Hz at {pose_text(self.machine, worst.pose, units)}",
+            ),
+            ("deviation", spread),
+            ("worst pose moves", f"to a rival in {100 * self.moved:.1f} % of the machines"),
+            (
+                "derivatives fail",
+                f"most at {self.frequencies[at]:.3f} Hz, by {error[at]:+.4f} Hz; in the mean by"
+                f" {np.mean(error):+.4f} Hz",
+            ),
+        )
+        return Sheet(
+            title=f"Worst frequency within the tolerances: {self.machine.name}",
+            rows=rows,
+            note=(
+                f"at {len(self.rivals)} poses, which follow end stops and pitch limits; a search"
+                f" near them finds {100 * near:.2g} % less at most, in {len(self.searched)} of the"
+                " machines"
+            ),
+            bold=(2,),
+        )
+
+    def _percentiles(self) -> Sheet:
+        table = self.percentiles
+        kinds = ("exact", "linear")
+        rows = [(kind, *(f"{value:.4f}" for value in table[kind])) for kind in kinds]
+        gap = table["linear"] - table["exact"]
+        rows.append(("linear − exact", *(f"{value:+.4f}" for value in gap)))
+        return Sheet(
+            title="Percentiles of the worst frequency [Hz]",
+            columns=("", *(f"{percent:g} %" for percent in PERCENTS)),
+            rows=tuple(rows),
+        )
+
+    def _numbers(self) -> Sheet:
+        rows = []
+        for row in self.by_number.head(SHOWN).to_dict("records"):
+            changes = (row[key] for key in ("linear_hz", "low_hz", "high_hz", "curvature_hz"))
+            cells = (f"{1e3 * change:+.1f}" for change in changes)
+            head = (row["number"], f"{row['half_width']:.3g}")
+            rows.append((*head, *cells, f"{100 * row['variance']:.1f} %"))
+        hidden = len(self.widths) - len(rows)
+        return Sheet(
+            title="What spreads the worst frequency [mHz]",
+            columns=("number", "±", "linear", "low", "high", "off", "share"),
+            rows=tuple(rows),
+            note=(
+                "low, high: exact at either end of the width, all else as drawn; off: most off the"
+                " line, where derivatives fail; share: of the linear variance"
+                + (f"; {hidden} more in tolerances.csv" if hidden > 0 else "")
+            ),
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Distribution of the worst frequency, exact and by the derivatives."""
+        from armdesign import plots
+
+        return plots.distribution(self, ax)
+
+
+def tolerances(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    *,
+    count: int = COUNT,
+    least: float | None = None,
+    seed: int = 0,
+) -> Tolerances:
+    """How the worst frequency differs among machines within the file's ``[tolerances]``.
+
+    Args:
+        machine: the machine; its file states the widths.
+        workspace: poses over which the worst is looked for, between them too; default:
+            ``Workspace.grid(machine)``.
+        count: number of machines, 16 to a million.
+        least: worst frequency that a machine must reach [Hz]; default: ``least_hz`` of the file,
+            without it the worst frequency of the file itself.
+        seed: of the scrambling; equal seeds give equal machines.
+
+    Raises:
+        ArmDesignError: no widths, a number that has none, a count or least frequency that cannot
+            be, or a machine that is unstable at its worst pose.
+    """
+    _check(count, least, seed)
+    widths = widths_of(machine)
+    poses = rivals(machine, workspace or Workspace.grid(machine))
+    values = _sampled(machine, widths, count, seed)
+    of_rivals = _frequencies(machine, poses, widths, values)
+    if np.isnan(of_rivals).all(axis=1).any():
+        share = np.isnan(of_rivals).all(axis=1).mean()
+        raise ArmDesignError(
+            f"{machine.source.name}: tolerances",
+            f"{100 * share:.2g} % of the machines cannot take the worst pose",
+            "give smaller widths",
+        )
+    stated = machine.section.tolerances.least_hz if least is None else least
+    return Tolerances(
+        machine=machine,
+        rivals=poses,
+        widths=widths,
+        values=values,
+        slopes=np.stack([_slopes(machine, rival, widths) for rival in poses]),
+        of_rivals=of_rivals,
+        least=poses[0].frequency if stated is None else stated,
+        stated=stated is not None,
+        searched=_searched(machine, poses, widths, values[:LOOKED_AT]),
+    )
+
+
+def _check(count: int, least: float | None, seed: int) -> None:
+    whole = isinstance(count, int) and not isinstance(count, bool)
+    if not (whole and 16 <= count <= MOST):
+        remedy = f"give a whole number from 16 to {MOST:,}"
+        raise ArmDesignError("count", f"{count!r} is not allowed", remedy)
+    if least is not None and not (math.isfinite(least) and least > 0):
+        raise ArmDesignError("least", f"{least:g} Hz is not allowed", "give a frequency above 0")
+    if not (isinstance(seed, int) and seed >= 0):
+        raise ArmDesignError("seed", f"{seed!r} is not allowed", "give a whole number ≥ 0")
+
+
+def _sampled(machine: Machine, widths: Sequence[Width], count: int, seed: int) -> Array:
+    """Values (n, w) of the numbers with widths, at the places of a scrambled Sobol sequence."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(len(widths), rng=np.random.default_rng(seed))
+    places = sequence.random_base2(math.ceil(math.log2(count)))[:count]
+    normal = machine.section.tolerances.distribution == "normal"
+    columns = [width.values(at, normal) for width, at in zip(widths, places.T, strict=True)]
+    return np.stack(columns, axis=1)
+
+
+def _frequencies(
+    machine: Machine, poses: Sequence[Rival], widths: Sequence[Width], values: Array
+) -> Array:
+    """Frequencies (n, r) [Hz] of machines at the rivals, NaN where they cannot take the pose."""
+    parts = []
+    for rows in chunks(len(values)):
+        family = family_of(machine, tuple(widths), values[rows])
+        parts.append(np.stack([rival.frequencies(family) for rival in poses], axis=1))
+    return np.concatenate(parts)
+
+
+def _searched(
+    machine: Machine, poses: Sequence[Rival], widths: Sequence[Width], values: Array
+) -> Array:
+    """Worst frequencies (n,) [Hz] of machines, looked for near the rivals."""
+    family = family_of(machine, tuple(widths), values)
+    return np.asarray(np.nanmin([rival.lowest_near(family) for rival in poses], axis=0))
+
+
+def _slopes(machine: Machine, rival: Rival, widths: Sequence[Width]) -> Array:
+    """Derivatives (w, 2) of a rival's frequency by the numbers with widths."""
+    numbers = [width.number for width in widths if width.number is not None]
+    of_links = mass_slopes(machine, rival)[[w.body for w in widths if w.number is None]]
+    return np.concatenate([slopes(machine, rival, numbers), of_links])

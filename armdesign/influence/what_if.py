@@ -1,0 +1,280 @@
+"""What if: all that matters of a machine before and after a change, linear and exact.
+
+The linear estimate of the worst frequency is that of its exact derivatives at worst pose and
+rivals; of all other quantities the central difference of a hundredth of the change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.maps import FrequencyMap, frequency_map
+from armdesign.frequency.workspace import Workspace
+from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.influence.changes import changed_machine, numeric_changes
+from armdesign.influence.family import rebuilt
+from armdesign.influence.rivals import rivals
+from armdesign.influence.slopes import slopes
+from armdesign.machine.file.key_paths import Location
+from armdesign.machine.file.numbers import numbers_of
+from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any
+from armdesign.machine.machine import Machine
+from armdesign.report.comparison import quantities
+from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Quantities: TypeAlias = Mapping[str, tuple[Any, str]]  # value and SI unit by name
+More: TypeAlias = Callable[[FrequencyMap], Quantities]
+PART = 0.01  # of the change, by which quantities are differenced
+UNCHANGED = 5e-5  # relative change that is none
+WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
+COUNTED = "limiting."  # beginning of shares of poses, which jump
+
+
+@dataclass(frozen=True, eq=False)
+class WhatIf:
+    """A machine before and after a change.
+
+    Attributes:
+        changes: values before and after by key path, as in the file.
+        before: the map of the machine.
+        after: the map of the changed machine over its own workspace.
+        frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
+            change is no number), value after, and relative change by both.
+    """
+
+    changes: dict[str, tuple[Any, Any]]
+    before: FrequencyMap
+    after: FrequencyMap
+    frame: pd.DataFrame
+
+    @cached_property
+    def _numbers(self) -> pd.DataFrame:
+        numeric = ~self.frame["before"].map(lambda value: isinstance(value, str))
+        return self.frame[numeric].astype({"before": float, "after": float}).set_index("quantity")
+
+    def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
+        """Changes, frequencies, lift, and all other quantities that change."""
+        names = self._numbers.index
+        lift = names.str.startswith(LIFT)
+        hertz = self._numbers["unit"] == "Hz"
+        others = self._numbers[~lift & ~hertz]
+        moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
+        still = len(others) - len(moved)
+        note = f"{still} others do not change; all are in what_if.csv"
+        sheets = [
+            self._changes(),
+            self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._where()),
+        ]
+        if lift.any():
+            sheets.append(self._lift(self._numbers[lift]))
+        return [*sheets, self._sheet("Forces, speeds, pressures, reach", moved, units, note)]
+
+    def _changes(self) -> Sheet:
+        pairs = self.changes.items()
+        rows = tuple((path, *("–" if v is None else f"{v}" for v in both)) for path, both in pairs)
+        columns = ("key", "before", "after")
+        return Sheet(title=f"What if: {self.before.machine.name}", columns=columns, rows=rows)
+
+    def _where(self) -> str:
+        one, two = self.before.worst, self.after.worst
+        same = one.payload == two.payload and one.cylinder == two.cylinder
+        moves = "" if same else "; the worst moves there"
+        return (
+            f"worst before: payload {one.payload}, limited by {one.cylinder}; after: payload"
+            f" {two.payload}, limited by {two.cylinder}{moves}"
+        )
+
+    def _sheet(self, title: str, table: pd.DataFrame, units: Units, note: str) -> Sheet:
+        rows = []
+        for name, row in table.iterrows():
+            values = (
+                _cell(row[kind], row["unit"], units) for kind in ("before", "linear", "after")
+            )
+            unit = units.name(row["unit"]) if row["unit"] in units.table else row["unit"]
+            shares = (_percent(row[kind]) for kind in ("linear_change", "change"))
+            head = f"{name} [{unit}]" if unit not in ("", "Hz") else str(name)
+            rows.append((head, *values, *shares))
+        return Sheet(
+            title=title,
+            columns=("quantity", "before", "linear", "after", "change [linear]", "change"),
+            rows=tuple(rows),
+            note=note,
+        )
+
+    def _lift(self, table: pd.DataFrame) -> Sheet:
+        """Least, median and greatest change of what the machine lifts over its chart."""
+        known = table[(table["before"] > 0) & table["after"].notna()]
+        ratios = {kind: known[kind] / known["before"] - 1 for kind in ("linear", "after")}
+        exact = ratios["after"]
+        rows = []
+        for words, at in (("least", exact.argmin()), ("greatest", exact.argmax())):
+            row = known.iloc[int(at)]
+            masses = (f"{row[kind]:.0f}" for kind in ("before", "linear", "after"))
+            cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
+            rows.append((f"{words}, {known.index[int(at)]}", *masses, *cells))
+        medians = (_percent(float(ratios[kind].median())) for kind in ("linear", "after"))
+        rows.append(("median", "", "", "", *medians))
+        return Sheet(
+            title="Change over the lift chart [kg]",
+            columns=("point", "before", "linear", "after", "change [linear]", "change"),
+            rows=tuple(rows),
+            note=f"{len(known)} points; every point is in what_if.csv, by reach and height",
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Relative changes of all quantities, linear against exact."""
+        from armdesign import plots
+
+        return plots.linear_against_exact(self, ax)
+
+
+def _cell(value: Any, unit: str, units: Units) -> str:
+    if value is None or not np.isfinite(value):
+        return "–"
+    if unit not in units.table:
+        return f"{value:.4f}"
+    return units.number(value, unit)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:+.1f} %" if np.isfinite(share) else "–"
+
+
+def what_if(
+    machine: Machine,
+    changes: Mapping[str, Any],
+    points: int | Sequence[int] | None = None,
+    *,
+    more: More | None = None,
+) -> WhatIf:
+    """What changes with other numbers in a machine's file, all changes at once.
+
+    Each machine is mapped over its own workspace, so that ranges may change, too.
+
+    Args:
+        machine: the machine.
+        changes: new values by key path, in the file's units, as
+            ``{"cylinder.boom.bore_mm": 125.0}``; of a list also one number, as
+            ``cylinder.boom.base.at_mm.0``.
+        points: of the joint grids, as in ``Workspace.grid``.
+        more: further quantities of a mapped machine, value and SI unit by name, such as a
+            bandwidth; None: no more.
+
+    Raises:
+        ArmDesignError: a key that does not exist, with the nearest that does; a value that it
+            cannot have; or a machine that cannot be.
+    """
+    if not isinstance(changes, Mapping):
+        raise ArmDesignError("what-if", f"{changes!r}: expected {{key path: value}}")
+    other = changed_machine(machine, changes)
+    today, new = (frequency_map(one, Workspace.grid(one, points)) for one in (machine, other))
+    chart = lift_chart_if_any(machine)
+
+    def everything(frequencies: FrequencyMap) -> Quantities:
+        own = more(frequencies) if more else {}
+        return {**_all_quantities(frequencies, chart), **own}
+
+    before, after = everything(today), everything(new)
+    steps = numeric_changes(machine, other)
+    linear = _linear(machine, steps, points, everything, before) if steps else {}
+    return WhatIf(_differing(machine, other), today, new, _frame(before, linear, after))
+
+
+def _differing(machine: Machine, other: Machine) -> dict[str, tuple[Any, Any]]:
+    """Values before and after by key path, of lists number by number."""
+    one, two = (_plain(m) for m in (machine, other))
+    paths = [*one, *(path for path in two if path not in one)]
+    return {p: (one.get(p), two.get(p)) for p in paths if one.get(p) != two.get(p)}
+
+
+def _plain(machine: Machine) -> dict[str, Any]:
+    from armdesign.machine.file.machine_file import flat
+
+    numbers = {path: number.value for path, number in numbers_of(machine.section).items()}
+    values = {path: v for path, v in flat(machine.section).items() if not isinstance(v, list)}
+    return values | numbers
+
+
+def _all_quantities(
+    frequencies: FrequencyMap, chart: LiftChart | None
+) -> dict[str, tuple[Any, str]]:
+    """Value and SI unit of everything that matters, by name."""
+    machine = frequencies.machine
+    values = {WORST: (frequencies.worst.frequency, "Hz"), **quantities(frequencies)}
+    largest = frequencies.static_pressures.max(axis=0)
+    for actuator, pressure in zip(machine.actuators, largest, strict=True):
+        values[f"{actuator.name}.static_pressure"] = (float(pressure), "Pa")
+    for cylinder in machine.cylinders:
+        sizes = cylinder.bore, cylinder.rod, cylinder.open_length
+        safety = float(euler_safety(*sizes, machine.supply.pressure))
+        values[f"{cylinder.name}.buckling_safety"] = (safety, "")
+    own = lift_chart_if_any(machine, chart) if chart else None
+    if own is not None:
+        for reach, height, mass in zip(own.reach, own.height, own.capacity, strict=True):
+            values[f"{LIFT}reach {reach:.3g} m, height {height:.3g} m"] = (float(mass), "kg")
+    return values
+
+
+def _linear(
+    machine: Machine,
+    steps: Mapping[Location, tuple[float, float]],
+    points: int | Sequence[int] | None,
+    everything: More,
+    before: Quantities,
+) -> dict[str, float]:
+    """Linear estimates by the name of the quantity."""
+    sides = []
+    for side in (PART, -PART):
+        near = rebuilt(machine, {at: a + side * (b - a) for at, (a, b) in steps.items()})
+        sides.append(everything(frequency_map(near, Workspace.grid(near, points))))
+    estimates = {}
+    for name, (value, _) in before.items():
+        ends = [side.get(name, (None, ""))[0] for side in sides]
+        known = not isinstance(value, str) and value is not None and None not in ends
+        if known and not name.startswith(COUNTED):
+            estimates[name] = value + (ends[0] - ends[1]) / (2 * PART)
+    estimates[WORST] = _worst(machine, steps, points)
+    return estimates
+
+
+def _worst(
+    machine: Machine,
+    steps: Mapping[Location, tuple[float, float]],
+    points: int | Sequence[int] | None,
+) -> float:
+    """The worst frequency [Hz] by exact derivatives, the lowest of worst pose and rivals."""
+    numbers = [n for n in numbers_of(machine.section).values() if n.location in steps]
+    change = np.array([steps[n.location][1] - steps[n.location][0] for n in numbers])
+    lines = []
+    for rival in rivals(machine, Workspace.grid(machine, points)):
+        slope = slopes(machine, rival, numbers)
+        lines.append(rival.frequency + np.where(change > 0, slope.T[0], slope.T[1]) @ change)
+    return float(min(lines))
+
+
+def _frame(before: Quantities, linear: Mapping[str, float], after: Quantities) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = []
+    for name in [*before, *(name for name in after if name not in before)]:
+        unit = (before.get(name) or after[name])[1]
+        one, two = (side.get(name, (None, unit))[0] for side in (before, after))
+        estimate = linear.get(name, np.nan)
+        numeric = not isinstance(one, str) and one is not None
+        shares = [
+            value / one - 1 if numeric and one and value is not None else np.nan
+            for value in (estimate, two)
+        ]
+        rows.append((name, unit, one, estimate, two, *shares))
+    columns = ["quantity", "unit", "before", "linear", "after", "linear_change", "change"]
+    return pd.DataFrame(rows, columns=columns)

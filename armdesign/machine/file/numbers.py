@@ -1,0 +1,170 @@
+"""Numbers of a machine file: every one by its key path, with the step that people think in.
+
+A number is one float: of a list each element is one, ``cylinder.boom.base.at_mm.0``. Counts and
+words are none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.file.key_paths import Location, allowed, annotation, bounds, unit_of
+from armdesign.machine.file.schema import MachineSection, Section
+
+# natural steps by the unit of a key; of all others a tenth of the value
+STEPS = {"mm": 10.0, "kg": 100.0, "%": 1.0, "bar": 10.0, "deg": 1.0, "l": 1.0, "N/m": 10e6}
+STIFFER = 10e6  # [N/m] step of the stiffness that a compliance in series stands for
+SOFTER, TURNING = 1e-9, 1e-8  # [m/N, rad/(N m)] steps where the structure is rigid
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """One number of a machine file.
+
+    Attributes:
+        location: its key path in parts.
+        value: in the file's unit.
+        unit: that unit; empty if the key names none.
+        low: least value that the schema allows.
+        high: largest.
+    """
+
+    location: Location
+    value: float
+    unit: str
+    low: float
+    high: float
+
+    @property
+    def path(self) -> str:
+        """Its key path, as ``cylinder.boom.bore_mm``."""
+        return ".".join(map(str, self.location))
+
+    @property
+    def step(self) -> tuple[float, str]:
+        """A change in natural units: in the file's unit, and in words.
+
+        10 mm, 100 kg, 1 %, 10 bar, 1°, 1 l, 10 MN/m; a tenth of all others. A compliance in series
+        changes by what makes its stiffness 10 MN/m higher.
+        """
+        if self.unit == "m/N":
+            if self.value == 0:
+                return SOFTER, f"{SOFTER:g} m/N"
+            return -STIFFER * self.value**2, f"{STIFFER / 1e6:g} MN/m"
+        if self.unit == "rad/(N m)" and self.value == 0:
+            return TURNING, f"{TURNING:g} rad/(N m)"
+        if self.unit == "N/m":
+            return STIFFER, f"{STIFFER / 1e6:g} MN/m"
+        if self.unit in STEPS:
+            return STEPS[self.unit], f"{STEPS[self.unit]:g} {self.unit}"
+        return (0.1 * self.value or 0.1), ("10 %" if self.value else f"0.1 {self.unit}".strip())
+
+
+def numbers_of(section: MachineSection) -> dict[str, Number]:
+    """Every number of a machine file by its key path, defaults included."""
+    return {number.path: number for number in _numbers(section, ())}
+
+
+def _numbers(node: Any, location: Location) -> Iterator[Number]:
+    if isinstance(node, Section):
+        for key, item in node:
+            yield from _numbers(item, (*location, key))
+    elif isinstance(node, Mapping):
+        for key, item in node.items():
+            yield from _numbers(item, (*location, key))
+    elif isinstance(node, list):
+        for index, item in enumerate(node):
+            yield from _numbers(item, (*location, index))
+    elif isinstance(node, float | int) and annotation(location)[0] is float:
+        low, high = bounds(location)
+        unit = unit_of(location).strip()
+        yield Number(location=location, value=float(node), unit=unit, low=low, high=high)
+
+
+def chosen_numbers(section: MachineSection, path: str, part: str) -> list[Number]:
+    """The number at a key path, or all of the list there; ``part`` names it in errors.
+
+    Raises:
+        ArmDesignError: there is none; with the nearest key.
+    """
+    every = numbers_of(section).items()
+    known = {name: number for name, number in every if number.location[0] != "tolerances"}
+    chosen = [number for name, number in known.items() if _names(path, number, name)]
+    if not chosen:
+        raise ArmDesignError(part, *_unknown(path, list(known)))
+    return chosen
+
+
+def _names(path: str, number: Number, name: str) -> bool:
+    """Whether a key path names a number, or the list that it stands in."""
+    in_list = isinstance(number.location[-1], int)
+    return path == name or (in_list and path == name.rpartition(".")[0])
+
+
+def _unknown(path: str, known: list[str]) -> tuple[str, str]:
+    """Why a key path names no number, and what to give instead."""
+    below = [name for name in known if name.startswith(f"{path}.")]
+    if below:
+        return "is a table", f"name one of its numbers, such as {below[0]}"
+    table, _, leaf = path.rpartition(".")
+    try:
+        limits = allowed(tuple(path.split(".")))
+    except (KeyError, TypeError, AttributeError):
+        limits = ""
+    if (
+        "number" in limits
+        and not leaf.isdigit()
+        and any(name.rpartition(".")[0] == table for name in known)
+    ):
+        return "has no value in the file", f"write one first: {limits}"
+    alike = [name for name in known if name.rpartition(".")[2] == leaf]
+    remedy = choose(path, alike) if alike else choose(path, known)
+    if len(remedy) > 200:
+        remedy = f"did you mean {_nearest(path, known)}?"
+    return "the machine file has no such number", remedy
+
+
+def _nearest(path: str, known: list[str]) -> str:
+    """The key path that shares most of its parts with another."""
+    parts = set(path.split("."))
+    return max(known, key=lambda name: len(parts & set(name.split("."))))
+
+
+def with_values(section: MachineSection, values: Mapping[Location, Any]) -> MachineSection:
+    """The section with other values at key paths, unchecked: they may be arrays."""
+    node: Any = section
+    for location, value in values.items():
+        node = _with(node, location, value)
+    whole: MachineSection = node
+    return whole
+
+
+def _with(node: Any, location: Location, value: Any) -> Any:
+    if not location:
+        return value
+    key, *rest = location
+    if isinstance(node, Section):
+        return node.model_copy(update={key: _with(getattr(node, key), tuple(rest), value)})
+    if isinstance(node, Mapping):
+        return {**node, key: _with(node[key], tuple(rest), value)}
+    return [_with(item, tuple(rest), value) if i == key else item for i, item in enumerate(node)]
+
+
+def in_range(number: Number, value: float, part: str) -> float:
+    """The value, if the schema allows it at the number's key path.
+
+    Raises:
+        ArmDesignError: it does not.
+    """
+    inside = math.isfinite(value) and number.low <= value <= number.high
+    if not inside:
+        raise ArmDesignError(
+            part,
+            f"{value:g} {number.unit}".strip() + " is not allowed",
+            f"give {allowed(number.location)}",
+        )
+    return value

@@ -1,0 +1,119 @@
+"""A planned move, and what simulations leave of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array, ReadOnly
+from armdesign.machine.machine import Machine
+from armdesign.motion.feed_forward import SpoolPlan
+from armdesign.motion.outcome import MoveRun
+from armdesign.motion.shapers import Shaper
+from armdesign.motion.trajectory import Trajectory
+from armdesign.simulation.excitation import Table
+from armdesign.units import deg, l_per_min, mm
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Move(ReadOnly):
+    """A planned move and what simulations leave of it; arrays are read-only.
+
+    Attributes:
+        machine: under the load that was planned for.
+        poses: joint positions at which it rests (k, nq) [rad, m].
+        shaper: with which its course was convolved.
+        frequencies: natural, at the end [Hz], all modes.
+        shortest: duration without a shaper that flow and pressures allow [s].
+        duration: planned, without the shaper's delay [s].
+        lead: before planned motion begins, in which slow spools open [s].
+        planned: joints over time, shaped.
+        plan: spools at steady load, piston speeds and flow at the planned instants.
+        commands: of the spools by actuator, shaped.
+        unshaped_commands: the same without the shaper.
+        tolerance: distance within which the tool has settled [m].
+        runs: nonlinear runs, unshaped and shaped: of the planned payload, then of others.
+    """
+
+    machine: Machine
+    poses: Array
+    shaper: Shaper
+    frequencies: Array
+    shortest: float
+    duration: float
+    lead: float
+    planned: Trajectory
+    plan: SpoolPlan
+    commands: dict[str, Table]
+    unshaped_commands: dict[str, Table]
+    tolerance: float
+    runs: tuple[MoveRun, ...]
+
+    @property
+    def unshaped(self) -> MoveRun:
+        """The run under the planned payload without the shaper."""
+        return self.runs[0]
+
+    @property
+    def shaped(self) -> MoveRun:
+        """The run under the planned payload."""
+        return self.runs[1]
+
+    @property
+    def reductions(self) -> tuple[float, ...]:
+        """Residual of shaped over unshaped run, payload by payload."""
+        pairs = zip(self.runs[::2], self.runs[1::2], strict=True)
+        return tuple(after.residual / before.residual for before, after in pairs)
+
+    @property
+    def stop_time(self) -> float:
+        """When the commands of the shaped move end [s]."""
+        return self.lead + self.planned.duration
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """The plan, one row per instant: joints, piston speeds, pump flow and spool commands."""
+        import pandas as pd
+
+        columns: dict[str, Array] = {"time_s": self.lead + self.planned.time}
+        for joint, position in zip(self.machine.arm.joints, self.planned.q.T, strict=True):
+            unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+            columns[f"{joint.name}_{unit}"] = position / factor
+        for i, (name, table) in enumerate(self.commands.items()):
+            columns[f"{name}_speed"] = self.plan.speeds[:, i]
+            columns[f"{name}_spool"] = np.array([table(t) for t in columns["time_s"]])
+        columns["pump_l_per_min"] = self.plan.flow / l_per_min
+        return pd.DataFrame(columns)
+
+    @property
+    def residuals(self) -> pd.DataFrame:
+        """One row per run: payload, shaper, end of commands, residual, settling, miss."""
+        import pandas as pd
+
+        rows = []
+        for run in self.runs:
+            row: dict[str, Any] = {
+                "payload_kg": run.mass,
+                "shaper": self.shaper.name if run.shaped else "none",
+                "stop_s": run.end,
+                "residual_mm": run.residual / mm,
+                "settled_s": run.settled,
+                "drift_mm_per_s": run.drift / mm,
+            }
+            for joint, miss in zip(self.machine.arm.joints, run.miss, strict=True):
+                unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+                row[f"{joint.name}_miss_{unit}"] = miss / factor
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def plot(self) -> Any:
+        """Draw commands, flow, pressures, tool path, what is left, and its spectrum."""
+        from armdesign import plots
+
+        return plots.move_figure(self)

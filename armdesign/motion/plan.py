@@ -1,0 +1,174 @@
+"""Plans of moves that do not ring: ``plan_move``.
+
+A move goes straight in joint space from pose to pose and rests at each. It is as fast as the
+pump's flow, shared among all actuators, and the pressures allow (``path_limits``, ``time_law``);
+its course in time is convolved with a shaper for the modes at the end of the move, or over all
+that may be met (``shapers``); spools are commanded so that the planned oil flows
+(``compensation``). The commands are then run in the nonlinear simulation, with and without the
+shaper, and with a heavier and a lighter payload than they were planned for (``outcome``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.errors import ArmDesignError
+from armdesign.machine.machine import Machine
+from armdesign.machine.poses import joint_positions, refuse_unheld
+from armdesign.motion.compensation import command_lead, compensated_commands
+from armdesign.motion.feed_forward import spool_plan
+from armdesign.motion.move import Move
+from armdesign.motion.outcome import MoveRun, move_run, ring_time
+from armdesign.motion.shapers import Shaper
+from armdesign.motion.shaping import end_modes, shaper_for
+from armdesign.motion.trajectory import Leg, fastest_leg, trajectory
+from armdesign.simulation.plant.equilibrium import refuse_overcome
+from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.springs import settled as at_rest
+from armdesign.simulation.simulate import Case, simulate_all
+from armdesign.units import l_per_min, mm
+
+SHARE = 0.7  # of flow and force that a plan uses: the arm rings about it
+ROUNDING = 1e-6  # of a duration that is the shortest, as printed
+TOLERANCE = 1e-6  # of the runs
+
+
+def plan_move(
+    machine: Machine,
+    start: ArrayLike,
+    end: ArrayLike,
+    *,
+    payload: str | float | None = None,
+    shaper: str | Shaper = "zvd",
+    modes: int = 2,
+    damping: float | None = None,
+    duration: float | None = None,
+    share: float = SHARE,
+    spread: float = 0.2,
+    settled: float = 5 * mm,
+) -> Move:
+    """Plan a move from pose to pose, and run it in the nonlinear simulation.
+
+    Commands are computed for the machine's own load, oil and friction: each valve passes the oil
+    of the planned piston speed under the pressures that the model has at that instant.
+
+    Args:
+        machine: the machine; every actuator needs a valve.
+        start: joint positions (nq,) [rad, m].
+        end: joint positions (nq,), or of several stops one after the other (k, nq) [rad, m].
+        payload: a load case by name, or a mass [kg]; None: the machine's own.
+        shaper: none, zv, zvd, ei: for the modes at the end; band: for these modes over the whole
+            way and all payloads tried; workspace: over the whole workspace and all load cases; or
+            a ``Shaper`` of one's own.
+        modes: how many of the lowest modes it is made for.
+        damping: ratio that it is made for; None: of each mode by ``linearize``, at the end.
+        duration: without the shaper's delay [s]; None: the shortest.
+        share: of the pump's flow and of the force that pressures leave, that is used.
+        spread: payloads this share lighter and heavier are tried, too; 0: none.
+        settled: distance within which the tool has settled [m].
+
+    Raises:
+        ArmDesignError: an option out of its range, or a move faster than pump, valves and
+            pressures allow, with the shortest duration.
+        PoseError: a pose that cannot be taken, or one that does not hold the load case.
+        SimulationError: a valve is missing, or a run gives up.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine, up = ad.load("excavator_20t"), [(0.0, -1.6, -1.2), (0.3, -1.6, -1.2)]
+        >>> move = ad.plan_move(machine, *up, payload="full", spread=0.0)
+        >>> move.shaped.residual < 0.05 * move.unshaped.residual
+        True
+    """
+    _refuse_options(machine, {"share": share, "spread": spread, "settled": settled}, modes)
+    model = machine if payload is None else machine.with_payload(payload)
+    poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
+    refuse_unheld(model, poses)
+    refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
+    fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
+    legs = fastest if duration is None else _within(model, fastest, duration)
+    masses = _masses(model, spread)
+    if isinstance(shaper, str):
+        shaper = shaper_for(shaper, model, poses, masses, modes, damping)
+    move = _move(model, poses, legs, shaper)
+    shortest = sum(leg.law.duration for leg in fastest)
+    return replace(move, shortest=shortest, tolerance=settled, runs=_runs(move, masses, settled))
+
+
+def _refuse_options(machine: Machine, options: dict[str, float], modes: int) -> None:
+    """Refuse options out of their range."""
+    allowed = {"share": "(0, 1]", "spread": "[0, 1)", "settled": "(0, inf)"}
+    for name, value in options.items():
+        within = {
+            "share": 0 < value <= 1,
+            "spread": 0 <= value < 1,
+            "settled": 0 < value < math.inf,
+        }
+        if not within[name]:
+            fault = f"{value:g} is not in {allowed[name]}"
+            raise ArmDesignError(f"{machine.name}: move: {name}", fault, "give one in it")
+    if modes < 1:
+        raise ArmDesignError(f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or 2")
+
+
+def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]:
+    """The legs within a duration [s], refused if it is shorter than they are."""
+    shortest = sum(leg.law.duration for leg in legs)
+    factor = duration / shortest
+    if not (math.isfinite(factor) and factor >= 1 - ROUNDING):
+        flow = f"{machine.supply.flow / l_per_min:.0f} l/min, its valves and pressures"
+        fault = f"{duration:.3g} s is faster than the pump's {flow} allow"
+        remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more"
+        raise ArmDesignError(f"{machine.name}: move: duration", fault, remedy)
+    return [leg.stretched(max(factor, 1.0)) for leg in legs]
+
+
+def _masses(machine: Machine, spread: float) -> tuple[float, ...]:
+    """Masses of the payload that are tried [kg], the planned one first."""
+    mass = machine.payload.mass
+    return (mass, (1 - spread) * mass, (1 + spread) * mass) if mass and spread else (mass,)
+
+
+def _move(model: Machine, poses: Array, legs: Sequence[Leg], shaper: Shaper) -> Move:
+    """The move without runs."""
+    both = [trajectory(legs, one) for one in (Shaper.none(), shaper)]
+    plans = [spool_plan(model, one.q, one.velocity) for one in both]
+    commands = compensated_commands(model, both, plans)
+    return Move(
+        machine=model,
+        poses=poses,
+        shaper=shaper,
+        frequencies=end_modes(model, poses[-1])[0],
+        shortest=sum(leg.law.duration for leg in legs),
+        duration=both[0].duration,
+        lead=command_lead(model),
+        planned=both[1],
+        plan=plans[1],
+        commands=commands[1],
+        unshaped_commands=commands[0],
+        tolerance=0.0,
+        runs=(),
+    )
+
+
+def _runs(move: Move, masses: Sequence[float], settled: float) -> tuple[MoveRun, ...]:
+    """Nonlinear runs without and with shaper under every mass of the payload."""
+    lowest = float(move.frequencies[0])
+    after = ring_time(move.machine, lowest)
+    pairs = ((move.unshaped_commands, move.lead + move.duration), (move.commands, move.stop_time))
+    cases = [
+        Case(machine=model, q=move.poses[0], command=command, duration=end + after)
+        for model in (move.machine, *map(move.machine.with_payload, masses[1:]))
+        for command, end in pairs
+    ]
+    return tuple(
+        move_run(run, bool(k % 2), pairs[k % 2][1], lowest, settled, move.poses[-1])
+        for k, run in enumerate(simulate_all(cases, tolerance=TOLERANCE))
+    )

@@ -1,0 +1,103 @@
+"""Bandwidths of position loops over a workspace, on one colour scale for all controllers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.plots.canvas import COMPUTED, MARK, figure, joint_label, joint_values, literal
+from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
+
+if TYPE_CHECKING:
+    from armdesign.control.bandwidth_map import BandwidthMap
+
+BANDWIDTH = "bandwidth of the narrowest loop, -3 dB [Hz]"
+TITLES = {
+    "proportional": "position loops alone",
+    "damped": "+ pressure feedback, common gains",
+    "own": "+ pressure feedback, own gains",
+}
+
+
+@literal
+def bandwidth_map(
+    bandwidths: BandwidthMap, ax: Any = None, scheme: str = "own", **limits: float
+) -> Any:
+    """Least bandwidth over two joints, with the worst poses of bandwidth and of frequency.
+
+    A machine with one joint gets curves.
+
+    Args:
+        bandwidths: the map.
+        ax: axes to draw into; new ones if None.
+        scheme: "proportional", "damped" or "own".
+        limits: ``vmin`` and ``vmax`` [Hz] of the colours, which are logarithmic.
+
+    Returns:
+        The axes.
+    """
+    ax = figure()[1][0] if ax is None else ax
+    machine = bandwidths.machine
+    drawn = drawn_joints(machine)
+    ax.set_title(TITLES[scheme], fontsize=11)
+    if len(drawn) == 1:
+        _curves(ax, bandwidths, scheme)
+        return ax
+    x, y, least = _least(bandwidths, scheme)
+    first, second = (machine.arm.joints[j] for j in drawn)
+    ax.set(xlabel=joint_label(first), ylabel=joint_label(second))
+    low, high = limits.get("vmin", np.nanmin(least)), limits.get("vmax", np.nanmax(least))
+    style = {"norm": "log", "vmin": max(low, 1e-3 * high), "vmax": high}
+    heatmap(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
+    for row, colour, words in (
+        (bandwidths.worst(scheme), MARK, "worst bandwidth"),
+        (bandwidths.softest, COMPUTED, "lowest frequency"),
+    ):
+        at = [float(joint_values(one, row[one.name])) for one in (first, second)]
+        label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
+        ax.plot(*at, "o", ms=11, mfc="none", mec="white", mew=4)
+        ax.plot(*at, "o", ms=11, mfc="none", mec=colour, mew=2, label=label)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=9)
+    return ax
+
+
+@literal
+def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
+    """Figure of all controllers of a map in a row, on one colour scale."""
+    values = np.concatenate([_least(bandwidths, scheme)[2].ravel() for scheme in TITLES])
+    low, high = float(values[values > 0].min()), float(np.nanmax(values))
+    fig, axes = figure(len(TITLES), 5.6, 5.0)
+    for ax, scheme in zip(axes, TITLES, strict=True):
+        bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
+        if len(drawn_joints(bandwidths.machine)) == 1:
+            ax.set_ylim(0.8 * low, 2 * high)
+    fig.suptitle(bandwidths.machine.section.title or bandwidths.machine.name)
+    return fig
+
+
+def _least(bandwidths: BandwidthMap, scheme: str) -> tuple[Array, Array, Array]:
+    """Positions of the drawn joints, and the least bandwidth there (n1, n2) [Hz].
+
+    Of a machine with one joint the bandwidths of all rows.
+    """
+    frame = bandwidths.frame
+    value = np.where(frame["works"], frame[f"{scheme}_hz"], np.inf)
+    if len(drawn_joints(bandwidths.machine)) == 1:
+        return value, value, value[np.isfinite(value)]
+    return joint_plane(bandwidths, value)
+
+
+def _curves(ax: Any, bandwidths: BandwidthMap, scheme: str) -> None:
+    """Bandwidth by load case, and f/3, over the only joint."""
+    (index,) = drawn_joints(bandwidths.machine)
+    joint = bandwidths.machine.arm.joints[index]
+    works = bandwidths.frame[bandwidths.frame["works"]]
+    for payload, rows in works.groupby("payload", sort=False):
+        rows = rows.sort_values(joint.name)
+        q = joint_values(joint, rows[joint.name].to_numpy())
+        (line,) = ax.plot(q, rows[f"{scheme}_hz"], label=str(payload))
+        ax.plot(q, rows["rule_hz"], "--", lw=1, color=line.get_color(), label=f"{payload}: f/3")
+    ax.set(xlabel=joint_label(joint), ylabel=BANDWIDTH, yscale="log")
+    ax.legend(frameon=False, fontsize=9)

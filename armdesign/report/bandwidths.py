@@ -1,0 +1,153 @@
+"""Sheets of bandwidth maps: what each controller reaches, and what simple formulas promise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from armdesign.control.bandwidth_map import GAIN_ERROR, BandwidthMap
+from armdesign.control.margins import gain_margin_db, phase_margin
+from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP, Units, deg
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMES = {
+    "proportional": "position loops alone",
+    "damped": "+ pressure feedback, common gains",
+    "own": "+ pressure feedback, own gains",
+}
+
+
+def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -> list[Sheet]:
+    """What the controllers reach, where the worst poses are, and what formulas promise.
+
+    Args:
+        maps: of one machine, or of several by their labels.
+        units: of the tables.
+    """
+    first = next(iter(maps.values()))
+    title = first.machine.section.title or first.machine.name
+    sheets = [_schemes_sheet(maps, title)]
+    for label, bandwidths in maps.items():
+        sheets += [_worst_sheet(label if len(maps) > 1 else "", bandwidths, units)]
+    return [*sheets, _promises_sheet(maps)]
+
+
+def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
+    """Bandwidth and tracking error of every controller, with and without feed-forward."""
+    rows = []
+    for label, bandwidths in maps.items():
+        works = bandwidths.frame[bandwidths.frame["works"]]
+        for scheme, name in NAMES.items():
+            case = f"{label}: {name}" if len(maps) > 1 else name
+            worst, tracking = bandwidths.worst(scheme), works[f"{scheme}_tracking_s"].max()
+            spread = (works[f"{scheme}_hz"].min(), works[f"{scheme}_hz"].median())
+            at_softest = bandwidths.softest[f"{scheme}_hz"]
+            cells = [f"{value:.3g}" for value in (*spread, at_softest)]
+            rows.append((case, *cells, _seconds(tracking), f"{worst[f'{scheme}_peak']:.2f}"))
+            command = works[f"{scheme}_command_hz"]
+            cells = [f"{value:.3g}" for value in (command.min(), command.median())]
+            cells += [f"{bandwidths.softest[f'{scheme}_command_hz']:.3g}"]
+            rows.append(("    with feed-forward", *cells, _seconds(GAIN_ERROR * tracking), "″"))
+    first = next(iter(maps.values()))
+    margin = first.options.aim.margin
+    damping = first.options.damping
+    source = "the file's" if damping is None else f"stated, {damping:g} in every mode"
+    delay = f", delay {1e3 * first.options.delay:g} ms" if first.options.delay else ""
+    return Sheet(
+        title=f"{title}: bandwidth of the narrowest loop [Hz]",
+        columns=(
+            "controller",
+            "worst",
+            "median",
+            "at lowest f",
+            "error of a move [s]",
+            "peak of S",
+        ),
+        rows=tuple(rows),
+        note=(
+            f"all loops closed at once, balanced disk margin {margin:.3f} of all together:"
+            f" {float(gain_margin_db(margin)):.1f} dB,"
+            f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; error of a"
+            " move at constant speed is that speed times the seconds, at the worst pose; with"
+            f" feed-forward: bandwidth of commands, the valve's gain known within"
+            f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_valve_note(first)}"
+        ),
+    )
+
+
+def _valve_note(bandwidths: BandwidthMap) -> str:
+    """That valves are slower than what they are to damp; empty if none is."""
+    slow = bandwidths.slow_valves
+    if not slow:
+        return ""
+    words = ", ".join(f"{name} ({100 * share:.2g} % of the poses)" for name, share in slow.items())
+    return f"; valves slower than the lowest mode, which they cannot damp well: {words}"
+
+
+def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
+    """The worst pose of bandwidth beside that of frequency."""
+    rows = [("lowest frequency", *_row_of(bandwidths, bandwidths.softest, units))]
+    for scheme, name in NAMES.items():
+        rows.append((f"worst, {name}", *_row_of(bandwidths, bandwidths.worst(scheme), units)))
+    note = "f: lowest natural frequency; ζ: its damping; own: bandwidth with own gains"
+    works = bandwidths.frame["works"]
+    lost = int((works & (bandwidths.frame["own_hz"] == 0)).sum())
+    if lost:
+        note += f"; at {lost} poses no gains keep the margin"
+    unworkable = int((~works).sum())
+    if unworkable:
+        note += (
+            f"; {unworkable} of {len(bandwidths.frame)} poses left out: unstable on trapped oil,"
+            " or a load above the supply's pressure or a relief"
+        )
+    return Sheet(
+        title=f"{label}: worst poses" if label else "Worst poses",
+        columns=("pose", "f [Hz]", "ζ", "own [Hz]", "settles [s]", "where"),
+        rows=tuple(rows),
+        note=note,
+    )
+
+
+def _row_of(bandwidths: BandwidthMap, row: pd.Series[Any], units: Units) -> tuple[str, ...]:
+    joints = bandwidths.machine.arm.joints
+    at = ", ".join(f"{joint.name} {units.text(row[joint.name], joint.unit)}" for joint in joints)
+    return (
+        f"{row['f1_hz']:.3f}",
+        f"{row['damping']:.4f}",
+        f"{row['own_hz']:.3f}",
+        _seconds(row["own_settling_s"]),
+        f"{at}, payload {row['payload']}",
+    )
+
+
+def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
+    """What formulas of a single loop promise, and by how much too much."""
+    rows = []
+    for label, bandwidths in maps.items():
+        works = bandwidths.frame[bandwidths.frame["works"]]
+        worst = bandwidths.worst("proportional")
+        for column, name in (("merritt_hz", "Merritt, K < 2ζω"), ("rule_hz", "rule f/3")):
+            reached = works["proportional_hz"].where(works["proportional_hz"] > 0)
+            ratio = (works[column] / reached).median()
+            case = f"{label}: {name}" if len(maps) > 1 else name
+            rows.append(
+                (case, f"{worst[column]:.3g}", f"{works[column].median():.3g}", _times(ratio))
+            )
+    return Sheet(
+        title="What formulas of a single loop promise [Hz]",
+        columns=("formula", "at the worst pose", "median", "promise / position loops alone"),
+        rows=tuple(rows),
+        note="Merritt's bound is where a single loop becomes unstable, without any margin",
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.1f} ×" if math.isfinite(ratio) else "–"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) and value > 0 else "–"

@@ -1,0 +1,129 @@
+"""Sheets of a planned move: what is left, and how exact a shaper must be."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.motion.move import Move
+    from armdesign.motion.outcome import MoveRun
+    from armdesign.motion.shapers import Shaper
+
+ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of a frequency
+
+
+def move_sheets(move: Move, units: Units = WORKSHOP) -> list[Sheet | str]:
+    """Runs, shapers, and what limited the motion."""
+    flow = units.text(move.machine.supply.flow, "m³/s")
+    shaper = "without a shaper" if not move.shaper.delay else f"shaped by {move.shaper.words}"
+    begin = (
+        f"The move takes {move.duration:.3g} s, {shaper}; pump ({flow}), valves and pressures"
+        f" allow {move.shortest:.3g} s at the shortest."
+    )
+    return [begin, _runs(move, units), _shapers(move), *_remarks(move)]
+
+
+def _runs(move: Move, units: Units) -> Sheet:
+    rows = []
+    for first, run in zip(
+        [one for one in move.runs[::2] for _ in range(2)], move.runs, strict=True
+    ):
+        settled = f"{run.settled:.2f}" if math.isfinite(run.settled) else f"> {run.time[-1]:.1f}"
+        share = f"{100 * run.residual / first.residual:.2g} %" if run.shaped else "–"
+        rows.append(
+            (
+                move.shaper.name if run.shaped else "unshaped",
+                units.number(run.mass, "kg"),
+                f"{run.end:.2f}",
+                units.number(run.residual, "m", 2 if units is WORKSHOP else 5),
+                share,
+                settled,
+                *_misses(move, run, units),
+            )
+        )
+    length, joints = units.name("m"), move.machine.arm.joints
+    return Sheet(
+        title="What is left of the tool's motion, in nonlinear simulation",
+        columns=(
+            "commands",
+            f"payload [{units.name('kg')}]",
+            "end [s]",
+            f"residual [{length}]",
+            "of unshaped",
+            "settled [s]",
+            *(f"{joint.name} [{units.name(joint.unit)}]" for joint in joints),
+        ),
+        rows=tuple(rows),
+        note=(
+            "end: of the commands; residual: largest distance of the tool from its drift within"
+            " one period after the spools have come to rest; settled: from the start until it"
+            f" stays within {units.short(move.tolerance, 'm')} of its drift; joints: by how much"
+            " they miss their goals, as commands are computed ahead for the first payload and"
+            " nothing is fed back"
+        ),
+    )
+
+
+def _misses(move: Move, run: MoveRun, units: Units) -> list[str]:
+    pairs = zip(move.machine.arm.joints, run.miss, strict=True)
+    return [units.number(float(miss), joint.unit, 2) for joint, miss in pairs]
+
+
+def _shapers(move: Move) -> Sheet:
+    """The chosen shaper beside the usual ones for the lowest mode."""
+    from armdesign.motion.shapers import Shaper
+
+    lowest, damping = float(move.frequencies[0]), move.shaper.damping
+    usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
+    shapers = [move.shaper, *usual] if move.shaper.delay else usual
+    return Sheet(
+        title=f"Residual vibration against an error of the lowest frequency, {lowest:.3g} Hz",
+        columns=(
+            "shaper",
+            "delay [s]",
+            "periods",
+            *(f"{100 * error:+.0f} %" if error else "0" for error in ERRORS),
+            "width at 5 %",
+        ),
+        rows=tuple(_shaper_row(shaper, lowest) for shaper in shapers),
+        bold=(0,) if move.shaper.delay else (),
+        note=(
+            "of the vibration that a step would leave, linear; width: of the band with at most 5 %"
+            " left, over the frequency; the first row is the one at work, the others are for the"
+            " lowest mode alone"
+        ),
+    )
+
+
+def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
+    periods = shaper.delay * lowest * math.sqrt(1 - shaper.damping**2)
+    left = (100 * float(shaper.residual(lowest * (1 + error))) for error in ERRORS)
+    return (
+        shaper.name,
+        f"{shaper.delay:.3f}",
+        f"{periods:.2f}",
+        *(f"{value:.1f} %" for value in left),
+        f"{100 * shaper.insensitivity():.0f} %" if not shaper.parts else "–",
+    )
+
+
+def _remarks(move: Move) -> list[str]:
+    """What a reader should know besides."""
+    remarks = []
+    if move.shaper.delay and move.shaper.high > move.shaper.low and not move.shaper.parts:
+        shaper = move.shaper
+        worst, undamped = (100 * shaper.worst_residual(damping=zeta) for zeta in (None, 0.0))
+        remarks.append(
+            f"From {shaper.low:.3g} to {shaper.high:.3g} Hz at most {worst:.2g} % is left, linear,"
+            f" at a damping ratio of {shaper.damping:.3g}; {undamped:.2g} % without damping."
+        )
+    if move.plan.starving:
+        names = " and ".join(move.plan.starving)
+        remarks.append(f"The load draws {names} faster than the pump's side can fill it.")
+    events = move.shaped.simulation.events
+    remarks += [f"Shaped, payload as planned: {'; '.join(events)}."] if events else []
+    return remarks

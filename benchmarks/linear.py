@@ -1,0 +1,59 @@
+"""Linear models of excavator_20t: a thousand at once beside differences of the plant, one by one.
+
+Run on an otherwise idle machine: ``python -m benchmarks.linear``. Both run in this process on one
+core, equilibria included; the best of three each, of the differences over a few poses only.
+"""
+
+from __future__ import annotations
+
+import os
+
+# before numpy starts its threads
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+import time
+from collections.abc import Callable
+
+import armdesign as ad
+from armdesign.arrays import Array
+from armdesign.simulation.plant.equilibrium import find_equilibrium
+from benchmarks.maps import MACHINE, poses_of
+from tests.simulation.differences import plant_of, state_and_command_jacobians
+
+POSES, FEW, LIMIT = 1000, 20, 2.0
+
+
+def by_differences(machine: ad.Machine, q: Array) -> None:
+    """A and B by central differences of order 8, as once."""
+    for pose in q:
+        plant = plant_of(machine, pose)
+        rest = find_equilibrium(plant, pose).state * plant.units
+        state_and_command_jacobians(plant, rest, plant.split(rest / plant.units)[4])
+
+
+def best(action: Callable[[], object]) -> float:
+    """Least time of three [s]."""
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        action()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
+def main() -> None:
+    """Measure and print everything."""
+    machine = ad.load(MACHINE).with_payload("full")
+    q = poses_of(machine, 3 * POSES)
+    q = q[machine.holds(q)][:POSES]
+    rest = best(lambda: ad.linear_models(machine, q))
+    moving = best(lambda: ad.linear_models(machine, q, speed=[0.05, 0.0, 0.0]))
+    differences = best(lambda: by_differences(machine, q[:FEW])) / FEW * POSES
+    reached = "ok" if rest < LIMIT else "MISSED"
+    print(f"{len(q)} poses at rest       {rest:7.3f} s   target < {LIMIT:g} s   {reached}")
+    print(f"{len(q)} in steady motion    {moving:7.3f} s")
+    print(f"by differences of order 8  {differences:7.3f} s   ratio {differences / rest:.0f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""Bandwidth maps and gain schedules of shipped machines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.control.bandwidth_map import SCHEMES
+from armdesign.control.loop_plant import loop_plant
+from armdesign.control.loops import FINE, Loops
+from armdesign.control.tuning import stable
+
+MARGIN = 0.8284271
+
+
+@pytest.fixture(scope="module")
+def bandwidths() -> ad.BandwidthMap:
+    machine = ad.load("excavator_20t")
+    return ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=3), damping=0.02)
+
+
+@pytest.mark.slow
+def test_every_pose_and_load_case_is_there(bandwidths: ad.BandwidthMap) -> None:
+    """The rows of the frequency map, with its lowest frequencies."""
+    frequencies = ad.frequency_map(bandwidths.machine, bandwidths.workspace).frame
+    assert len(frequencies) == len(bandwidths.frame) == len(bandwidths.gains)
+    for name in (*bandwidths.machine.joints, "f1_hz"):
+        np.testing.assert_allclose(bandwidths.frame[name], frequencies[name])
+    assert list(bandwidths.frame["payload"]) == list(frequencies["payload"])
+
+
+@pytest.mark.slow
+def test_margins_hold_and_pressure_feedback_pays(bandwidths: ad.BandwidthMap) -> None:
+    frame = bandwidths.frame
+    for scheme in SCHEMES:
+        assert (frame[f"{scheme}_margin"] >= 0.99 * MARGIN).all()  # on a coarse grid
+    assert (frame["damped_hz"] > 2 * frame["proportional_hz"]).all()
+    assert (frame["own_hz"] >= frame["damped_hz"]).all()
+    assert (frame["merritt_hz"] > frame["proportional_hz"]).all()
+    assert (frame["own_critical"] > 1.5).all()
+    np.testing.assert_allclose(frame["merritt_hz"], 0.04 * frame["f1_hz"])
+
+
+@pytest.mark.slow
+def test_schedule_is_stable_with_margin(bandwidths: ad.BandwidthMap) -> None:
+    """gains.csv, read back as gains of the loops at its poses."""
+    table = bandwidths.schedule
+    schedule = ad.gain_schedule(bandwidths, "full")
+    rows = table[table["payload"] == "full"]
+    q = rows[list(bandwidths.machine.joints)].to_numpy()
+    controller = schedule(q)
+    machine = bandwidths.machine.with_payload("full")
+    plant = loop_plant(machine, machine.at(q), 0.02)
+    assert stable(plant, controller).all()
+    assert (Loops.of(plant, FINE).figures(controller).margin >= 0.99 * MARGIN).all()
+    for place, joint in enumerate(machine.joints):
+        np.testing.assert_allclose(controller.position[:, place], rows[f"{joint}_gain_per_s"])
+
+
+@pytest.mark.slow
+def test_schedule_between_poses_and_beyond(bandwidths: ad.BandwidthMap) -> None:
+    schedule = ad.gain_schedule(bandwidths)
+    low, high = schedule.gains.min(axis=0), schedule.gains.max(axis=0)
+    inside = schedule(bandwidths.machine.ranges.mean(axis=1))
+    assert (inside.position[0] >= low[:3]).all()
+    assert (inside.position[0] <= high[:3]).all()
+    beyond = schedule(bandwidths.machine.ranges[:, 1] + 1.0)
+    assert np.isfinite(beyond.position).all()
+    with pytest.raises(ad.ArmDesignError, match="did you mean"):
+        ad.gain_schedule(bandwidths, "ful")
+    with pytest.raises(ad.ArmDesignError, match="shape"):
+        schedule([0.0])
+
+
+def test_interpolation_of_one_joint_is_linear() -> None:
+    machine = ad.load("patu_boom")
+    schedule = ad.gain_schedule(ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=5)))
+    order = schedule.poses[:, 0].argsort()
+    pair, gains = schedule.poses[order[:2], 0], schedule.gains[order[:2], 0]
+    assert schedule([pair.mean()]).position[0, 0] == pytest.approx(gains.mean())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["loader_crane", "mini_excavator_2t", "patu_boom"])
+def test_machines_with_their_own_damping(name: str) -> None:
+    """A slide, a four-bar, one joint: some gains at every pose."""
+    machine = ad.load(name)
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=3))
+    works = bandwidths.frame[bandwidths.frame["works"]]
+    assert (works["own_hz"] > 0).all()
+    assert np.isfinite(works.select_dtypes("number").to_numpy()).all()
+
+
+def test_no_bandwidth_rests_on_no_damping() -> None:
+    machine = ad.load("paper_1dof")
+    with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that") as caught:
+        ad.bandwidth_map(machine)
+    assert "--damping 0.02" in str(caught.value)
+    assert (ad.bandwidth_map(machine, damping=0.02).frame["own_hz"] > 0).all()
+
+
+def test_a_supply_that_cannot_lift() -> None:
+    machine = ad.load("excavator_20t").replace({"supply.pressure_bar": 20})
+    workspace = ad.Workspace.grid(machine, points=2)
+    with pytest.raises(ad.ArmDesignError, match="at no pose"):
+        ad.bandwidth_map(machine, workspace, damping=0.02)
+
+
+def test_valves_slower_than_the_mode_are_said() -> None:
+    machine = ad.load("patu_boom").replace({"cylinder.lift.valve.natural_frequency_hz": 1.0})
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=5))
+    assert bandwidths.slow_valves["lift"] > 0.5
+
+
+def test_a_missing_valve_is_said() -> None:
+    machine = ad.load("patu_boom")
+    text = machine.text
+    begin, end = text.index("[cylinder.lift.valve]"), text.index("[cylinder.lift.friction]")
+    bare = ad.Machine.from_text(text[:begin] + text[end:], machine.urdf_text, machine.source)
+    with pytest.raises(ad.ArmDesignError, match=r"lift\.valve: missing"):
+        ad.bandwidth_map(bare, damping=0.02)
+
+
+def test_a_margin_that_no_gains_keep_is_said() -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"no gains keep 120 dB.*ask for less, as 6 dB"):
+        ad.bandwidth_map(
+            ad.load("paper_1dof"), damping=0.02, gain_margin_db=120.0, phase_margin=1.5707
+        )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "part"),
+    [({"filter": "low-pass"}, "filter"), ({"corner": -1.0}, "corner"), ({"delay": -1}, "delay")],
+)
+def test_options_that_cannot_be(wrong: dict, part: str) -> None:
+    with pytest.raises(ad.ArmDesignError, match=part):
+        ad.bandwidth_map(ad.load("patu_boom"), **wrong)
+
+
+@pytest.mark.slow
+def test_picture_has_one_scale(bandwidths: ad.BandwidthMap) -> None:
+    from armdesign import plots
+
+    figure = plots.bandwidth_maps(bandwidths)
+    meshes = [
+        mesh for ax in figure.axes for mesh in ax.collections if mesh.get_array() is not None
+    ]
+    limits = {mesh.get_clim() for mesh in meshes[:3]}
+    assert len(limits) == 1
+    assert any("Hz" in ax.get_ylabel() for ax in figure.axes)

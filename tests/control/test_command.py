@@ -1,0 +1,53 @@
+"""The command ``armdesign control``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.commands import Refused, main
+
+
+def test_it_writes_bandwidths_gains_and_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["control", "patu_boom", "--points", "5", "--out", str(tmp_path)]
+    assert main(words, monkeypatch) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "bandwidth.csv",
+        "gains.csv",
+        "bandwidth.png",
+    }
+    table = pd.read_csv(tmp_path / "gains.csv")
+    columns = {"lift_boom", "payload", "f1_hz", "damping", "critical_gain_per_s"}
+    assert columns < set(table.columns) | {"lift_boom", table.columns[0]}
+    assert (table.filter(like="_gain_per_s") > 0).all().all()
+    printed = capsys.readouterr().out
+    for words_of_table in ("position loops alone", "with feed-forward", "Merritt", "f/3"):
+        assert words_of_table in printed
+
+
+def test_two_machines_stand_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["control", "patu_boom", "--new", "patu_boom", "--points", "3"]
+    assert main([*words, "--out", str(tmp_path)], monkeypatch) == 0
+    assert (tmp_path / "gains_new.csv").read_text() == (tmp_path / "gains_today.csv").read_text()
+    assert "new: position loops alone" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["paper_1dof"], "no bandwidth can rest on that; state it, as --damping 0.02"),
+        (["patu_boom", "--damping", "3"], "3 is not in"),
+        (["patu_boom", "--gain-margin", "0"], "give more than 0 dB"),
+        (["patu_boom", "--filter", "low"], "give high-pass or band-pass"),
+        (["patu_boom", "--delay", "-3"], "0 or more"),
+        (["nowhere"], "no such machine"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], message: str, refused: Refused) -> None:
+    refused(["control", *words], message)

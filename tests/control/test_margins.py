@@ -1,0 +1,126 @@
+"""Disk margins: against python-control, closed forms, brute force, and the bounded real lemma."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import armdesign as ad
+from armdesign.arrays import Array
+from armdesign.control.controller import Controller, closed_loop
+from armdesign.control.loops import FINE, Loops
+from armdesign.control.margins import (
+    disk_margin,
+    disk_margin_for,
+    gain_margin_db,
+    phase_margin,
+    structured_norm,
+)
+from armdesign.units import deg
+from tests.control.machines import many_plants, worst_plant
+
+ABOVE = {1: 1e-6, 2: 1e-6, 3: 0.06, 4: 0.08}  # by number of loops: measured, of random matrices
+
+
+def matrices(size: int, count: int = 50) -> Array:
+    generator = np.random.default_rng(size)
+    return generator.normal(size=(count, size, size)) + 1j * generator.normal(
+        size=(count, size, size)
+    )
+
+
+def test_6_db_and_45_deg_need_0_828() -> None:
+    """THEORY section 10: 6 dB needs 2/3, 45 deg need 0.828."""
+    assert disk_margin_for(6, 1e-3) == pytest.approx(2 / 3, abs=3e-3)
+    assert disk_margin_for(6, 45 * deg) == pytest.approx(2 * math.tan(math.pi / 8))
+    assert disk_margin_for(6, 45 * deg) == pytest.approx(0.828, abs=5e-4)
+    assert float(gain_margin_db(2 / 3)) == pytest.approx(20 * math.log10(2))
+    assert float(phase_margin(0.8284271)) / deg == pytest.approx(45, abs=1e-5)
+
+
+@pytest.mark.parametrize(("gain", "phase"), [(0, 45), (math.nan, 45), (6, 0), (6, 90), (6, -5)])
+def test_margins_that_no_disk_keeps(gain: float, phase: float) -> None:
+    with pytest.raises(ad.ArmDesignError, match="margin"):
+        disk_margin_for(gain, phase * deg)
+
+
+def test_one_loop_is_python_controls() -> None:
+    """``control.disk_margins`` of one loop, at 50 poses."""
+    plant = many_plants()
+    loops = Loops.of(plant)
+    for pose in range(len(plant)):
+        loop = loops.positions[pose, :, :1, :1] * 0.3
+        omega = loops.omega[pose]
+        response = control.FrequencyResponseData(loop.transpose(1, 2, 0), omega)
+        size = np.abs(1 / (1 + response(1j * omega).ravel()) - 0.5)
+        assert disk_margin(loop) == pytest.approx(1 / size.max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_structured_norm_is_the_least_over_scalings(size: int) -> None:
+    """A search over D. Osborne's D is exact for two loops, else never below, and little above.
+
+    So much it is of random matrices; where one mode rings, matrices are nearly of rank one, for
+    which it is exact.
+    """
+    for matrix, norm in zip(matrices(size, 12), structured_norm(matrices(size, 12)), strict=True):
+
+        def scaled(x: Array, of: Array = matrix) -> float:
+            d = np.exp(np.concatenate([[0.0], x]))
+            return float(np.linalg.norm(of * d[:, None] / d, 2))
+
+        least = min(
+            minimize(scaled, start, method="Nelder-Mead", options={"xatol": 1e-9}).fun
+            if size > 1
+            else scaled(start)
+            for start in (np.zeros(size - 1), np.full(size - 1, 0.3))
+        )
+        assert least * (1 - 1e-6) <= norm <= (1 + ABOVE[size]) * least
+
+
+def test_structured_norm_of_rank_one_is_exact() -> None:
+    """μ(a bᵀ) = Σ |a_i b_i| (Doyle 1982)."""
+    a, b = matrices(3)[:, :, 0], matrices(3)[:, :, 1]
+    norm = structured_norm(a[:, :, None] * b[:, None, :])
+    np.testing.assert_allclose(norm, np.abs(a * b).sum(axis=1), rtol=2e-3)
+
+
+def test_structured_norm_knows_no_units() -> None:
+    units = np.array([1.0, 1e3, 1e-3])
+    balanced = structured_norm(matrices(3))
+    np.testing.assert_allclose(
+        structured_norm(matrices(3) * units[:, None] / units), balanced, rtol=0.02
+    )
+
+
+def test_no_allowed_change_of_all_gains_and_phases_makes_loops_unstable() -> None:
+    """Changes in each loop by its own, of the size that the margin guarantees: still stable."""
+    plant, factor = worst_plant(), 10 ** (float(gain_margin_db(0.828)) / 20)
+    gains = np.full((1, 3), 1.0), np.full((1, 3), 1.9e-4)
+    for shares in np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), -1).reshape(-1, 3):
+        changed = [gain * factor**shares for gain in gains]
+        controller = Controller(position=changed[0], pressure=changed[1], corner=np.array([2.0]))
+        poles = np.linalg.eigvals(closed_loop(plant, controller)[0])
+        assert poles.real.max() < 1e-6
+
+
+def test_grid_misses_no_peak() -> None:
+    """The margin on the grid is that of 20 000 frequencies, to 1 %."""
+    plant = worst_plant()
+    for position, pressure in ((0.095, 0.0), (1.1, 1.9e-4), (0.5, 3e-4)):
+        controller = Controller(
+            position=np.full((1, 3), position),
+            pressure=np.full((1, 3), pressure),
+            corner=np.array([2.0]),
+        )
+        omega = np.geomspace(0.05, 300, 20_000)[None]
+        dense = Loops(omega, *plant.response(omega), plant.moment_arms)
+        poles = np.linalg.eigvals(closed_loop(plant, controller)[0])
+        grid = Loops.of(plant, FINE, poles).figures(controller)
+        for name in ("command_margin", "position_margin", "peak"):
+            value = getattr(dense.figures(controller), name)
+            np.testing.assert_allclose(getattr(grid, name), value, rtol=0.01)

@@ -1,0 +1,145 @@
+"""Gains: figures of the 20 t machine's worst pose, and that no larger gain keeps the margin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from armdesign.control.bandwidth_map import GAIN_ERROR
+from armdesign.control.controller import Controller, closed_loop
+from armdesign.control.loops import FINE, Loops
+from armdesign.control.tuning import (
+    Aim,
+    Candidate,
+    Task,
+    best_of,
+    critical_factor,
+    damped,
+    proportional,
+    searched,
+    stable,
+)
+from tests.control.machines import many_plants, one_mass, worst_plant
+
+MARGIN = 2 * math.tan(math.pi / 8)  # 45 deg
+
+
+def task_of(corner: float | None = None) -> Task:
+    plant = worst_plant()
+    return Task(plant, Loops.of(plant), Aim(margin=MARGIN, corner=corner))
+
+
+def hertz(controller: Controller) -> np.ndarray:
+    plant = worst_plant()
+    return Loops.of(plant, FINE).figures(controller).bandwidth[0] / (2 * math.pi)
+
+
+def test_position_loops_alone_reach_next_to_nothing() -> None:
+    """By hand: the mode carries K/2ζω, so K = 2ζω (2 − α)/(2 + α) = 0.095 1/s, 0.015 Hz.
+
+    A trial had given 0.14 1/s and 0.022 Hz: by hand its margin is 2 (1 − x)/(1 + x) = 0.48 with x
+    = 0.14/2ζω.
+    """
+    tuned = proportional(task_of())
+    bound = 2 * 0.02 * worst_plant().omega[0] * (2 - MARGIN) / (2 + MARGIN)
+    assert bound == pytest.approx(0.0948, abs=2e-4)
+    assert tuned.controller.position[0, 0] == pytest.approx(bound, rel=0.05)
+    assert hertz(tuned.controller).max() == pytest.approx(0.015, abs=0.001)
+    trial = Controller(
+        position=np.full((1, 3), 0.14), pressure=np.zeros((1, 3)), corner=np.ones(1)
+    )
+    assert hertz(trial).max() == pytest.approx(0.022, abs=0.001)
+    figures = Loops.of(worst_plant(), FINE).figures(trial)
+    share = 0.14 / (2 * 0.02 * worst_plant().omega[0])
+    assert figures.margin[0] == pytest.approx(2 * (1 - share) / (1 + share), abs=0.01)
+
+
+def test_common_pressure_feedback_reaches_more_than_the_trial() -> None:
+    """The trial: 0.84 1/s and 0.13 to 0.15 Hz in all three loops through a 0.5 s high-pass."""
+    tuned = damped(task_of(corner=2.0))
+    assert tuned.controller.position.min() >= 0.84
+    assert hertz(tuned.controller).min() >= 0.15
+    trial = Controller(
+        position=np.full((1, 3), 0.84), pressure=np.full((1, 3), 1.9e-4), corner=np.array([2.0])
+    )
+    assert Loops.of(worst_plant(), FINE).figures(trial).margin[0] >= MARGIN
+    np.testing.assert_allclose(hertz(trial), [0.15, 0.14, 0.13], atol=0.02)
+
+
+def test_own_gains_reach_0_2_hz_in_every_loop() -> None:
+    """And ten times the tracking of position loops alone; feed-forward on top gives 1/0.15."""
+    task = task_of()
+    own = best_of(task, searched(task))
+    assert hertz(own.controller).min() >= 0.2
+    assert Loops.of(worst_plant(), FINE).figures(own.controller).margin[0] >= MARGIN * 0.995
+    assert stable(worst_plant(), own.controller)[0]
+
+
+def test_feed_forward_divides_the_error_of_a_move_by_five() -> None:
+    """A move at constant speed, valves that pass 15 % less than the controller knows."""
+    plant = worst_plant()
+    weak = replace(plant, B=0.85 * plant.B)
+    controller = Controller(
+        position=np.full((1, 3), 0.84), pressure=np.full((1, 3), 1.9e-4), corner=np.array([2.0])
+    )
+    A, B, C = closed_loop(weak, controller)
+    time = np.linspace(0, 30, 1501)
+    system = control.ss(A[0], B[0], C, np.zeros((3, 3)))
+    errors = []
+    for forward in (0.0, 1.0):  # q̇_r enters where K q_r does: as q_r + q̇_r/K
+        asked = np.zeros((3, len(time)))
+        asked[0] = time + forward / 0.84
+        answer = control.forced_response(system, time, asked).outputs
+        errors.append(abs(time[-1] - answer[0, -1]))
+    assert errors[0] > 5 * errors[1]
+    assert errors[1] == pytest.approx(GAIN_ERROR / 0.84, rel=0.2)
+
+
+def test_gains_keep_the_margin_and_larger_ones_do_not() -> None:
+    """At 50 poses with the file's damping; each controller's loops are stable."""
+    plant = many_plants()
+    task = Task(plant, Loops.of(plant), Aim(margin=MARGIN))
+    for tuned in (proportional(task), damped(task)):
+        controller = tuned.controller
+        poles = np.linalg.eigvals(closed_loop(plant, controller)[0])
+        fine = Loops.of(plant, FINE, poles)
+        assert (controller.position > 0).all()
+        assert (fine.figures(controller).margin >= MARGIN * (1 - 1e-6)).all()
+        assert stable(plant, controller).all()
+    larger = Controller(
+        position=1.12 * proportional(task).controller.position,
+        pressure=np.zeros((len(plant), 3)),
+        corner=plant.omega,
+    )
+    assert (fine.figures(larger).margin < MARGIN).mean() > 0.9
+
+
+def test_critical_factor_is_where_poles_cross() -> None:
+    """K = 2ζω of one mass (Merritt)."""
+    omega, ratio = 5.0, 0.05
+    plant = one_mass(omega, ratio)
+    controller = Controller(
+        position=np.full((1, 1), 0.1), pressure=np.zeros((1, 1)), corner=np.ones(1)
+    )
+    assert critical_factor(plant, controller)[0] == pytest.approx(
+        2 * ratio * omega / 0.1, rel=0.02
+    )
+
+
+def test_a_margin_that_no_gain_reaches_leaves_no_gains() -> None:
+    plant = one_mass(5.0, 0.02)
+    task = Task(plant, Loops.of(plant), Aim(margin=1.999))
+    assert best_of(task, [Candidate(1.0, 0.0)]).controller.position[0, 0] <= 1e-3
+
+
+def test_delay_costs_bandwidth() -> None:
+    widths = []
+    for delay in (0.0, 0.1):
+        plant = worst_plant(0.02, delay)
+        tuned = damped(Task(plant, Loops.of(plant), Aim(margin=MARGIN)))
+        widths.append(tuned.figures.narrowest[0])
+    assert widths[1] < 0.95 * widths[0]

@@ -1,0 +1,120 @@
+"""What every number is worth: its table, its rivals, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.influence.family import Family, can_matter
+from armdesign.machine.file.numbers import numbers_of
+from tests import machines
+
+
+@pytest.fixture(scope="module")
+def excavator_answer() -> ad.Sensitivity:
+    machine = ad.load("excavator_20t")
+    return ad.sensitivity(machine, ad.Workspace.grid(machine, points=7))
+
+
+def test_the_worst_pose_is_that_of_the_map(excavator_answer: ad.Sensitivity) -> None:
+    machine = excavator_answer.machine
+    worst = ad.frequency_map(machine, ad.Workspace.grid(machine, points=7)).worst
+    assert excavator_answer.rivals[0].frequency == pytest.approx(worst.frequency, rel=1e-7)
+    frequencies = [rival.frequency for rival in excavator_answer.rivals]
+    assert frequencies == sorted(frequencies)
+    assert {rival.pose.payload for rival in excavator_answer.rivals} == {"full", "empty"}
+
+
+def test_every_number_is_there_or_counted(excavator_answer: ad.Sensitivity) -> None:
+    machine, frame = excavator_answer.machine, excavator_answer.frame
+    everything = numbers_of(machine.section)
+    assert len(frame) + excavator_answer.left_out == len(everything)
+    assert set(frame["key"]) <= set(everything)
+    assert "cylinder.boom.valve.rated_flow_l_per_min" not in set(frame["key"])
+    assert "motor.swing.displacement_cm3" not in set(frame["key"])  # it stands still
+
+
+def test_what_is_left_out_does_nothing(excavator_answer: ad.Sensitivity) -> None:
+    """All of it changed by 3 % at once, at the poses of all rivals."""
+    machine, known = excavator_answer.machine, set(excavator_answer.frame["key"])
+    values = {
+        number.location: np.array([1.03 * number.value])
+        for path, number in numbers_of(machine.section).items()
+        if path not in known and can_matter(number.location)
+    }
+    assert len(values) > 20
+    for rival in excavator_answer.rivals:
+        changed = rival.frequencies(Family.of(machine, values, 1))[0]
+        assert changed == pytest.approx(rival.frequency, rel=1e-5)
+
+
+def test_linear_and_exact_meet_for_small_changes(excavator_answer: ad.Sensitivity) -> None:
+    """10 mm of a pin is little, and the rest is curvature: the error falls with the square."""
+    frame = excavator_answer.frame.set_index("key")
+    pins = frame[frame.index.str.contains("at_mm")]
+    np.testing.assert_allclose(pins["up_linear_hz"], pins["up_exact_hz"], atol=2e-3)
+    assert frame.loc["fluid.entrained_air_percent", "up_exact_hz"] > -0.2
+    assert frame.loc["fluid.entrained_air_percent", "up_linear_hz"] < -0.6
+    assert np.isnan(frame.loc["fluid.entrained_air_percent", "down_exact_hz"])
+
+
+@pytest.mark.slow
+def test_exact_changes_are_those_of_a_new_map() -> None:
+    """Ten millimetres move the crane's worst pose off its end stop, into a kink by the air."""
+    machine = ad.load("loader_crane")
+    answer = ad.sensitivity(machine, ad.Workspace.grid(machine, points=9))
+    frame = answer.frame.set_index("key")
+    for path, value in (("closed_length_mm", 830.0), ("stroke_mm", 545.0), ("bore_mm", 110.0)):
+        other = machine.replace({f"cylinder.lift.{path}": value})
+        new = ad.frequency_map(other, ad.Workspace.grid(other, points=9)).worst.frequency
+        change = frame.loc[f"cylinder.lift.{path}", "up_exact_hz"]
+        assert change == pytest.approx(new - answer.rivals[0].frequency, abs=3e-4)
+
+
+def test_overtaken_is_where_a_rival_is_as_low(excavator_answer: ad.Sensitivity) -> None:
+    frame = excavator_answer.frame.set_index("key")
+    row = frame.loc["payload.full.mass_kg"]
+    change = row["overtaken_at"] - row["value"]
+    slopes = [row["hz_per_unit"], row["rival_2_hz_per_unit"]]
+    first, second = (
+        rival.frequency + slope * change
+        for rival, slope in zip(excavator_answer.rivals[:2], slopes, strict=True)
+    )
+    assert first == pytest.approx(second)
+    assert change < -1000
+
+
+def test_any_quantity_by_differences(excavator_answer: ad.Sensitivity) -> None:
+    """Thrust of the boom: p A1 = 2 p π/4 D², by 10 mm of the bore; by hand."""
+    machine = excavator_answer.machine
+
+    def thrust(other: ad.Machine) -> float:
+        return other.supply.pressure * other.cylinders[0].bore_area
+
+    changes = excavator_answer.differences(thrust, count=3)
+    expected = 2 * thrust(machine) / machine.cylinders[0].bore * 0.01
+    assert changes["cylinder.boom.bore_mm"] == pytest.approx(expected)
+    assert changes["fluid.entrained_air_percent"] == 0.0
+
+
+def test_tables_and_picture(excavator_answer: ad.Sensitivity) -> None:
+    poses, table = excavator_answer.sheets()
+    assert poses.rows[0][0] == "0.767"
+    assert "boom out" in poses.rows[0][3]
+    assert f"{excavator_answer.left_out} numbers of the file do not matter" in table.note
+    axes = excavator_answer.plot()
+    assert axes.get_yticklabels()[0].get_text().startswith(table.rows[0][0])
+
+
+def test_an_unstable_machine_has_no_slope() -> None:
+    machine = machines.rigid("excavator_20t")
+    machine = machine.replace({"payload.full.mass_kg": 900_000.0})
+    with pytest.raises(ad.ArmDesignError, match="unstable at its worst pose"):
+        ad.sensitivity(machine, ad.Workspace.grid(machine, points=4))
+
+
+def test_a_share_that_cannot_be_is_refused() -> None:
+    machine = ad.load("paper_1dof")
+    with pytest.raises(ad.ArmDesignError, match="within: -1 is not allowed"):
+        ad.sensitivity(machine, within=-1)

@@ -1,0 +1,134 @@
+"""Exact derivatives of the worst frequency against machines with another number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.arrays import Array
+from armdesign.influence.family import Family, rebuilt
+from armdesign.influence.rivals import Rival, rivals
+from armdesign.influence.slopes import eigenvalue_slopes, mass_slopes, slopes
+from armdesign.machine.file.numbers import Number, numbers_of
+from tests import machines
+
+
+def worst(name: str, points: int = 5) -> tuple[ad.Machine, Rival]:
+    machine = machines.named(name)
+    return machine, rivals(machine, ad.Workspace.grid(machine, points=points))[0]
+
+
+def by_differences(machine: ad.Machine, rival: Rival, number: Number) -> float:
+    """Fourth order, of machines with their own files, at poses that follow their ends."""
+
+    def frequency(value: float) -> float:
+        family = Family.of(rebuilt(machine, {number.location: value}), {}, 1)
+        return float(rival.frequencies(family)[0])
+
+    step = 1e-4 * (abs(number.value) or 1e-9)
+    near, far = (
+        frequency(number.value + k * step) - frequency(number.value - k * step) for k in (1, 2)
+    )
+    return (8 * near - far) / (12 * step)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["excavator_20t", "loader_crane", "crossing", "redundant", "rotator", "rocking", "heavy_bars"],
+)
+def test_slopes_are_those_of_differences(name: str) -> None:
+    """Of every number that is not zero, at which the schema's bounds would be crossed."""
+    machine, rival = worst(name)
+    own = {"end_margin", "pitch_deg"}  # ends move with these alone: see the test below
+    numbers = [
+        number
+        for number in numbers_of(machine.section).values()
+        if number.value != 0 and not own & set(number.location)
+    ]
+    exact = slopes(machine, rival, numbers)[:, 0]
+    measured = np.array([by_differences(machine, rival, number) for number in numbers])
+    sizes = np.array([abs(number.value) for number in numbers])
+    tolerance = 1e-7 * rival.frequency
+    np.testing.assert_allclose(exact * sizes, measured * sizes, rtol=1e-6, atol=tolerance)
+    assert np.count_nonzero(np.abs(exact * sizes) > 1e-3 * rival.frequency) > 5
+
+
+KEYS = [
+    ("cylinder.boom.closed_length_mm", 1825.0, 0.5),
+    ("cylinder.boom.bore_mm", 120.0, 0.1),
+    ("cylinder.bucket.four_bar.rocker_mm", 578.7, 0.2),
+    ("payload.full.mass_kg", 1600.0, 5.0),
+    ("payload.full.pitch_deg.1", 240.0, 0.2),
+    ("requirements.end_margin", 0.02, 2e-4),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("path", "value", "step"), KEYS)
+def test_the_worst_pose_of_the_new_machine_has_the_slope(
+    path: str, value: float, step: float
+) -> None:
+    """The worst pose looked for anew over its own ranges, not followed."""
+    machine, rival = worst("excavator_20t", points=7)
+    number = numbers_of(machine.section)[path]
+    assert number.value == value
+
+    def lowest(at: float) -> float:
+        other = rebuilt(machine, {number.location: at})
+        return rivals(other, ad.Workspace.grid(other, points=7))[0].frequency
+
+    measured = (lowest(value + step) - lowest(value - step)) / (2 * step)
+    assert slopes(machine, rival, [number])[0, 0] == pytest.approx(measured, rel=2e-4)
+
+
+def test_bulk_modulus_is_worth_half_the_share_of_the_oil() -> None:
+    """Without air and compliance only the oil's share of ω² is proportional to it."""
+    machine = machines.rigid("excavator_20t")
+    workspace = ad.Workspace.grid(machine, points=5)
+    rival = rivals(machine, workspace)[0]
+    number = numbers_of(machine.section)["fluid.bulk_modulus_MPa"]
+    poses = machine.with_payload(rival.pose.payload).at(rival.pose.q)
+    shape = ad.natural_modes(poses).shapes[0, :, 0]
+    share = shape @ poses.hydraulic_stiffness[0] @ shape
+    share /= shape @ poses.stiffness_matrix[0] @ shape
+    expected = rival.frequency * share / 2
+    assert slopes(machine, rival, [number])[0, 0] * number.value == pytest.approx(expected)
+
+
+def test_all_masses_together_are_worth_half_the_frequency() -> None:
+    """Times 1 + e: f falls by e/2 of itself; with gravity the forces grow, too."""
+    machine, rival = worst("rotator")
+    payload = numbers_of(machine.section)["payload.load.mass_kg"]
+    total = mass_slopes(machine, rival)[:, 0].sum()
+    total += slopes(machine, rival, [payload])[0, 0] * payload.value
+    heavier = machine.replace({payload.path: 1.001 * payload.value})
+    family = Family.of(heavier, {}, 1, np.full((1, len(machine.arm.coordinates)), 1.001))
+    lighter = machine.replace({payload.path: 0.999 * payload.value})
+    other = Family.of(lighter, {}, 1, np.full((1, len(machine.arm.coordinates)), 0.999))
+    measured = (rival.frequencies(family)[0] - rival.frequencies(other)[0]) / 0.002
+    assert total == pytest.approx(measured, rel=1e-5)
+    assert total == pytest.approx(-rival.frequency / 2, rel=0.5)
+
+
+def test_where_modes_coincide_up_and_down_differ() -> None:
+    """K = diag(2, 2, 5), M = 1: along diag(1, −3, 9) the lowest falls either way."""
+    mass, stiffness = np.eye(3), np.diag([2.0, 2.0, 5.0])
+    along = np.array([np.diag([1.0, -3.0, 9.0]), [[0, 1, 0], [1, 0, 0], [0, 0, 0]]])
+    found = eigenvalue_slopes(mass, stiffness, np.zeros((2, 3, 3)), along)
+    np.testing.assert_allclose(found, [[-3.0, 1.0], [-1.0, 1.0]], atol=1e-12)
+
+    def lowest(step: float, direction: Array) -> float:
+        return float(np.linalg.eigvalsh(stiffness + step * direction)[0])
+
+    for slope, direction in zip(found, along, strict=True):
+        for step, one_sided in ((1e-6, slope[0]), (-1e-6, slope[1])):
+            change = lowest(step, direction) - 2.0
+            assert change == pytest.approx(one_sided * step, abs=1e-11)
+
+
+def test_a_mass_that_grows_lowers_the_eigenvalue() -> None:
+    """K = 2, M = 1 + p: λ = 2/(1 + p)."""
+    one = np.ones((1, 1))
+    found = eigenvalue_slopes(one, 2 * one, one[None], 0 * one[None])
+    np.testing.assert_allclose(found, [[-2.0, -2.0]])

@@ -1,0 +1,186 @@
+"""What if: against maps of the changed machine, and linear against exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign.influence.bandwidth import bandwidths
+from armdesign.influence.changes import read_changes
+from tests import machines
+from tests.commands import assert_one_line, main
+
+POINTS = 5
+
+
+@pytest.fixture(scope="module")
+def answer() -> ad.WhatIf:
+    changes = {"cylinder.boom.bore_mm": 125, "payload.full.mass_kg": 2000}
+    return ad.what_if(ad.load("excavator_20t"), changes, POINTS)
+
+
+def row(answer: ad.WhatIf, quantity: str) -> pd.Series:
+    return answer.frame.set_index("quantity").loc[quantity]
+
+
+def test_exact_is_the_map_of_the_changed_file(answer: ad.WhatIf) -> None:
+    machine = ad.load("excavator_20t")
+    changes = {"cylinder.boom.bore_mm": 125.0, "payload.full.mass_kg": 2000.0}
+    other = machine.replace(changes)
+    for one, kind in ((machine, "before"), (other, "after")):
+        mapped = ad.frequency_map(one, ad.Workspace.grid(one, points=POINTS))
+        assert row(answer, "worst")[kind] == mapped.worst.frequency
+        largest = mapped.static_pressures.max(axis=0)
+        found = [row(answer, f"{a.name}.static_pressure")[kind] for a in one.actuators]
+        assert found == pytest.approx(largest)
+    chart = ad.lift_chart(other, ad.lift_chart(machine))
+    lift = answer.frame[answer.frame["quantity"].str.startswith("lift at")]
+    assert lift["after"].to_list() == pytest.approx(chart.capacity)
+
+
+def test_areas_and_speeds_follow_the_bore(answer: ad.WhatIf) -> None:
+    """By hand: thrust with the square of the bore, buckling safety and speed against it."""
+    square = (125 / 120) ** 2 - 1
+    assert row(answer, "boom.thrust")["change"] == pytest.approx(square)
+    assert row(answer, "boom.thrust")["linear_change"] == pytest.approx(2 * 5 / 120)
+    assert row(answer, "boom.tool_force")["change"] == pytest.approx(square)
+    assert row(answer, "boom.buckling_safety")["change"] == pytest.approx(1 / (1 + square) - 1)
+    speed = row(answer, "boom.joint_speed_largest_extending")["change"]
+    assert speed == pytest.approx(1 / (1 + square) - 1)
+
+
+def test_linear_estimates_of_derivatives_and_of_differences_agree() -> None:
+    """The worst frequency over all load cases by multipliers; of each load case by two maps."""
+    changes = {"cylinder.boom.closed_length_mm": 1830.0}
+    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS)
+    worst, full = row(answer, "worst"), row(answer, "full.worst")
+    assert worst["before"] == full["before"]
+    assert worst["linear_change"] == pytest.approx(full["linear_change"], rel=1e-4)
+    assert worst["change"] == pytest.approx(worst["linear_change"], rel=0.05)
+
+
+def test_further_quantities_stand_beside_the_others() -> None:
+    """The cube of a bore, whose linear change is three times that of the bore."""
+
+    def cube(mapped: ad.FrequencyMap) -> dict[str, tuple[float, str]]:
+        return {"cube": (mapped.machine.cylinders[0].bore ** 3, "m³")}
+
+    changes = {"cylinder.lift.bore_mm": 69.3}
+    answer = ad.what_if(ad.load("paper_1dof"), changes, 5, more=cube)
+    assert row(answer, "cube")["change"] == pytest.approx(1.1**3 - 1)
+    assert row(answer, "cube")["linear_change"] == pytest.approx(0.3, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_bandwidth_stands_beside_the_others() -> None:
+    """With pressure feedback it grows with the boom's bore, and linearly for 1 mm."""
+    changes = {"cylinder.boom.bore_mm": 121.0}
+    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS, more=bandwidths)
+    damped = row(answer, "bandwidth.damped")
+    assert 0.05 < damped["before"] < 0.3
+    assert damped["change"] > 0.005
+    assert damped["linear_change"] == pytest.approx(damped["change"], rel=0.2)
+
+
+def test_a_word_has_no_linear_estimate() -> None:
+    answer = ad.what_if(ad.load("excavator_20t"), {"cylinder.boom.count": 1}, 4)
+    assert answer.frame["linear"].isna().all()
+    assert row(answer, "boom.thrust")["change"] == pytest.approx(-0.5)
+    assert any("–" in cell for cells in answer.sheets()[1].rows for cell in cells)
+
+
+def test_one_number_of_a_list_changes_alone() -> None:
+    machine = ad.load("excavator_20t")
+    path = "cylinder.boom.base.at_mm"
+    answer = ad.what_if(machine, {f"{path}.0": 500}, 4)
+    assert answer.changes == {f"{path}.0": (461.5, 500.0)}
+    whole = ad.what_if(machine, {path: [500, 0, -602.5]}, 4)
+    pd.testing.assert_frame_equal(answer.frame, whole.frame)
+
+
+def test_every_kind_of_machine_has_an_answer() -> None:
+    """A motor, springs, several cylinders on a joint, one joint alone."""
+    for name in ("rotator", "rocking", "redundant", "paper_1dof"):
+        answer = ad.what_if(machines.named(name), {"fluid.bulk_modulus_MPa": 1250}, 4)
+        changed = row(answer, "worst")
+        assert 0 < changed["change"] < 0.05
+        assert changed["linear_change"] == pytest.approx(changed["change"], rel=0.1)
+        assert all(len(sheet.rows) for sheet in answer.sheets()[:2])
+
+
+def test_tables_and_picture(answer: ad.WhatIf) -> None:
+    changes, frequencies, lift, others = answer.sheets()
+    assert changes.rows == (
+        ("payload.full.mass_kg", "1600.0", "2000.0"),
+        ("cylinder.boom.bore_mm", "120.0", "125.0"),
+    )
+    assert frequencies.rows[0][0] == "worst"
+    assert len(lift.rows) == 3
+    assert "others do not change" in others.note
+    assert answer.plot().get_ylabel() == "linear estimate of it [%]"
+
+
+def test_changes_are_read_as_toml() -> None:
+    words = ["a.b=1", "c = 2.5", "d=[1, 2]", "e=left", 'f="left"', "g=true"]
+    expected = {"a.b": 1, "c": 2.5, "d": [1, 2], "e": "left", "f": "left", "g": True}
+    assert read_changes(words) == expected
+
+
+BAD = [
+    (["cylinder.boom.bora_mm=125"], 'did you mean "cylinder.boom.bore_mm"?'),
+    (["payload.fully.mass_kg=1"], 'did you mean "payload.full.mass_kg"?'),
+    (["cylinder.boom.bore_mm"], "is not understood; give KEY=VALUE"),
+    (["cylinder.boom.bore_mm=1", "cylinder.boom.bore_mm=2"], "is there twice"),
+    (["fluid.entrained_air_percent=-1"], "give a number in [0, 50) %"),
+    (["cylinder.boom.bore_mm=x"], 'bore_mm: "x" is not allowed'),
+    (["cylinder.boom=3"], "is a table; name one of its numbers"),
+    (["cylinder.boom.base.at_mm.3=5"], "did you mean"),
+    (["cylinder.boom.rod_mm=130"], "does not fit the bore"),
+    (["nothing.at.all=1"], "has no such number; did you mean"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), BAD)
+def test_bad_changes_are_one_line(
+    words: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    code = main(
+        ["what-if", "excavator_20t", *words, "--points", "4", "--out", str(out)], monkeypatch
+    )
+    assert code == 2
+    assert_one_line(capsys.readouterr().err, message)
+    assert not out.exists()
+
+
+def test_nothing_to_change_is_refused() -> None:
+    with pytest.raises(ad.ArmDesignError, match="nothing changes"):
+        ad.what_if(ad.load("paper_1dof"), {})
+
+
+def test_the_commands_write_their_tables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["what-if", "paper_1dof", "cylinder.lift.bore_mm=70", "--points", "9", "--out"]
+    assert main([*words, str(tmp_path / "a")], monkeypatch) == 0
+    assert {path.name for path in (tmp_path / "a").iterdir()} == {"what_if.csv", "what_if.png"}
+    machine = machines.named("paper_1dof")
+    file = tmp_path / "paper_1dof.toml"
+    file.write_text(f"{machine.text}\n[tolerances]\npin_mm = 1\n", encoding="utf-8")
+    (tmp_path / "paper_1dof.urdf").write_text(machine.urdf_text, encoding="utf-8")
+    words = ["tolerances", str(file), "--points", "9", "--count", "100", "--least-frequency", "7"]
+    assert main([*words, "--out", str(tmp_path / "b")], monkeypatch) == 0
+    written = {path.name for path in (tmp_path / "b").iterdir()}
+    assert written == {"tolerances.csv", "machines.csv", "tolerances.png"}
+    table = pd.read_csv(tmp_path / "b" / "machines.csv")
+    assert len(table) == 100
+    assert np.all(table["worst_hz"] > 7)
+    assert "worst frequency of at least 7.000 Hz (stated)" in capsys.readouterr().out

@@ -1,0 +1,173 @@
+"""Planned moves: what is left in the nonlinear simulation, and what is refused."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.motion.outcome import move_run
+from tests.simulation.plant.valve_machines import holding
+
+UP = np.radians([[-20.0, -90.0, -90.0], [20.0, -90.0, -90.0]])  # a full bucket, held
+
+
+@pytest.fixture(scope="module")
+def swung() -> ad.Move:
+    """The one-joint machine of the paper with some damping, up by 30° and down again by 10°."""
+    machine = ad.load("paper_1dof")
+    stops = np.radians([[10.0], [0.0]])
+    return ad.plan_move(machine, np.radians([-20.0]), stops, damping=0.02, spread=0.1)
+
+
+def test_a_shaped_move_rings_less_and_takes_longer_by_its_delays(swung: ad.Move) -> None:
+    """Two legs: two delays of a period each."""
+    assert swung.shaper.name == "zvd"
+    assert swung.shaper.delay == pytest.approx(1 / swung.frequencies[0], rel=1e-3)
+    delays = swung.planned.duration - swung.duration
+    assert delays == pytest.approx(2 * swung.shaper.delay, rel=1e-9)
+    assert swung.shortest == pytest.approx(swung.duration, rel=1e-12)
+    assert max(swung.reductions) < 0.2
+    assert [run.mass for run in swung.runs] == pytest.approx([200, 200, 180, 180, 220, 220])
+    assert swung.shaped.settled < swung.stop_time + 0.2
+    assert swung.shaped.simulation.q[-1] == pytest.approx(np.zeros(1), abs=np.radians(1.0))
+    frame, table = swung.frame, swung.residuals
+    assert list(frame.columns) == [
+        "time_s", "boom_deg", "lift_speed", "lift_spool", "pump_l_per_min",
+    ]  # fmt: skip
+    assert frame["boom_deg"].iloc[[0, -1]].to_list() == pytest.approx([-20, 0], abs=1e-9)
+    assert list(table["shaper"]) == ["none", "zvd"] * 3
+    assert table["residual_mm"].iloc[1] == pytest.approx(1e3 * swung.shaped.residual)
+
+
+def test_flow_stays_below_the_share_of_the_pump(swung: ad.Move) -> None:
+    """But for the moment arm's change while impulses of one shaper pass."""
+    assert swung.plan.flow.max() <= 0.7 * swung.machine.supply.flow * (1 + 5e-3)
+    frequency, size = swung.unshaped.spectrum
+    peak = frequency[np.argmax(size)]
+    assert peak == pytest.approx(swung.frequencies[0], rel=0.2)  # resolved by 6 periods
+
+
+def synthetic(amplitude: float, slope: float, damping: float) -> Any:
+    """A run whose tool drifts and rings at 1 Hz from 1 s on, when its spool has come to rest."""
+    time = np.linspace(0, 9, 1801)
+    since = np.maximum(time - 1.0, 0)
+    ring = amplitude * np.exp(-2 * np.pi * damping * since) * np.cos(2 * np.pi * since)
+    tool = np.stack([1 + slope * since, 0 * time, 2 + ring], axis=1)
+    machine = SimpleNamespace(payload=SimpleNamespace(mass=7.0))
+    spool = np.where(time < 1.0, 0.5, 0.0)[:, None]
+    q = np.full((len(time), 1), 0.3)
+    return SimpleNamespace(time=time, tool=tool, spool=spool, machine=machine, q=q)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.02, 0.1])
+def test_what_is_left_is_counted_about_the_drift(damping: float) -> None:
+    """The amplitude, the drift, the instant when the envelope has fallen to the tolerance."""
+    run = move_run(synthetic(0.02, 0.003, damping), True, 0.8, 1.0, 0.005, np.array([0.25]))
+    assert run.begin == pytest.approx(1.0, abs=0.006)
+    assert run.residual == pytest.approx(0.02, rel=0.03)
+    assert run.drift == pytest.approx(0.003, rel=0.05)
+    assert run.miss == pytest.approx([0.05])
+    if damping == 0.1:
+        expected = 1.0 + np.log(0.02 / 0.005) / (2 * np.pi * damping)
+        assert run.settled == pytest.approx(expected, abs=0.3)  # it passes at its next extreme
+    else:
+        assert run.settled == np.inf
+    frequency, size = run.spectrum
+    assert frequency[np.argmax(size)] == pytest.approx(1.0, abs=0.17)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"duration": 0.1},
+            r"duration: 0.1 s is faster than the pump's .* give 0\.\d\d s or more",
+        ),
+        ({"shaper": "zvdd"}, 'shaper zvdd: there is no such kind; did you mean "zvd"?'),
+        ({"end": [-0.2]}, "move: no piston moves between the poses; give two poses that differ"),
+        ({"end": [2.0]}, r"lift cylinder: length .* outside its stroke .*; stay in the range of"),
+        ({"share": 1.5}, r"move: share: 1.5 is not in \(0, 1\]; give one in it"),
+        ({"spread": -0.1}, r"move: spread: -0.1 is not in \[0, 1\)"),
+        ({"settled": 0.0}, r"move: settled: 0 is not in \(0, inf\)"),
+        ({"modes": 0}, "move: modes: 0 is below 1; give 1 or 2"),
+        ({"damping": 1.2}, r"shaper zvd: damping ratio 1.2 is not in \[0, 1\)"),
+        ({"payload": "none"}, "payload none"),
+    ],
+)
+def test_faults(change: dict[str, Any], message: str) -> None:
+    arguments = {"start": [-0.2], "end": [0.1], "spread": 0.0} | change
+    with pytest.raises(ad.ArmDesignError, match=message):
+        ad.plan_move(ad.load("paper_1dof"), **arguments)
+
+
+def test_the_shortest_duration_that_is_named_works() -> None:
+    machine = ad.load("paper_1dof")
+    with pytest.raises(ad.ArmDesignError) as caught:
+        ad.plan_move(machine, [-0.2], [0.1], duration=0.1, spread=0.0)
+    named = float(caught.value.remedy.split()[1])
+    move = ad.plan_move(machine, [-0.2], [0.1], duration=named, spread=0.0, shaper="none")
+    assert move.duration == pytest.approx(named, rel=1e-9)
+    assert move.shortest <= named < move.shortest + 0.01
+
+
+def test_a_missing_valve() -> None:
+    machine = ad.load("paper_1dof")
+    text = machine.text.split("[cylinder.lift.valve]")[0]
+    bare = ad.Machine.from_text(text, machine.urdf_text, machine.source)
+    with pytest.raises(ad.ArmDesignError, match=r"cylinder.lift.valve: missing; add rated_flow"):
+        ad.plan_move(bare, [-0.2], [0.1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["excavator_20t", "excavator_12t", "mini_excavator_2t"])
+def test_boom_up_and_stop_leaves_a_twentieth(name: str) -> None:
+    """ZVD of both low modes in the nonlinear run, also with a fifth more and less payload."""
+    move = ad.plan_move(ad.load(name), UP[0], UP[1], payload="full")
+    assert move.shaper.name == "zvd × zvd"
+    assert len(move.runs) == 6
+    assert move.unshaped.residual > 0.01
+    assert max(move.reductions) <= 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cylinder.boom.valve.natural_frequency_hz": 2.0},
+        {"cylinder.boom.valve.overlap_percent": 10.0},
+        {"cylinder.boom.valve.stroke_time_ms": 3000},
+        {"fluid.entrained_air_percent": 1.0},
+        {"supply.pump": "ideal"},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_slow_lapped_and_limited_valves_and_air(change: dict[str, Any]) -> None:
+    """Commands lead by the spool's lag, cross its overlap, and are no faster than the spool."""
+    machine = ad.load("excavator_20t").replace(change)
+    move = ad.plan_move(machine, *UP, payload="full", spread=0.0)
+    assert move.reductions[0] <= 0.05
+    assert not any("fully open" in words for words in move.shaped.simulation.events)
+
+
+@pytest.mark.slow
+def test_a_load_held_by_a_valve_comes_down_to_its_goal() -> None:
+    """The pilot opens the way for the cap's oil, not in proportion to the spool."""
+    machine = holding(ad.load("excavator_20t"), "boom", side="cap")
+    down = (0.4, -1.5, -1.5), (0.0, -1.5, -1.5)
+    move = ad.plan_move(machine, *down, payload="full", spread=0.0)
+    assert abs(move.shaped.miss[0]) < np.radians(0.5)
+    assert move.reductions[0] < 0.1
+
+
+@pytest.mark.slow
+def test_a_shaper_for_the_workspace_serves_every_payload() -> None:
+    """Designed for 5 % at every frequency of the map; pressures that run empty add to it."""
+    machine = ad.load("excavator_20t")
+    for shaper, most in (("workspace", 0.05), ("band", 0.1)):
+        move = ad.plan_move(machine, *UP, payload="full", shaper=shaper)
+        assert max(move.reductions) <= most
+        assert move.shaper.worst_residual() <= 0.05 * (1 + 1e-9)
