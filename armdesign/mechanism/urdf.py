@@ -111,7 +111,7 @@ def turned(rotation: Array, vector: Array) -> Array:
     return np.asarray(rotation.reshape(-1, 3) @ vector).reshape(-1, 3)
 
 
-def _origin(element: ET.Element) -> tuple[Array, Array]:
+def origin(element: ET.Element) -> tuple[Array, Array]:
     """Rotation (3, 3) and translation (3,) [m] of an element's frame."""
     origin = element.find("origin")
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0")
@@ -140,7 +140,7 @@ def _give_one_turn(joint: ET.Element) -> None:
 
 def _fix(joint: ET.Element, value: float) -> None:
     """Make a joint fixed at a value [rad or m]."""
-    rotation, translation = _origin(joint)
+    rotation, translation = origin(joint)
     if joint.get("type") == "prismatic":
         translation = translation + rotation @ _axis(joint) * value
     else:
@@ -186,7 +186,7 @@ def _tree(
     while waiting:
         before = waiting.pop(0)
         for element, child in children[before.name]:
-            rotation, translation = _origin(element)
+            rotation, translation = origin(element)
             translation = before.translation + before.rotation @ translation
             rotation = before.rotation @ rotation
             name, index = str(element.get("name")), before.joint
