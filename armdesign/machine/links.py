@@ -15,7 +15,6 @@ from armdesign.units import deg, mm
 AXES = {"prismatic": (1.0, 0.0, 0.0)}  # of joints without axis; of others RAISES
 RAISES = (0.0, -1.0, 0.0)  # positive turns raise what points forward
 INERTIAS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-THIN = 1 / 15  # drawn height of a link without a box, over its length
 
 
 def urdf_of(links: Mapping[str, LinkSection]) -> str:
@@ -25,7 +24,6 @@ def urdf_of(links: Mapping[str, LinkSection]) -> str:
         element = ET.SubElement(robot, "link", name=name)
         if link.mass_kg:
             _add_inertial(element, link)
-        _add_visual(element, link)
     for name, link in links.items():
         if link.parent is not None:
             _add_joint(robot, name, link, links[link.parent])
@@ -66,18 +64,6 @@ def _add_inertial(element: ET.Element, link: LinkSection) -> None:
     ET.SubElement(inertial, "mass", value=repr(float(link.mass_kg)))
     moments = zip(INERTIAS, inertia(link), strict=True)
     ET.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in moments})
-
-
-def _add_visual(element: ET.Element, link: LinkSection) -> None:
-    """The link's box, or one as long as the link."""
-    thin = (link.length_mm or 0.0) * THIN
-    edges = [edge * mm for edge in link.box_mm or (link.length_mm or 0.0, thin, thin)]
-    if not all(edges):
-        return
-    middle = centre(link) if link.box_mm else (edges[0] / 2, 0.0, 0.0)
-    visual = ET.SubElement(element, "visual")
-    ET.SubElement(visual, "origin", xyz=_words(middle), rpy="0 0 0")
-    ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_words(edges))
 
 
 def _add_joint(robot: ET.Element, name: str, link: LinkSection, parent: LinkSection) -> None:
