@@ -18,10 +18,12 @@ from armdesign.cli_control import control
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
+from armdesign.cli_report import report
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     CatalogueOption,
+    CommandContext,
     FreeOption,
     FrequencyOption,
     Habit,
@@ -38,6 +40,7 @@ from armdesign.options import (
     listed,
     offered_sizes,
     open_workspace,
+    run_of,
 )
 from armdesign.output import outputs, show, tell, write_csv
 from armdesign.progress import progress
@@ -68,6 +71,7 @@ def _root() -> None:
 
 @app.command("map")
 def map_command(
+    context: CommandContext,
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
@@ -77,14 +81,15 @@ def map_command(
     """Find the worst pose of a machine.
 
     Prints the lowest natural frequency and its pose, percentiles, the limiting cylinder, and the
-    origin of the stiffness, and the lift chart. Writes map.csv, stiffness.csv, lift_chart.csv, and
-    pictures of frequencies, static pressures, moment arms and lift.
+    origin of the stiffness, and the lift chart. Writes map.csv, stiffness.csv, lift_chart.csv,
+    pictures of frequencies, static pressures, moment arms and lift, and report.html.
     """
     from armdesign import plots
     from armdesign.frequency.maps import frequency_map
     from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
 
+    run = run_of(context)
     with progress("mapping the workspace"):
         model, workspace = open_workspace(machine, points, out, allow_outside)
         frequencies = frequency_map(model, workspace)
@@ -94,6 +99,7 @@ def map_command(
         output.write_heatmaps(frequencies, folder)
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
+        output.write_map_report(frequencies, run, folder, units.units)
     show(map_sheets(frequencies, units.units))
 
 
@@ -138,6 +144,7 @@ def optimize(
 
 @app.command()
 def validate(
+    context: CommandContext,
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
@@ -146,24 +153,30 @@ def validate(
 ) -> None:
     """Compare the linear answer with nonlinear simulation.
 
-    Moves every cylinder at the worst, the median and the best pose. Writes validation.csv and
-    frequency responses.
+    Moves every cylinder at the worst, the median and the best pose. Writes validation.csv,
+    frequency responses and report.html.
     """
     from armdesign import plots
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
+    run = run_of(context)
     with progress("simulating the worst, the median and the best pose"):
         model, workspace = open_workspace(machine, points, out, allow_outside)
         validations = validation.validate(model, workspace=workspace).by_pose
+    items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]
+    captions = {"frequency_responses.png": "Sweeps of the limiting cylinder at each pose"}
+    title = f"{model.section.title or model.name}: nonlinear against linear frequencies"
     with outputs(out) as folder:
         output.write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-    show([validation_sheet(validations), f"{verdict(list(validations.values()))}."])
+        output.write_plain_report(title, items, captions, run.sheet({"": model}), folder)
+    show(items)
 
 
 @app.command()
 def design(
+    context: CommandContext,
     machine: MachineArgument,
     out: OutOption = Path("out"),
     points: PointsOption = "",
@@ -182,6 +195,7 @@ def design(
     from armdesign.report.validations import limiting_sheet
     from armdesign.simulation.validation import validate_maps
 
+    run = run_of(context)
     with progress("mapping the workspace") as say:
         model, workspace = open_workspace(machine, points, out, allow_outside)
         output.check_urdf(model, out)
@@ -197,7 +211,7 @@ def design(
         say("writing the report")
         sheets = design_sheets(answer, units.units)
         with outputs(out) as folder:
-            output.write_report(answer, proofs, sheets, folder)
+            output.write_report(answer, proofs, run, folder, units.units)
     show([*sheets, limiting_sheet(proofs), summary(answer)])
 
 
@@ -300,18 +314,20 @@ app.command()(pareto)
 app.command()(steps)
 app.command()(control)
 app.command()(move)
+app.command()(report)
 app.command()(sensitivity)
 app.command("what-if")(what_if)
 app.command()(tolerances)
 
 
 @app.command()
-def paper(out: OutOption = Path("out")) -> None:
+def paper(context: CommandContext, out: OutOption = Path("out")) -> None:
     """Simulate the source paper's 40 configurations.
 
     Compares its formulas with frequencies identified in nonlinear runs, the paper's way and at
     small amplitude; lists its errata, and dimensions that would give the error it prints. Writes
-    paper.csv, paper_errors.csv, paper_errata.csv, paper_scan.csv, paper_sweep_bias.csv, figures.
+    paper.csv, paper_errors.csv, paper_errata.csv, paper_scan.csv, paper_sweep_bias.csv, figures,
+    report.html.
     """
     from armdesign import plots
     from armdesign.paper import reproduction
@@ -319,11 +335,15 @@ def paper(out: OutOption = Path("out")) -> None:
     from armdesign.paper.sheets import paper_sheets
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 
+    run = run_of(context)
     output.check_out(out)
     with progress("sweeping 40 configurations"):
         reproduced = reproduction.reproduce()
         listed_errata, scanned, bias = errata(reproduced.mechanism), scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
+    captions = {f"paper_figures_{name}.png": f"Errors of {f}" for name, f in pictures.items()}
+    sheets = paper_sheets(reproduced, listed_errata, scanned, bias)
+    title = "The source paper's 40 configurations, simulated"
     with outputs(out) as folder:
         write_csv(reproduced.frame, folder / "paper.csv")
         write_csv(reproduced.errors.reset_index(), folder / "paper_errors.csv")
@@ -332,7 +352,9 @@ def paper(out: OutOption = Path("out")) -> None:
         write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
-    show(paper_sheets(reproduced, listed_errata, scanned, bias))
+        provenance = run.sheet({"": reproduced.machine})
+        output.write_plain_report(title, sheets, captions, provenance, folder)
+    show(sheets)
 
 
 def _design(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from armdesign.options import (
+    CommandContext,
     CornerOption,
     DampingOption,
     DelayOption,
@@ -19,12 +20,14 @@ from armdesign.options import (
     PointsOption,
     UnitsOption,
     grid_points,
+    run_of,
 )
-from armdesign.output import check_out, outputs, show, write_bandwidths
+from armdesign.output import check_out, outputs, show, write_control_report
 from armdesign.progress import progress
 
 
 def control(
+    context: CommandContext,
     machine: MachineArgument,
     new: NewOption = "",
     out: OutOption = Path("out"),
@@ -41,8 +44,8 @@ def control(
     """Say how fast position loops can be, pose by pose.
 
     Finds the largest gains whose loops, all closed at once, keep gain and phase margin: of
-    position loops alone, and with feedback of the load pressures. Writes bandwidth.csv, gains.csv
-    and heatmaps; with --new for another machine too.
+    position loops alone, and with feedback of the load pressures. Writes bandwidth.csv, gains.csv,
+    heatmaps and report.html; with --new for another machine too.
     """
     import math
 
@@ -52,6 +55,7 @@ def control(
     from armdesign.report.bandwidths import bandwidth_sheets
     from armdesign.units import deg
 
+    run = run_of(context)
     with progress("closing the loops"):
         counts = grid_points(points)
         check_out(out)
@@ -70,7 +74,7 @@ def control(
                 filter=filter,  # type: ignore[arg-type]
                 corner=2 * math.pi * corner or None,
             )
+    sheets = bandwidth_sheets(maps, units.units)
     with outputs(out) as folder:
-        for label, bandwidths in maps.items():
-            write_bandwidths(bandwidths, folder, f"_{label}" if label else "")
-    show(bandwidth_sheets(maps, units.units))
+        write_control_report(maps, sheets, run, folder)
+    show(sheets)

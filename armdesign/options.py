@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.output import check_out
+from armdesign.output import check_out, command_line
 from armdesign.units import SI, WORKSHOP, Units, deg, mm
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.bands import Bands
     from armdesign.frequency.workspace import Workspace
     from armdesign.machine.machine import Machine
+    from armdesign.report.provenance import Run
 
 
 class Habit(StrEnum):
@@ -33,6 +34,8 @@ class Habit(StrEnum):
         return SI if self is Habit.si else WORKSHOP
 
 
+CommandContext: TypeAlias = typer.Context  # of a command: the values of all its options
+FolderArgument = Annotated[Path, typer.Argument(help="Folder that a command has written into.")]
 MachineArgument = Annotated[
     str, typer.Argument(help="A shipped machine (excavator_20t), a folder, or a .toml file.")
 ]
@@ -216,6 +219,13 @@ UnitsOption = Annotated[
 OutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Accept a URDF outside the machine file's folder.")
 ]
+
+
+def run_of(context: CommandContext) -> Run:
+    """The run of a command, which begins now: its words, and its options with their values."""
+    from armdesign.report.provenance import Run
+
+    return Run.begin(command_line(), context.params)
 
 
 def open_workspace(

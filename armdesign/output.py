@@ -25,9 +25,12 @@ if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
     from armdesign.machine.machine import Machine
     from armdesign.motion.move import Move
+    from armdesign.report.contents import Report
+    from armdesign.report.provenance import Run
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
+    from armdesign.units import Units
 
 changed: list[Path] = []  # folders that this process has written into
 
@@ -140,33 +143,96 @@ def write_move(move: Move, folder: Path) -> None:
     plots.save(plots.shaper_figure(move), folder / "shaper.png")
 
 
+def write_page(report: Report, folder: Path, pictures: Path | None = None) -> None:
+    """Write a report as page and as data, from which the page can be written again.
+
+    ``pictures``: where they are; None: in the folder.
+    """
+    from armdesign.report.contents import FILE, PAGE
+    from armdesign.report.page import page
+
+    (folder / FILE).write_text(report.text(), encoding="utf-8")
+    (folder / PAGE).write_text(page(report, pictures or folder), encoding="utf-8")
+
+
+def write_map_report(frequencies: FrequencyMap, run: Run, folder: Path, units: Units) -> None:
+    """Write the report of a map with the pictures that are in the folder."""
+    from armdesign.report.contents import Picture
+    from armdesign.report.map_reports import map_report
+
+    captions = {
+        "map_joints.png": "Lowest natural frequency over joints",
+        "map_reach.png": "Lowest natural frequency by place of the tool",
+        "map_holding.png": "Largest static pressure over the supply's",
+        "lift_chart.png": "Lift chart (ISO 10567)",
+        "moment_arms.png": "Moment arms and torques over the joint ranges",
+    }
+    pictures = [
+        Picture(caption=caption, file=file)
+        for file, caption in captions.items()
+        if (folder / file).exists()
+    ]
+    provenance = run.sheet({"": frequencies.machine})
+    write_page(map_report(frequencies, pictures, provenance, units), folder)
+
+
+def write_plain_report(
+    title: str,
+    items: Sequence[Sheet | str],
+    captions: Mapping[str, str],
+    provenance: Sheet,
+    folder: Path,
+) -> None:
+    """Write the report of a command that tells tables and pictures, by their files' captions.
+
+    Its lead is the first sentence among the items.
+    """
+    from armdesign.report.contents import Picture
+    from armdesign.report.map_reports import plain_report
+
+    lead = next((item for item in items if isinstance(item, str)), "")
+    pictures = [Picture(caption=words, file=file) for file, words in captions.items()]
+    tables = [item for item in items if item is not lead]
+    sections: dict[str, tuple[list[Sheet | str], list[Picture]]]
+    sections = {"Results": (tables, pictures), "Provenance": ([provenance], [])}
+    write_page(plain_report(title, lead, sections), folder)
+
+
+def write_control_report(
+    maps: Mapping[str, BandwidthMap], sheets: Sequence[Sheet], run: Run, folder: Path
+) -> None:
+    """Write bandwidths of machines by label, with their report."""
+    captions = {}
+    for label, bandwidths in maps.items():
+        suffix = f"_{label}" if label else ""
+        write_bandwidths(bandwidths, folder, suffix)
+        caption = f"Bandwidth of the narrowest loop {label}".strip()
+        captions[f"bandwidth{suffix}.png"] = caption
+    first = next(iter(maps.values())).machine
+    title = f"{first.section.title or first.name}: bandwidth of position loops"
+    provenance = run.sheet({label: one.machine for label, one in maps.items()})
+    write_plain_report(title, sheets, captions, provenance, folder)
+
+
 def write_report(
-    design: Design, proofs: dict[str, Validation], sheets: Sequence[Sheet], folder: Path
+    design: Design, proofs: dict[str, Validation], run: Run, folder: Path, units: Units
 ) -> None:
     """Everything that ``armdesign design`` leaves behind, report.html among it.
 
-    ``proofs`` are nonlinear runs of today's and the new machine, ``sheets`` those of the design.
+    ``proofs`` are nonlinear runs of today's and the new machine.
     """
     from armdesign import plots
-    from armdesign.report.designs import summary
-    from armdesign.report.sheet import html
-    from armdesign.report.validations import validation_sheet, verdict
+    from armdesign.report.contents import Picture
+    from armdesign.report.design_report import design_report
 
-    pictures = write_design(design, folder)
+    written = write_design(design, folder)
     write_validations(proofs, folder, "version")
     at_worst = {label: proof.by_pose["worst"] for label, proof in proofs.items()}
     responses = plots.frequency_responses(at_worst)
     caption = "Nonlinear simulation: a small slow sweep at the worst pose of each machine"
-    pictures.append((caption, plots.save(responses, folder / "frequency_responses.png")))
-    all_runs = {
-        f"{label} {pose}": validation
-        for label, proof in proofs.items()
-        for pose, validation in proof.by_pose.items()
-    }
-    title = f"{design.today.section.title or design.today.name}: new cylinders and pins"
-    lead = f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}."
-    page = html(title, lead, [*sheets, validation_sheet(all_runs)], pictures)
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    written.append((caption, plots.save(responses, folder / "frequency_responses.png")))
+    pictures = [Picture(caption=words, file=path.name) for words, path in written]
+    write_page(design_report(design, proofs, pictures, run, units), folder)
 
 
 def command_line() -> str:

@@ -29,6 +29,8 @@ QUICK = {  # what each writes for the one-joint machine
         "moment_arms.png",
         "lift_chart.csv",
         "lift_chart.png",
+        "report.html",
+        "report.json",
     },
     "sensitivity": {"sensitivity.csv", "sensitivity.png"},
 }

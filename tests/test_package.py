@@ -22,7 +22,15 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
     *("drawing", "plots", "report", "paper", "influence", "output", "options"),
-    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
+    *(
+        "cli_control",
+        "cli_measured",
+        "cli_tradeoffs",
+        "cli_influence",
+        "cli_motion",
+        "cli_report",
+        "cli",
+    ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
@@ -34,9 +42,12 @@ DOORS = {  # library: the only modules that may import it
     "pydantic": {
         *("machine.file.section", "machine.file.links", "machine.file.schema"),
         *("machine.file.schema_faults", "machine.file.machine_file"),
+        "report.contents",
     },
     "typer": {"cli", "options"},
-    "jinja2": {"report.sheet"},
+    "jinja2": {"report.page"},
+    "bokeh": {"report.interactive"},
+    "PIL": {"report.page"},
     "control": {"simulation.linear_model"},
     "numba": {"simulation.plant.compiled"},
 }

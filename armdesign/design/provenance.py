@@ -20,7 +20,7 @@ def documented(
 
     The command is as typed in a terminal or in Python.
     """
-    story = (f"Command: {command}", f"Requirements: {_stated(today, requirements)}.")
+    story = (f"Command: {command}", f"Requirements: {stated_requirements(today, requirements)}.")
     return retold(machine, today, "optimized", story)
 
 
@@ -31,7 +31,7 @@ def call(function: str, **arguments: Any) -> str:
     return f"armdesign.{function}({words})"
 
 
-def _stated(today: Machine, requirements: Requirements) -> str:
+def stated_requirements(today: Machine, requirements: Requirements) -> str:
     """Every requirement of today's file, defaults included, and what was asked for instead."""
     words = ", ".join(
         f"{path.removeprefix(_TABLE)} {as_toml(value)}"

@@ -33,14 +33,14 @@ def bands_sheet(
         texts.append(("gain", *gains))
     return Sheet(
         title=BANDS_TITLE,
-        columns=("", *_ends(machine, bands)),
+        columns=("", *end_names(machine, bands)),
         rows=tuple(texts),
         note=f"{widths(machine, bands)}; at the poses of the workspace{notes}",
         bold=(len(texts) - 1,),
     )
 
 
-def _ends(machine: Machine, bands: Bands) -> tuple[str, str, str]:
+def end_names(machine: Machine, bands: Bands) -> tuple[str, str, str]:
     """Names of the columns: of the lowest frequency, that at the file's values, the highest."""
     if len(bands.ends) == 1:  # only masses differ
         return "lowest", "at file values", "highest"

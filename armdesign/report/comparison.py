@@ -75,7 +75,7 @@ class Comparison:
             self._worst(units),
             spread_sheet(self.maps),
             self._limiting(),
-            self._differing(),
+            self.differing(),
             loads_sheet(pairs, digging, units),
             performance_sheet({label: m.machine for label, m in self.maps.items()}, units),
             lift_sheet(self.lift_charts, units),
@@ -120,7 +120,8 @@ class Comparison:
         title, heads = "Share of poses that each cylinder limits", ("cylinder", *self.maps)
         return Sheet(title=title, columns=heads, rows=tuple(rows))
 
-    def _differing(self) -> Sheet:
+    def differing(self) -> Sheet:
+        """Keys of the files whose values differ."""
         rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
         hidden = len(rows) - SHOWN
         urdfs = {m.machine.urdf_text for m in self.maps.values()}

@@ -28,10 +28,10 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, also within bands, sizes and pins, binding requirements, loads and percentiles."""
     both = {"today": (design.today, design.workspace), "new": (design.machine, design.workspace)}
     return [
-        _gain(design, units),
-        _bands(design),
-        _sizes(design, units),
-        _binding(design, units),
+        gain_sheet(design, units),
+        bands_of_design(design),
+        sizes_sheet(design, units),
+        binding_sheet(design, units),
         loads_sheet(both, design.requirements.digging, units),
         performance_sheet({"today": design.today, "new": design.machine}, units),
         lift_sheet(lift_charts({"today": design.today, "new": design.machine}), units),
@@ -39,7 +39,8 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     ]
 
 
-def _gain(design: Design, units: Units) -> Sheet:
+def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
+    """Worst frequencies today and new with their poses, and the gain."""
     before, after = design.before.worst, design.after.worst
     pair = (("today", design.today, before), ("new", design.machine, after))
     rows = [
@@ -65,6 +66,25 @@ def _gain(design: Design, units: Units) -> Sheet:
         note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
+
+
+def bound_sheet(design: Design) -> Sheet:
+    """What the search reached, the upper bound on all designs of its kind, and the gap."""
+    if design.certificate is None:
+        bound, gap = "none is known", "–"
+    elif design.bound is None:
+        bound, gap = f"none is known: {design.certificate.refused}", "–"
+    else:
+        bound, gap = _reached(design, design.bound), f"{100 * (design.gap or 0.0):.1f} %"
+    rows = [
+        ("reached before rounding", _reached(design, design.unrounded)),
+        ("upper bound", bound),
+        ("gap", gap),
+    ]
+    if design.starts:
+        rows.insert(1, ("starts of the search reached", _reached(design, *design.starts)))
+    note = (_bound(design) + notes_on_starts(design)).removeprefix("; ")
+    return Sheet(title="", rows=tuple(rows), note=note)
 
 
 def _bound(design: Design) -> str:
@@ -133,7 +153,8 @@ def _reached(design: Design, *frequencies: float) -> str:
     return f"{', '.join(f'{100 * (f / today - 1):+.1f}' for f in frequencies)} %"
 
 
-def _bands(design: Design) -> Sheet:
+def bands_of_design(design: Design) -> Sheet:
+    """Worst frequencies today and new within the bands of what is not known exactly."""
     made_for = {
         "worst": "; the new machine was designed for the lowest",
         "gain": "; the new machine was designed for the least gain",
@@ -151,7 +172,8 @@ def _vanishing(design: Design) -> str:
     return f"the gain vanishes within the bands: {100 * design.least_gain:+.1f} % there; "
 
 
-def _sizes(design: Design, units: Units) -> Sheet:
+def sizes_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
+    """Sizes and pins of every cylinder, today and new."""
     rows: list[tuple[str, ...]] = []
     for i, new in enumerate(design.machine.cylinders):
         for label, cylinder, machine in (
@@ -177,7 +199,7 @@ def _pin(pin: Pin | None, units: Units) -> str:
     return f"{units.number(pin.at[0], 'm')}, {units.number(pin.at[2], 'm')}" if pin else ""
 
 
-def _binding(design: Design, units: Units) -> Sheet:
+def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     """Requirements that bind, with prices; where sizes come in steps those nearest to a limit."""
     if design.selection is None:
         title, head = "Binding requirements; frequency gain per 1 % relaxation", "gain"

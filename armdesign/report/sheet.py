@@ -5,10 +5,7 @@ Numbers are printed in workshop units (mm, bar, l, kN, deg) or in SI.
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armdesign.errors import printable
@@ -99,21 +96,3 @@ def rich_table(sheet: Sheet) -> Table:
     for index, row in enumerate(sheet.rows):
         table.add_row(*map(Text, row), style="bold" if index in sheet.bold else None)
     return table
-
-
-def html(
-    title: str, lead: str, sheets: Sequence[Sheet], pictures: Sequence[tuple[str, Path]]
-) -> str:
-    """Self-contained HTML page: sheets as tables, then pictures (caption, PNG file)."""
-    import jinja2
-
-    template = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
-    images = [
-        (caption, base64.b64encode(path.read_bytes()).decode()) for caption, path in pictures
-    ]
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    return environment.from_string(template).render(
-        title=printable(title), lead=printable(lead), sheets=sheets, images=images
-    )

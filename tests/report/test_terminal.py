@@ -15,7 +15,9 @@ from armdesign import plots
 from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_together
 from armdesign.machine import scaffold
 from armdesign.output import show, tell
-from armdesign.report.sheet import Sheet, html
+from armdesign.report.contents import Number, Report, Section
+from armdesign.report.page import page
+from armdesign.report.sheet import Sheet
 from tests import machines
 from tests.commands import assert_one_line, main
 
@@ -73,9 +75,15 @@ def test_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_page() -> None:
-    page = html(EVIL, EVIL, [Sheet(title=EVIL, columns=(EVIL,), rows=((EVIL,),), note=EVIL)], [])
-    assert not controls(page)
-    assert page.count(SHOWN) == 7  # head, heading, lead and those of the sheet
+    sheet = Sheet(title=EVIL, columns=(EVIL,), rows=((EVIL,),), note=EVIL)
+    section = Section(title=EVIL, words=(EVIL,), sheets=(sheet,))
+    headline = (Number(name=EVIL, value=EVIL, words=EVIL),)
+    report = Report(title=EVIL, lead=EVIL, headline=headline, sections=(section,))
+    text = page(Report.of_text(report.text()), Path())
+    assert not controls(text)
+    # head, heading, lead, three of the headline, two of the section, and those of the sheet, whose
+    # title is its label too
+    assert text.count(SHOWN) == 3 + 3 + 2 + 5
 
 
 @pytest.mark.parametrize("command", ["check", "map", "compare"])

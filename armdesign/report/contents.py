@@ -1,0 +1,111 @@
+"""What a report says, in order: headline, sections with tables and pictures, and a drawn scene.
+
+``report.json`` keeps all of it beside the pictures, so that the page can be written again from a
+folder; nothing in it is code.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from armdesign.errors import ArmDesignError, printable
+from armdesign.report.scene import Scene
+from armdesign.report.sheet import Sheet
+
+FILE = "report.json"
+PAGE = "report.html"
+FORMAT = 1  # of the file; a reader of another refuses it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number:
+    """A number of the headline: its name, its value with unit, and where it holds."""
+
+    name: str
+    value: str
+    words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A picture: its caption, and its file in the folder of the report."""
+
+    caption: str
+    file: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A section of a report.
+
+    Attributes:
+        title: its heading.
+        words: its paragraphs.
+        sheets: its tables.
+        pictures: its pictures.
+        shows: "drawing" or "maps" of the scene; "" for none. On paper, and without scripts, the
+            pictures stand in place of interactive maps.
+    """
+
+    title: str
+    words: tuple[str, ...] = ()
+    sheets: tuple[Sheet, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    shows: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """A report: title, a sentence, numbers of the headline, sections, and the drawn scene.
+
+    The scene is None where there is nothing to click on.
+    """
+
+    title: str
+    lead: str
+    headline: tuple[Number, ...] = ()
+    sections: tuple[Section, ...]
+    scene: Scene | None = None
+    format: int = FORMAT
+
+    def text(self) -> str:
+        """All of it as the text of ``report.json``."""
+        return json.dumps(asdict(self), ensure_ascii=False, separators=(",", ":")) + "\n"
+
+    @classmethod
+    def read(cls, folder: Path) -> Report:
+        """The report that a folder keeps.
+
+        Raises:
+            ArmDesignError: the folder keeps none, or one that is not as it was written.
+        """
+        path, remedy = folder / FILE, "run the command that wrote the folder again"
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            fault = f"no {FILE} is there"
+            commands = "write one by armdesign design, map, validate, control or paper"
+            raise ArmDesignError(str(folder), fault, commands) from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise ArmDesignError(str(path), f"cannot be read ({error})", remedy) from None
+        return cls.of_text(text, str(path))
+
+    @classmethod
+    def of_text(cls, text: str, part: str = FILE) -> Report:
+        """The report of a text that ``text`` gave; errors as of ``read``."""
+        import pydantic
+
+        remedy = "run the command that wrote the folder again"
+        try:
+            report = pydantic.TypeAdapter(cls).validate_json(text)
+        except pydantic.ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"])) or "the file"
+            fault = printable(f"is no report: {place}: {first['msg']}")
+            raise ArmDesignError(part, fault, remedy) from None
+        if report.format != FORMAT:
+            fault = f"has format {report.format}, and this armdesign reads {FORMAT}"
+            raise ArmDesignError(part, fault, remedy)
+        return report

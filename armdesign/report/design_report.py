@@ -1,0 +1,162 @@
+"""The report of a design: what one signs, archives and repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.design.provenance import stated_requirements
+from armdesign.errors import ArmDesignError
+from armdesign.report.bandwidths import bandwidth_sheets
+from armdesign.report.comparison import Comparison
+from armdesign.report.contents import Picture, Report, Section
+from armdesign.report.designs import (
+    bands_of_design,
+    binding_sheet,
+    bound_sheet,
+    gain_sheet,
+    sizes_sheet,
+    summary,
+)
+from armdesign.report.lift_charts import lift_charts, lift_sheet
+from armdesign.report.loads import loads_sheet
+from armdesign.report.map_reports import assumptions, headline
+from armdesign.report.maps import spread_sheet
+from armdesign.report.performance import performance_sheet
+from armdesign.report.provenance import Run
+from armdesign.report.scene import scene_of
+from armdesign.report.sheet import Sheet
+from armdesign.report.validations import validation_sheet, verdict
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.design.design import Design
+    from armdesign.simulation.validation import Validation
+
+
+def design_report(
+    design: Design,
+    proofs: Mapping[str, Validation],
+    pictures: Sequence[Picture],
+    run: Run,
+    units: Units = WORKSHOP,
+) -> Report:
+    """Report of a design.
+
+    Args:
+        design: the new machine.
+        proofs: nonlinear runs of today's and the new machine.
+        pictures: files of its folder.
+        run: how it was made.
+        units: of the tables.
+    """
+    maps = {"today": design.before, "new": design.after}
+    of = {name: tuple(p for p in pictures if p.file.startswith(name)) for name in PICTURES}
+    known = design.band_before, design.band_after
+    return Report(
+        title=f"{design.today.section.title or design.today.name}: new cylinders and pins",
+        lead=f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}.",
+        headline=headline(maps, design.bands, known, units),
+        sections=(
+            Section(
+                title="In three numbers",
+                sheets=(gain_sheet(design, units), bands_of_design(design)),
+            ),
+            Section(title="The machine, today and new", shows="drawing"),
+            Section(
+                title="Maps before and after",
+                shows="maps",
+                pictures=of["map"],
+                sheets=(spread_sheet(maps),),
+            ),
+            _buyer(design, of["lift"], units),
+            _changes(design, of["moment"], units),
+            Section(
+                title="Binding requirements and their prices",
+                sheets=(binding_sheet(design, units),),
+            ),
+            Section(title="Bound and gap", sheets=(bound_sheet(design),)),
+            _bandwidth(design, units),
+            _validation(proofs, of["frequency"]),
+            Section(title="Assumptions", words=_assumptions(design)),
+            Section(title="Provenance", sheets=(_provenance(design, run),)),
+        ),
+        scene=scene_of(maps),
+    )
+
+
+PICTURES = ("map", "lift", "moment", "frequency")  # how files of pictures begin
+
+
+def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> Section:
+    """What a buyer sees: lift chart, digging force, stroke times."""
+    machines = {"today": design.today, "new": design.machine}
+    both = {label: (machine, design.workspace) for label, machine in machines.items()}
+    return Section(
+        title="What the buyer sees",
+        pictures=tuple(pictures),
+        sheets=(
+            lift_sheet(lift_charts(machines), units),
+            loads_sheet(both, design.requirements.digging, units),
+            performance_sheet(machines, units),
+        ),
+    )
+
+
+def _changes(design: Design, pictures: Sequence[Picture], units: Units) -> Section:
+    differences = Comparison({"today": design.before, "new": design.after}, True)
+    return Section(
+        title="Changes",
+        pictures=tuple(pictures),
+        sheets=(sizes_sheet(design, units), differences.differing()),
+    )
+
+
+def _bandwidth(design: Design, units: Units) -> Section:
+    """Bandwidths at each machine's softest pose of the workspace: a map takes minutes."""
+    from armdesign.control.bandwidth_map import bandwidth_map
+
+    title, maps = "Bandwidth of position loops", {}
+    for label, one in (("today", design.before), ("new", design.after)):
+        q = one.frame[list(one.machine.joints)].to_numpy()[one.frame["f1_hz"].to_numpy().argmin()]
+        row = np.flatnonzero((one.workspace.q == q).all(axis=1))[:1]
+        try:
+            maps[label] = bandwidth_map(one.machine, one.workspace.subset(row))
+        except ArmDesignError as error:
+            return Section(title=title, words=(f"Not known: {error}.",))
+    words = (
+        "At the pose with the lowest frequency of each machine alone; armdesign control maps the"
+        " workspace.",
+    )
+    return Section(title=title, words=words, sheets=tuple(bandwidth_sheets(maps, units)))
+
+
+def _validation(proofs: Mapping[str, Validation], pictures: Sequence[Picture]) -> Section:
+    runs = {
+        f"{label} {pose}": validation
+        for label, proof in proofs.items()
+        for pose, validation in proof.by_pose.items()
+    }
+    return Section(
+        title="Validation by nonlinear simulation",
+        words=(f"{verdict(list(proofs.values()))}.",),
+        pictures=tuple(pictures),
+        sheets=(validation_sheet(runs),),
+    )
+
+
+def _assumptions(design: Design) -> tuple[str, ...]:
+    """Those of the frequencies, then of the bound."""
+    usual = assumptions(design.today, design.workspace)
+    if design.certificate is None or design.bound is None:
+        return usual
+    return (*usual, f"The bound takes for granted: {', '.join(design.certificate.assumptions)}.")
+
+
+def _provenance(design: Design, run: Run) -> Sheet:
+    machines = {"today": design.today, "new": design.machine}
+    seed = "0 for all starts of the search" if len(design.starts) > 1 else "none: one start"
+    requirements = stated_requirements(design.today, design.requirements)
+    return run.sheet(machines, requirements=requirements, seeds=seed)

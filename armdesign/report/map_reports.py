@@ -1,0 +1,181 @@
+"""Reports of one machine: of its map, its validation, its bandwidths; and what they assume."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from armdesign.errors import PoseError
+from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.worst_frequency import WorstPose, worst_pose
+from armdesign.report.bands import end_names, is_assumed, widths
+from armdesign.report.contents import Number, Picture, Report, Section
+from armdesign.report.maps import map_sheets
+from armdesign.report.scene import scene_of
+from armdesign.report.sheet import Sheet, pose_text
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import Machine
+
+ENDS = ("softest", "nominal", "rigid")
+
+
+def map_report(
+    frequencies: FrequencyMap,
+    pictures: Sequence[Picture],
+    provenance: Sheet,
+    units: Units = WORKSHOP,
+) -> Report:
+    """Report of a frequency map.
+
+    Args:
+        frequencies: the map.
+        pictures: of the map, then others.
+        provenance: table of how it was made.
+        units: of the tables.
+    """
+    machine, worst = frequencies.machine, frequencies.worst
+    head, bands, spread, *others, lift = map_sheets(frequencies, units)
+    of_map = tuple(one for one in pictures if one.file.startswith("map_"))
+    rest = tuple(one for one in pictures if one not in of_map)
+    numbers = headline({"": frequencies}, Bands.shown(machine), units=units)
+    return Report(
+        title=head.title,
+        lead=(
+            f"The lowest natural frequency in the workspace is {worst.frequency:.3f} Hz, at"
+            f" {pose_text(machine, worst, units)}; the {worst.cylinder} limits it there."
+        ),
+        headline=numbers,
+        sections=(
+            Section(title="In three numbers", sheets=(head, bands)),
+            Section(title="The machine in its worst pose", shows="drawing"),
+            Section(
+                title="Map of frequencies",
+                shows="maps",
+                pictures=of_map[:2],
+                sheets=(spread, *others),
+            ),
+            Section(title="Lift chart and moment arms", pictures=rest, sheets=(lift,)),
+            Section(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
+            Section(title="Provenance", sheets=(provenance,)),
+        ),
+        scene=scene_of({machine.name: frequencies}),
+    )
+
+
+def plain_report(
+    title: str, lead: str, sections: Mapping[str, tuple[Sequence[Sheet | str], Sequence[Picture]]]
+) -> Report:
+    """Report of tables, sentences and pictures, by the titles of their sections."""
+    return Report(
+        title=title,
+        lead=lead,
+        sections=tuple(
+            Section(
+                title=name,
+                words=tuple(item for item in items if isinstance(item, str)),
+                sheets=tuple(item for item in items if isinstance(item, Sheet)),
+                pictures=tuple(pictures),
+            )
+            for name, (items, pictures) in sections.items()
+        ),
+    )
+
+
+# ------------------------------------------------------------------------------- three numbers
+
+
+def headline(
+    maps: Mapping[str, FrequencyMap],
+    bands: Bands,
+    known: Sequence[FrequencyBand] = (),
+    units: Units = WORKSHOP,
+) -> tuple[Number, ...]:
+    """Worst frequencies at the ends of bands and with the file's values: rigid, nominal, softest.
+
+    Args:
+        maps: of one machine, or of today's and the new one on one workspace.
+        bands: what is not known exactly.
+        known: the worst frequencies within them of each machine, where they are known.
+        units: of the poses.
+    """
+    first, last = next(iter(maps.values())), list(maps.values())[-1]
+    names = dict(zip(ENDS, end_names(first.machine, bands), strict=True))
+    names["nominal"] = "nominal"
+    pairs: dict[str, list[WorstPose | None]] = {end: [] for end in names}
+    for k, frequencies in enumerate(maps.values()):
+        try:
+            band = known[k] if known else _band(frequencies, bands)
+        except PoseError:  # unstable at the soft end
+            band = None
+        for end, found in _ends(frequencies, first.machine, band, bands).items():
+            pairs[end].append(found)
+    return tuple(
+        _number(names[end], pairs[end], last.machine, units)
+        for end in ("rigid", "nominal", "softest")
+    )
+
+
+def _band(frequencies: FrequencyMap, bands: Bands) -> FrequencyBand:
+    return frequency_band(frequencies.machine, frequencies.workspace, bands)
+
+
+def _ends(
+    frequencies: FrequencyMap, today: Machine, band: FrequencyBand | None, bands: Bands
+) -> dict[str, WorstPose | None]:
+    """The worst poses of a machine at both ends of the bands, and with the file's values."""
+    poses: dict[str, WorstPose | None] = {"nominal": frequencies.worst}
+    for end in ("softest", "rigid"):
+        if band is None:
+            poses[end] = None
+            continue
+        scenario = band.low if end == "softest" else band.high
+        corner = scenario.corner
+        machine = bands.at_end(frequencies.machine, corner.softest, today)
+        one = frequencies.workspace.subset(
+            (frequencies.workspace.q == scenario.q).all(axis=1).nonzero()[0][:1]
+        )
+        cases = load_cases(machine, one, corner.payload_share, corner.link_share)
+        case = next(case for case in cases if case.name == scenario.payload)
+        poses[end] = worst_pose(case, scenario.q, scenario.frequency)
+    return poses
+
+
+def _number(
+    name: str, found: Sequence[WorstPose | None], machine: Machine, units: Units
+) -> Number:
+    worst = found[-1]
+    if worst is None or any(one is None for one in found):
+        return Number(name=name, value="unstable", words="gravity overcomes the trapped oil")
+    values = [f"{one.frequency:.3f}" for one in found if one]
+    gain = ""
+    if len(found) == 2 and found[0] and found[0].frequency > 0:
+        gain = f", {100 * (worst.frequency / found[0].frequency - 1):+.1f} %"
+    where = f"{pose_text(machine, worst, units)}; limited by {worst.cylinder}"
+    return Number(name=name, value=f"{' → '.join(values)} Hz{gain}", words=where)
+
+
+# -------------------------------------------------------------------------------- assumptions
+
+
+def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
+    """What the frequencies of a machine take for granted, as sentences."""
+    fluid, bands = machine.fluid, Bands.shown(machine)
+    oil = f"Oil of {fluid.bulk_modulus / 1e6:.0f} MPa trapped in both chambers"
+    oil += f", with {100 * fluid.air:.2g} % entrained air" if fluid.air else ", without air"
+    cases = ", ".join(payload.name for payload in machine.payloads)
+    stated = "assumed, the machine file states none" if is_assumed(machine, bands) else "stated"
+    yields = [one.name for one in machine.actuators if one.compliance > 0]
+    yields += [spring.name for spring in machine.springs]
+    structure = f"structure that yields: {', '.join(yields)}" if yields else "rigid structure"
+    return (
+        f"{oil}; small motions about rest, valves closed; {structure}.",
+        f"Worst means: of {len(workspace)} poses ({workspace.kind}), each cylinder at least"
+        f" {100 * workspace.end_margin:.2g} % of its stroke from its ends, and of the load cases"
+        f" {cases}, each where it exists.",
+        f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
+    )

@@ -1,0 +1,307 @@
+// Sorting of tables, light and dark, and the scene: maps of bokeh, and a machine in its pose.
+"use strict";
+(() => {
+  const $ = (id) => document.getElementById(id);
+  const root = document.documentElement;
+
+  // ------------------------------------------------------------------------------ tables
+  const number = (text) => {
+    const match = text.replace("−", "-").match(/^[^0-9+-]*([+-]?[0-9]*\.?[0-9]+(e[+-]?[0-9]+)?)/i);
+    return match ? Number(match[1]) : NaN;
+  };
+  const compare = (a, b) => {
+    const [x, y] = [number(a), number(b)];
+    if (Number.isNaN(x) || Number.isNaN(y)) return a.localeCompare(b);
+    return x - y;
+  };
+  for (const table of document.querySelectorAll("table.sortable")) {
+    const heads = [...table.tHead.rows[0].cells];
+    heads.forEach((head, column) => {
+      const sort = () => {
+        const falling = head.getAttribute("aria-sort") === "ascending";
+        heads.forEach((one) => one.removeAttribute("aria-sort"));
+        head.setAttribute("aria-sort", falling ? "descending" : "ascending");
+        const rows = [...table.tBodies[0].rows];
+        const text = (row) => row.cells[column].textContent.trim();
+        rows.sort((a, b) => (falling ? -1 : 1) * compare(text(a), text(b)));
+        table.tBodies[0].append(...rows);
+      };
+      head.tabIndex = 0;
+      head.addEventListener("click", sort);
+      head.addEventListener("keydown", (event) => { if (event.key === "Enter") sort(); });
+    });
+  }
+  const mark = () => {
+    for (const one of document.querySelectorAll(".scroll")) {
+      one.classList.toggle("wide", one.scrollWidth > one.clientWidth + 1);
+    }
+  };
+  addEventListener("resize", mark);
+  mark();
+
+  // ------------------------------------------------------------------------------ themes
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const dark = () => (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
+  const onTheme = [];
+  const themed = () => onTheme.forEach((f) => f());
+  $("theme").addEventListener("click", () => {
+    root.dataset.theme = dark() ? "light" : "dark";
+    themed();
+  });
+  system.addEventListener("change", themed);
+
+  const holder = $("scene");
+  if (!holder) return;
+
+  // ------------------------------------------------------------------------------- scene
+  const scene = JSON.parse(holder.textContent);
+  const table = (packed) => {
+    const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
+    const Kind = packed.bits === 8 ? Int8Array : Int16Array;
+    const whole = new Kind(bytes.buffer), width = packed.scale.length, rows = [];
+    for (let at = 0; at < whole.length; at += width) {
+      rows.push(packed.scale.map((scale, k) => whole[at + k] * scale));
+    }
+    return rows;
+  };
+  const machines = scene.machines.map((one) => ({
+    ...one,
+    cells: table(one.cells),
+    frequencies: table(one.frequencies),
+    poses: table(one.poses),
+    positions: table(one.positions),
+    placements: table(one.placements),
+    swings: table(one.swings),
+  }));
+  const limiting = (one, pose) => one.parts[one.poses[pose][1]];
+  const load = (one, pose) => scene.cases[one.poses[pose][0] - 1];
+  const poseWords = (one, pose) => scene.joints
+    .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)} ${unit}`)
+    .join(", ");
+
+  // ----------------------------------------------------------------------------- drawing
+  const svg = $("drawing");
+  const state = { machine: machines.length - 1, pose: 0, phase: 1, swings: false };
+  const place = ([a, b, x, c, d, y], [u, v]) => [a * u + b * v + x, c * u + d * v + y];
+  const add = (parent, tag, attributes, words) => {
+    const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    if (words) add(element, "title", {}).textContent = words;
+    parent.append(element);
+    return element;
+  };
+  const text = (parent, at, size, words) => {
+    add(parent, "text", { x: at[0], y: -at[1], "font-size": size, "stroke-width": size / 5 }).textContent = words;
+  };
+  const path = (rings) => rings
+    .map((ring) => `M${ring.map(([x, y]) => `${x.toFixed(4)},${(-y).toFixed(4)}`).join("L")}Z`)
+    .join("");
+
+  // matrices of the bodies and places of all points, by `factor` swings away from the pose
+  const placed = (one, pose, factor) => {
+    const numbers = one.placements[pose].map((value, k) => value + factor * one.swings[pose][k]);
+    const matrices = [one.standing];
+    let next = 0;
+    while (matrices.length < one.bodies.length) matrices.push(numbers.slice(next, next += 6));
+    const points = one.points.map((point) => {
+      if (point.at) return place(matrices[point.body], point.at);
+      next += 2;
+      return [numbers[next - 2], numbers[next - 1]];
+    });
+    return { matrices, points };
+  };
+  const bar = (from, to, begin, end, width) => {
+    const span = [to[0] - from[0], to[1] - from[1]], length = Math.hypot(...span) || 1;
+    const [x, y] = span.map((s) => s / length), half = width / 2;
+    const at = (along, side) => [from[0] + along * x - side * y, from[1] + along * y + side * x];
+    return [at(begin, half), at(end ?? length, half), at(end ?? length, -half), at(begin, -half)];
+  };
+  const outline = (parent, one, { matrices, points }, style) => {
+    const width = style.width;
+    one.bodies.forEach((rings, k) => rings.length && (k || !style.name) && add(parent, "path", {
+      d: path(rings.map((ring) => ring.map((at) => place(matrices[k], at)))),
+      class: style.name || "body", "stroke-width": width, "fill-rule": "nonzero",
+      ...(style.dashes ? { "stroke-dasharray": style.dashes } : {}),
+    }));
+    for (const cylinder of one.cylinders) {
+      const [from, to] = cylinder.ends.map((k) => points[k]);
+      const words = `${cylinder.count > 1 ? `${cylinder.count} × ` : ""}${cylinder.name}`;
+      const rod = path([bar(from, to, 0, null, cylinder.rod_width)]);
+      const barrel = path([bar(from, to, ...cylinder.barrel, cylinder.barrel_width)]);
+      const dashes = style.dashes ? { "stroke-dasharray": style.dashes } : {};
+      add(parent, "path", { d: rod, class: style.name || "rod", "stroke-width": width, ...dashes }, words);
+      add(parent, "path", { d: barrel, class: style.name || "barrel", "stroke-width": width, ...dashes }, words);
+    }
+    if (style.name) return;
+    for (const link of one.bars) {
+      const [[x1, y1], [x2, y2]] = link.ends.map((k) => points[k]);
+      add(parent, "line", { x1, y1: -y1, x2, y2: -y2, class: "bar", "stroke-width": 5 * width }, link.name);
+    }
+    points.forEach(([x, y], k) => add(parent, "circle", {
+      cx: x, cy: -y, r: 3.5 * width, class: "pin", "stroke-width": 1.3 * width, "data-pin": one.points[k].name,
+    }, one.points[k].words));
+  };
+
+  // today's pins and cylinders beside the new ones, in the same pose: pins have their plates
+  const arrows = (parent, one, here, width) => {
+    const before = machines[0];
+    if (machines.length < 2 || one === before || before.points.length !== one.points.length) return;
+    const old = before.points.map((point, k) => (point.at ? place(here.matrices[point.body], point.at) : here.points[k]));
+    outline(parent, { ...before, bodies: [] }, { matrices: [], points: old }, { name: "old", width: 1.6 * width, dashes: 5 * width });
+    one.points.forEach((point, k) => {
+      const [from, to] = [old[k], here.points[k]], moved = Math.hypot(to[0] - from[0], to[1] - from[1]);
+      if (!point.at || moved < 5e-4) return;
+      add(parent, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "arrow", "stroke-width": 2 * width });
+      add(parent, "path", { d: path([arrowhead(from, to, 8 * width)]), class: "arrow", "stroke-width": 0 });
+      text(parent, [to[0] + 8 * width, to[1] + 8 * width], 13 * width, `${point.name} ${(1e3 * moved).toFixed(0)} mm`);
+    });
+  };
+  const arrowhead = (from, to, size) => {
+    const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);
+    const at = (turn, far) => [to[0] + far * Math.cos(angle + turn), to[1] + far * Math.sin(angle + turn)];
+    return [at(0, size / 2), at(2.5, size), at(-2.5, size)];
+  };
+  const box = (one) => {
+    const ends = [-1, 0, 1].flatMap((factor) => {
+      const { matrices, points } = placed(one, state.pose, factor);
+      return [...points, ...one.bodies.flatMap((rings, k) => rings.flat().map((at) => place(matrices[k], at)))];
+    });
+    const [x, y] = [0, 1].map((k) => ends.map((at) => at[k]).filter(Number.isFinite));
+    return [Math.min(...x), Math.max(...x), Math.min(one.ground, ...y), Math.max(...y)];
+  };
+  const draw = () => {
+    if (!svg) return;
+    const one = machines[state.machine];
+    const [left, right, low, high] = box(one), size = Math.max(right - left, high - low);
+    const room = 0.06 * size, wide = right - left + 2 * room, tall = high - low + 2 * room;
+    svg.setAttribute("viewBox", [left - room, -high - room, wide, tall].join(" "));
+    const width = wide / Math.max(Math.min(svg.clientWidth, svg.clientHeight * wide / tall), 200);
+    svg.replaceChildren();
+    const from = [left - room, one.ground], to = [right + room, one.ground];
+    add(svg, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "ground", "stroke-width": width });
+    const rest = placed(one, state.pose, 0);
+    outline(svg, one, rest, { width });
+    arrows(svg, one, rest, width);
+    outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
+    $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: `
+      + `${one.positions[state.pose].at(-1).toFixed(3)} Hz, limited by ${limiting(one, state.pose)}; dashed red: the lowest mode, `
+      + `${(1e3 * one.swing).toFixed(0)} mm at the tool${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
+  };
+  let begun = null;
+  const swing = (time) => {
+    if (!state.swings) return;
+    begun ??= time;
+    state.phase = Math.sin((time - begun) / 1000 * 2 * Math.PI * 0.7);
+    draw();
+    requestAnimationFrame(swing);
+  };
+  if (svg) {
+    $("swing").addEventListener("click", () => {
+      state.swings = !state.swings;
+      $("swing").setAttribute("aria-pressed", state.swings);
+      [begun, state.phase] = [null, 1];
+      if (state.swings) requestAnimationFrame(swing);
+      else draw();
+    });
+  }
+  draw();
+
+  // ------------------------------------------------------------------------------- maps
+  const controls = { case: $("case"), plane: $("plane"), statistic: $("statistic") };
+  if (!controls.case) return;
+  const option = (select, value, words) => {
+    const element = document.createElement("option");
+    [element.value, element.textContent] = [value, words];
+    select.append(element);
+  };
+  option(controls.case, 0, "all, the worst counts");
+  scene.cases.forEach((name, k) => option(controls.case, k + 1, name));
+  scene.planes.forEach(({ x, y }, k) => option(controls.plane, k, y ? `${x.name}, ${y.name}` : x.name));
+
+  let shown = machines.map(() => []);
+  const model = (name) => {
+    for (const one of Bokeh.documents) {
+      const known = one.get_model_by_name(name);
+      if (known) return known;
+    }
+    return null;
+  };
+  const columns = (one, rows, plane, statistic) => {
+    const { x, y } = plane, count = y ? y.middles.length : 1;
+    const data = { x: [], y: [], width: [], height: [], value: [], words: [], pose: [], load: [], part: [], spread: [] };
+    for (const row of rows) {
+      const [, , cell, pose] = one.cells[row], [worst, low, middle] = one.frequencies[row];
+      data.x.push(x.middles[Math.floor(cell / count)]);
+      data.value.push(one.frequencies[row][statistic]);
+      data.y.push(y ? y.middles[cell % count] : data.value.at(-1));
+      data.width.push(x.width);
+      data.height.push(y ? y.width : 0);
+      data.words.push(`${one.positions[pose].at(-1).toFixed(3)} Hz, the worst of the cell`);
+      data.pose.push(poseWords(one, pose));
+      data.load.push(load(one, pose));
+      data.part.push(limiting(one, pose));
+      data.spread.push(`worst ${worst.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${middle.toFixed(3)} Hz`);
+    }
+    return data;
+  };
+  const range = (axis, middles, width) => {
+    [axis.start, axis.end] = [Math.min(...middles) - width / 2, Math.max(...middles) + width / 2];
+  };
+  const fill = () => {
+    const [load_case, index, statistic] = [controls.case, controls.plane, controls.statistic].map((one) => Number(one.value));
+    const plane = scene.planes[index];
+    shown = machines.map((one) => [...one.cells.keys()].filter((k) => one.cells[k][0] === index && one.cells[k][1] === load_case));
+    const data = machines.map((one, k) => columns(one, shown[k], plane, statistic));
+    const values = data.flatMap((one) => one.value);
+    const low = Math.min(...values), high = Math.max(...values);
+    $("low").textContent = low.toFixed(2);
+    $("high").textContent = high.toFixed(2);
+    machines.forEach((one, k) => {
+      const colours = model(`colours-${k}`), map = model(`map-${k}`), source = model(`cells-${k}`);
+      [colours.low, colours.high] = [low, high > low ? high : low + 1];
+      range(map.x_range, plane.x.middles, plane.x.width);
+      if (plane.y) range(map.y_range, plane.y.middles, plane.y.width);
+      else [map.y_range.start, map.y_range.end] = [0, 1.1 * high];
+      map.below[0].axis_label = `${plane.x.name} [${plane.x.unit === "°" ? "deg" : "m"}]`;
+      map.left[0].axis_label = plane.y ? `${plane.y.name} [${plane.y.unit === "°" ? "deg" : "m"}]` : "frequency [Hz]";
+      const least = Math.min(...data[k].value);
+      map.title.text = values.length ? `${one.label}: from ${least.toFixed(3)} Hz` : one.label;
+      source.selected.indices = [];
+      source.data = data[k];
+      const at = data[k].value.indexOf(least);
+      model(`marks-${k}`).data = at < 0 ? { x: [], y: [] } : { x: [data[k].x[at]], y: [data[k].y[at]] };
+    });
+  };
+  window.armdesignPick = (index, indices) => {
+    if (!indices.length) return;
+    const one = machines[index], source = model(`cells-${index}`);
+    [state.machine, state.pose] = [index, one.cells[shown[index][indices[0]]][3]];
+    model(`marks-${index}`).data = { x: [source.data.x[indices[0]]], y: [source.data.y[indices[0]]] };
+    draw();
+  };
+  const recolour = () => {
+    const style = getComputedStyle(root), ink = style.getPropertyValue("--ink").trim();
+    const line = style.getPropertyValue("--strong").trim();
+    machines.forEach((_, k) => {
+      const map = model(`map-${k}`);
+      map.title.text_color = ink;
+      map.outline_line_color = line;
+      for (const axis of [...map.below, ...map.left]) {
+        axis.axis_label_text_color = axis.major_label_text_color = ink;
+        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = line;
+      }
+    });
+  };
+  const begin = () => {
+    if (!window.Bokeh || !machines.every((_, k) => Bokeh.documents.length && model(`map-${k}`))) {
+      setTimeout(begin, 30);
+      return;
+    }
+    Object.values(controls).forEach((one) => one.addEventListener("change", fill));
+    onTheme.push(recolour);
+    recolour();
+    fill();
+    root.dataset.ready = "maps";
+  };
+  begin();
+})();

@@ -1,0 +1,88 @@
+"""The page of a report: one HTML file that needs no network, for screens, phones and paper.
+
+The only door to jinja2 and pillow.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import NamedTuple
+
+from armdesign.errors import printable
+from armdesign.report.contents import Picture, Report
+from armdesign.report.interactive import interactive
+from armdesign.report.sheet import Sheet
+
+COLOURS = 96  # of a picture on the page: enough for maps, a third of the size
+GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
+
+
+class EmbeddedPicture(NamedTuple):
+    """A picture on the page; no data where the folder lacks its file."""
+
+    caption: str
+    file: str
+    data: str
+
+
+def page(report: Report, folder: Path) -> str:
+    """HTML text of a report, with its pictures of a folder; words stand for those that lack."""
+    import jinja2
+
+    home = Path(__file__).parent
+    environment = jinja2.Environment(
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=_plain,
+        loader=jinja2.FileSystemLoader(home),
+    )
+    environment.filters["sortable"] = sortable
+    scene = report.scene
+    return environment.get_template("page.html.j2").render(
+        report=report,
+        picture=lambda one: _embedded(one, folder),
+        maps=interactive(scene) if scene else None,
+        scene=_as_script(asdict(scene)) if scene else "",
+        style=(home / "page.css").read_text(encoding="utf-8"),
+        code=(home / "page.js").read_text(encoding="utf-8"),
+    )
+
+
+def sortable(sheet: Sheet) -> bool:
+    """Whether the rows of a sheet stand for themselves, so that any order is as good."""
+    grouped = any(not row[0] or row[0].startswith(GROUPED) for row in sheet.rows)
+    return len(sheet.rows) > 2 and bool(sheet.columns) and not grouped
+
+
+def _plain(value: object) -> object:
+    """Text without control characters; markup as it is."""
+    return printable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
+
+
+def _as_script(data: object) -> str:
+    """JSON that can stand in a script element: nothing in it ends the element."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
+    """A picture of the folder with few colours, as base64."""
+    from PIL import Image, UnidentifiedImageError
+
+    path = folder / Path(picture.file).name  # of no other folder
+    try:
+        with Image.open(path) as image:
+            plain = Image.new("RGB", image.size, "white")
+            rgba = image.convert("RGBA")
+            plain.paste(rgba, mask=rgba.getchannel("A"))
+            few, stream = plain.quantize(COLOURS), io.BytesIO()
+            few.save(stream, format="PNG", optimize=True)
+    except (OSError, UnidentifiedImageError):
+        return EmbeddedPicture(picture.caption, picture.file, "")
+    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return EmbeddedPicture(picture.caption, picture.file, data)

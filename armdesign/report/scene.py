@@ -1,0 +1,310 @@
+"""The drawn scene of a report: machines in the worst pose of every cell of their maps.
+
+A cell is a rectangle of two joints, under one load case or all. Its worst pose is kept with what
+draws the machine there: matrices that place its bodies, places of the pins that no body carries,
+and how far both go in the lowest mode. Numbers are packed as little-endian integers with a scale
+for each column, base64: places with 16 bits, finer than 1 mm, swings with 8.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array, percentiles
+from armdesign.drawing.side_view import SideView, side_view
+from armdesign.drawing.swing import swung
+from armdesign.frequency.joint_grid import nearest
+from armdesign.frequency.modes import energy_shares, natural_modes
+
+if TYPE_CHECKING:
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.urdf import Joint
+
+CELLS = 3600  # of all planes, load cases and machines: finer grids share cells, for a small page
+PLANES = 6  # pairs of joints
+PERCENTS = (5.0, 50.0)
+SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode
+IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellAxis:
+    """A joint along which cells lie: its name, unit, and the middles of the cells in that unit."""
+
+    name: str
+    unit: str
+    middles: tuple[float, ...]
+    width: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellPlane:
+    """Cells of two joints; of one where ``y`` is None."""
+
+    x: CellAxis
+    y: CellAxis | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Packed:
+    """A table of numbers: rows of ``scale`` columns, each an integer times its scale."""
+
+    scale: tuple[float, ...]
+    bits: int
+    base64: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnMachine:
+    """A machine with its cells and their worst poses; the first pose is the worst of all.
+
+    Attributes:
+        label: of the machine.
+        parts: names of what can limit: actuators and springs.
+        cells: columns plane, load case (0: all), cell (y fastest), pose.
+        frequencies: of each cell [Hz]: lowest, then percentiles ``PERCENTS``.
+        poses: columns load case (from 1), limiting part.
+        positions: of each pose: joints in their axes' units, then the lowest frequency [Hz].
+        standing: matrix (2, 3) of the first body, which never moves, row by row.
+        placements: of each pose: matrices of the other bodies, then places of loose points.
+        swings: how far these go in the lowest mode, one way.
+        swing: of the tool [m].
+        bodies: outlines (m, 2) [m] of each body in its plate.
+        points: names, body and place of all pins and of the tool; loose ones have no body.
+        cylinders: as in ``SideView``.
+        bars: as in ``SideView``.
+        ground: height [m].
+    """
+
+    label: str
+    parts: tuple[str, ...]
+    cells: Packed
+    frequencies: Packed
+    poses: Packed
+    positions: Packed
+    standing: tuple[float, ...]
+    placements: Packed
+    swings: Packed
+    swing: float
+    bodies: tuple[tuple[tuple[tuple[float, float], ...], ...], ...]
+    points: tuple[dict[str, Any], ...]
+    cylinders: tuple[dict[str, Any], ...]
+    bars: tuple[dict[str, Any], ...]
+    ground: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Machines of one arm with their maps on the same cells."""
+
+    planes: tuple[CellPlane, ...]
+    joints: tuple[tuple[str, str], ...]
+    cases: tuple[str, ...]
+    machines: tuple[DrawnMachine, ...]
+
+
+def scene_of(maps: Mapping[str, FrequencyMap]) -> Scene:
+    """The scene of maps on one workspace, by the labels of their machines, today's first."""
+    first = next(iter(maps.values()))
+    joints = first.machine.arm.joints
+    moving = [j for j in range(len(joints)) if j not in first.machine.idle_joints] or [0]
+    pairs = list(combinations(moving, min(len(moving), 2)))[:PLANES]
+    share = CELLS / (len(pairs) * len(first.machine.payloads) * len(maps))
+    finest = max(int(share ** (1 / len(pairs[0]))), 2)
+    grids = {j: _middles(first.workspace.axes[j], finest) for j in moving}
+    axes = {j: _axis(joints[j], grids[j]) for j in moving}
+    cases = tuple(payload.name for payload in first.machine.payloads)
+    planes = [CellPlane(x=axes[p[0]], y=axes[p[1]] if len(p) > 1 else None) for p in pairs]
+    return Scene(
+        planes=tuple(planes),
+        joints=tuple((joint.name, "°" if joint.revolute else "m") for joint in joints),
+        cases=cases,
+        machines=tuple(
+            _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs])
+            for label, one in maps.items()
+        ),
+    )
+
+
+def _middles(axis: Array, finest: int) -> Array:
+    """Middles of at most ``finest`` cells along an axis, its own values where these are fewer."""
+    return np.linspace(axis[0], axis[-1], min(len(axis), finest))
+
+
+def _factor(joint: Joint) -> float:
+    return float(np.degrees(1.0)) if joint.revolute else 1.0
+
+
+def _axis(joint: Joint, middles: Array) -> CellAxis:
+    shown = _factor(joint) * middles
+    width = float(shown[1] - shown[0]) if len(shown) > 1 else 1.0
+    unit = "°" if joint.revolute else "m"
+    return CellAxis(name=joint.name, unit=unit, middles=tuple(shown.tolist()), width=width or 1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Cells:
+    """Cells of a map: plane, load case, cell and row of the worst pose (n, 4), and frequencies."""
+
+    table: Array
+    frequencies: Array
+
+
+def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _Cells:
+    frame, names = frequencies.frame, frequencies.machine.joints
+    lowest, payload = frame["f1_hz"].to_numpy(), frame["payload"].to_numpy()
+    rows_of = {0: np.arange(len(frame))}
+    for k, name in enumerate(frequencies.worst_of):
+        rows_of[k + 1] = np.flatnonzero(payload == name)
+    table, values = list[tuple[int, ...]](), list[tuple[float, ...]]()
+    for plane, grids in enumerate(planes):
+        cell = np.zeros(len(frame), dtype=int)
+        for j, middles in grids.items():
+            place = nearest(middles, frame[names[j]].to_numpy()) if len(middles) > 1 else 0
+            cell = cell * len(middles) + place
+        for case, rows in rows_of.items():
+            order = rows[np.argsort(cell[rows], kind="stable")]
+            ends = np.flatnonzero(np.diff(cell[order])) + 1
+            for group in np.split(order, ends):
+                worst = group[lowest[group].argmin()]
+                table.append((plane, case, int(cell[worst]), int(worst)))
+                spread = percentiles(lowest[group], frequencies.weights[group], PERCENTS)
+                values.append((float(lowest[worst]), *spread.tolist()))
+    return _Cells(table=np.array(table), frequencies=np.array(values))
+
+
+def _drawn_machine(
+    label: str, frequencies: FrequencyMap, planes: list[dict[int, Array]]
+) -> DrawnMachine:
+    machine, cells = frequencies.machine, _cells(frequencies, planes)
+    rows, place = np.unique(cells.table[:, 3], return_inverse=True)
+    names = [payload.name for payload in machine.payloads]
+    worst, frame = frequencies.worst, frequencies.frame.iloc[rows]
+    q = np.concatenate([worst.q[None], frame[list(machine.joints)].to_numpy()])
+    case = np.array([names.index(n) for n in (worst.payload, *frame["payload"])])
+    shapes, limits, lowest = _modes(machine, q, case)
+    view = side_view(machine, q)
+    amplitude = SWING * view.size
+    moved = side_view(machine, swung(machine, q, shapes, amplitude))
+    loose = _loose(view)
+    placed, gone = (_numbers(one, loose) for one in (view, moved))
+    factors = np.array([_factor(joint) for joint in machine.arm.joints])
+    return DrawnMachine(
+        label=label,
+        parts=tuple(part.name for part in machine.yielding),
+        cells=_whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
+        frequencies=_packed(cells.frequencies),
+        poses=_whole(np.column_stack([case + 1, limits])),
+        positions=_packed(np.column_stack([q * factors, lowest])),
+        standing=tuple(view.placements[0, 0].ravel().tolist()),
+        placements=_packed(placed),
+        swings=_packed(gone - placed, 8),
+        swing=amplitude,
+        bodies=tuple(
+            tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
+            for body in view.bodies
+        ),
+        points=_points(view, loose, machine),
+        cylinders=tuple(vars(shape) for shape in view.cylinders),
+        bars=tuple(vars(bar) for bar in view.bars),
+        ground=view.ground,
+    )
+
+
+def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array]:
+    """Shapes (n, k), limiting parts (n,) and frequencies (n,) [Hz] of the lowest modes."""
+    shapes = np.zeros((len(q), len(machine.arm.coordinates)))
+    limits, lowest = np.zeros(len(q), dtype=int), np.zeros(len(q))
+    for k, payload in enumerate(machine.payloads):
+        rows = np.flatnonzero(case == k)
+        if not len(rows):
+            continue
+        loaded = machine.with_payload(payload.name)
+        poses = loaded.evaluate(loaded.rigid_poses(q[rows]))
+        modes = natural_modes(poses)
+        shapes[rows], lowest[rows] = modes.shapes[:, :, 0], modes.frequencies[:, 0]
+        limits[rows] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+    return shapes, limits, lowest
+
+
+# ------------------------------------------------------------------------------------ as numbers
+
+
+def _packed(values: Array, bits: int = 16) -> Packed:
+    """Numbers (n, m) as integers with a scale for each column."""
+    table = np.nan_to_num(np.asarray(values, dtype=float), posinf=0.0, neginf=0.0)
+    most = np.abs(table).max(axis=0, initial=0.0)
+    scale = np.where(most > 0, most, 1.0) / (2 ** (bits - 1) - 1)
+    return _coded(table / scale, scale, bits)
+
+
+def _whole(values: Array) -> Packed:
+    """Integers (n, m) as they are."""
+    return _coded(values, np.ones(values.shape[1]), 16)
+
+
+def _coded(values: Array, scale: Array, bits: int) -> Packed:
+    whole = np.rint(values).astype(f"<i{bits // 8}")
+    text = base64.b64encode(whole.tobytes()).decode("ascii")
+    return Packed(scale=tuple(scale.tolist()), bits=bits, base64=text)
+
+
+def _all_points(view: SideView) -> Array:
+    """Places of all pins, then of the tool (n, np + 1, 2) [m]."""
+    return np.concatenate([view.points, view.tool[:, None]], axis=1)
+
+
+def _in_plate(view: SideView, body: int, places: Array) -> Array | None:
+    """A point (n, 2) in the plate of its body; None where the plate does not carry it."""
+    matrices = view.placements[:, body]
+    if abs(np.linalg.det(matrices[0, :, :2])) < 1e-6:
+        return None
+    at = np.linalg.solve(matrices[0, :, :2], places[0] - matrices[0, :, 2])
+    miss = matrices[:, :, :2] @ at + matrices[:, :, 2] - places
+    return at if float(np.abs(miss).max()) < IN_PLATE else None
+
+
+def _carriers(view: SideView) -> list[tuple[str, int | None]]:
+    """Names of all points with the bodies that may carry them; the tool is on the last."""
+    pins = [(pin.name, pin.body) for pin in view.pins]
+    return [*pins, ("tool", len(view.bodies) - 1)]
+
+
+def _loose(view: SideView) -> list[int]:
+    """Indices of the points that no plate carries."""
+    points = _all_points(view)
+    return [
+        i
+        for i, (_, body) in enumerate(_carriers(view))
+        if body is None or _in_plate(view, body, points[:, i]) is None
+    ]
+
+
+def _points(view: SideView, loose: list[int], machine: Machine) -> tuple[dict[str, Any], ...]:
+    points, told = _all_points(view), list[dict[str, Any]]()
+    pins = {pin.name: pin for pin in view.pins}
+    for i, (name, body) in enumerate(_carriers(view)):
+        words = f"tool, on {machine.tool.link}" if name == "tool" else name
+        if name in pins and pins[name].at is not None:
+            x, y, z = (1e3 * value for value in pins[name].at or ())
+            words = f"{name}, on {pins[name].link}: x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+        at = None
+        if i not in loose and body is not None:
+            carried = _in_plate(view, body, points[:, i])
+            at = None if carried is None else np.round(carried, 5).tolist()
+        told.append({"name": name, "words": words, "body": body if at else None, "at": at})
+    return tuple(told)
+
+
+def _numbers(view: SideView, loose: list[int]) -> Array:
+    """Numbers that draw a pose (n, m): matrices of moving bodies, places of loose points."""
+    n = len(view)
+    parts = view.placements[:, 1:].reshape(n, -1), _all_points(view)[:, loose].reshape(n, -1)
+    return np.concatenate(parts, axis=1)

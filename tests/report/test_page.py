@@ -1,0 +1,219 @@
+"""Reports as data and as pages: nothing is lost on the way, nothing from a file becomes markup."""
+
+from __future__ import annotations
+
+import base64
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.arrays import Array
+from armdesign.drawing.side_view import side_view
+from armdesign.report.contents import Number, Picture, Report, Section
+from armdesign.report.map_reports import map_report
+from armdesign.report.page import page, sortable
+from armdesign.report.provenance import Run
+from armdesign.report.scene import Packed, scene_of
+from armdesign.report.sheet import Sheet
+from tests.commands import main
+
+
+@cache
+def two_joints() -> ad.FrequencyMap:
+    machine = ad.load("excavator_20t")
+    return ad.frequency_map(machine, ad.Workspace.grid(machine, [5, 4, 6]))
+
+
+def unpacked(table: Packed) -> Array:
+    whole = np.frombuffer(base64.b64decode(table.base64), f"<i{table.bits // 8}")
+    numbers: Array = whole.reshape(-1, len(table.scale)) * np.array(table.scale)
+    return numbers
+
+
+def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
+    """By brute force over the rows of the map, for every plane, load case and cell."""
+    frequencies = two_joints()
+    scene = scene_of({"today": frequencies})
+    (drawn,), frame = scene.machines, frequencies.frame
+    cells, values, positions = (
+        unpacked(table) for table in (drawn.cells, drawn.frequencies, drawn.positions)
+    )
+    joints = [name for name, _ in scene.joints]
+    checked = 0
+    for k, (x, y) in enumerate((plane.x, plane.y) for plane in scene.planes):
+        assert y is not None
+        near = {}
+        for axis in (x, y):
+            degrees = np.degrees(frame[axis.name].to_numpy())
+            near[axis.name] = np.abs(degrees[:, None] - np.array(axis.middles)).argmin(axis=1)
+        place = near[x.name] * len(y.middles) + near[y.name]
+        for case, name in enumerate(["", *scene.cases]):
+            of_case = (frame["payload"] == name) if name else np.ones(len(frame), bool)
+            rows = (cells[:, 0] == k) & (cells[:, 1] == case)
+            assert set(cells[rows, 2]) == set(place[of_case])
+            for row in np.flatnonzero(rows):
+                least = frame["f1_hz"][of_case & (place == cells[row, 2])]
+                assert values[row, 0] == pytest.approx(least.min(), abs=2e-4)
+                assert least.min() - 2e-4 < values[row, 1] <= values[row, 2] + 2e-4
+                pose = positions[int(cells[row, 3])]
+                assert pose[-1] == pytest.approx(least.min(), abs=2e-4)
+                worst = np.degrees(frame.loc[least.idxmin(), joints].to_numpy(float))
+                assert pose[:-1] == pytest.approx(worst, abs=0.01)
+                checked += 1
+    assert checked > 100
+
+
+def test_drawings_place_every_pin_within_2_mm() -> None:
+    """From the packed numbers as the page's script reads them, against the side view."""
+    frequencies = two_joints()
+    (drawn,) = scene_of({"today": frequencies}).machines
+    q = np.radians(unpacked(drawn.positions)[:, :-1])
+    view, numbers = side_view(frequencies.machine, q), unpacked(drawn.placements)
+    standing = np.broadcast_to(np.array(drawn.standing), (len(q), 6))
+    bodies = len(drawn.bodies)
+    matrices = np.concatenate([standing, numbers[:, : 6 * bodies - 6]], axis=1)
+    placed, loose = matrices.reshape(-1, bodies, 2, 3), 6 * bodies - 6
+    for k, point in enumerate(drawn.points):
+        if point["at"] is None:
+            at, loose = numbers[:, loose : loose + 2], loose + 2
+        else:
+            body = placed[:, point["body"]]
+            at = body[:, :, :2] @ np.array(point["at"]) + body[:, :, 2]
+        expected = view.tool if point["name"] == "tool" else view.points[:, k]
+        assert np.abs(at - expected).max() < 2e-3, point["name"]
+    assert loose == numbers.shape[1]
+
+
+def test_the_first_pose_is_the_worst_of_all() -> None:
+    frequencies = two_joints()
+    (drawn,) = scene_of({"today": frequencies}).machines
+    assert unpacked(drawn.positions)[0, -1] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
+    limiting = drawn.parts[int(unpacked(drawn.poses)[0, 1])]
+    assert limiting == frequencies.worst.cylinder
+
+
+# ------------------------------------------------------------------------------------- the page
+
+
+def test_nothing_of_a_report_becomes_markup(tmp_path: Path) -> None:
+    evil = '</script><img src=x onerror="alert(1)">&{{ 7 * 7 }}'
+    sheet = Sheet(title=evil, columns=(evil,), rows=((evil,),), note=evil)
+    picture = Picture(caption=evil, file=evil)
+    section = Section(title=evil, words=(evil,), sheets=(sheet,), pictures=(picture,))
+    report = Report(
+        title=evil,
+        lead=evil,
+        headline=(Number(name=evil, value=evil, words=evil),),
+        sections=(section,),
+    )
+    text = page(Report.of_text(report.text()), tmp_path)
+    assert "<img" not in text
+    assert "49" not in text.partition("<body>")[2].partition("<script>")[0]
+    machine = two_joints().machine.replace({"title": evil})
+    scene = scene_of({evil: ad.frequency_map(machine, ad.Workspace.grid(machine, 2))})
+    drawing = Section(title="", shows="drawing")
+    maps = Section(title="", shows="maps")
+    text = page(Report(title="", lead="", sections=(drawing, maps), scene=scene), tmp_path)
+    assert "</script><img" not in text
+    assert "<img src=x" not in text
+
+
+def test_a_picture_that_lacks_is_told_and_others_are_of_the_folder_alone(tmp_path: Path) -> None:
+    outside = tmp_path / "outside.png"
+    outside.write_bytes(b"no picture")
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    pictures = tuple(Picture(caption="C", file=f) for f in ("a.png", "../outside.png"))
+    report = Report(title="", lead="", sections=(Section(title="", pictures=pictures),))
+    assert page(report, folder).count("the folder has no picture") == 2
+
+
+@pytest.mark.parametrize(
+    ("sheet", "expected"),
+    [
+        (Sheet(title="", columns=("a",), rows=(("1",), ("2",), ("3",))), True),
+        (Sheet(title="", columns=("a",), rows=(("boom",), ("→ new",), ("stick",))), False),
+        (Sheet(title="", columns=("a",), rows=(("boom",), ("",), ("stick",))), False),
+        (Sheet(title="", rows=(("a", "1"), ("b", "2"), ("c", "3"))), False),
+    ],
+)
+def test_rows_that_belong_together_are_not_sorted(sheet: Sheet, expected: bool) -> None:
+    assert sortable(sheet) is expected
+
+
+# ---------------------------------------------------------------------------------- report.json
+
+
+def test_report_writes_the_same_page_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    assert main(["map", "paper_1dof", "--out", str(out), "--points", "5"], monkeypatch) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    body = before["report.html"].decode().partition("<body>")[2].partition("<script>")[0]
+    (out / "report.html").unlink()
+    assert main(["report", str(out)], monkeypatch) == 0
+    after = {path.name: path.read_bytes() for path in out.iterdir()}
+    again = after["report.html"].decode().partition("<body>")[2].partition("<script>")[0]
+    ids = r'data-root-id="[^"]*"|id="[^"]*"'
+    import re
+
+    assert re.sub(ids, "", again) == re.sub(ids, "", body)
+    assert {name: after[name] for name in before if name != "report.html"} == {
+        name: data for name, data in before.items() if name != "report.html"
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (None, "no report.json is there; write one by armdesign design"),
+        ("{", "is no report: the file"),
+        ('{"title": 3, "lead": "", "sections": []}', "is no report: title"),
+        ('{"title": "", "lead": "", "sections": [], "format": 9}', "has format 9"),
+    ],
+)
+def test_report_refuses_in_one_line(
+    text: str | None,
+    fault: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if text is not None:
+        (tmp_path / "report.json").write_text(text, encoding="utf-8")
+    assert main(["report", str(tmp_path)], monkeypatch) == 2
+    assert fault in capsys.readouterr().err
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
+    """As sha256sum would."""
+    import hashlib
+
+    machine = ad.load("excavator_20t")
+    rows = dict(Run.begin("armdesign map x", {"points": ""}).sheet({"": machine}).rows)
+    for row, file in (
+        ("machine file", machine.source),
+        ("URDF", machine.source.with_suffix(".urdf")),
+    ):
+        assert hashlib.sha256(file.read_bytes()).hexdigest() in rows[row]
+    assert rows["options"] == "points = not given"
+
+
+def test_a_report_survives_its_file() -> None:
+    run = Run.begin("armdesign map x", {})
+    report = map_report(two_joints(), (), run.sheet({"": two_joints().machine}))
+    again = Report.of_text(report.text())
+    assert again.text() == report.text()
+    titles = [section.title for section in report.sections]
+    assert titles[0] == "In three numbers"
+    assert titles[-1] == "Provenance"
+    assert [number.name for number in report.headline] == ["rigid", "nominal", "softest"]
+    data: dict[str, Any] = json.loads(report.text())
+    assert data["format"] == 1
