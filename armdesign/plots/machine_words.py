@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import SideView
-from armdesign.plots.canvas import INK, MARK, joint_values
+from armdesign.plots.canvas import INK, MARK, below, joint_values
 from armdesign.plots.labels import Label
 from armdesign.units import mm
 
@@ -23,10 +23,9 @@ def pose_words(machine: Machine, view: SideView) -> str:
     words = []
     for joint, value in joints:
         drawn = float(joint_values(joint, np.array(value)))
-        words.append(
-            f"{joint.name} {drawn:.1f}°" if joint.revolute else f"{joint.name} {drawn:.3f} m"
-        )
-    return "pose: " + ", ".join(words)
+        shown = f"{drawn:.1f}°" if joint.revolute else f"{drawn:.3f} m"
+        words.append(f"{joint.name} {number(shown)}")
+    return ", ".join(words)
 
 
 def faults(machine: Machine, view: SideView) -> list[str]:
@@ -54,7 +53,7 @@ def pin_labels(machine: Machine, view: SideView) -> list[Label]:
     flat = all(pin.at is None or abs(pin.at[1]) < 1e-9 for pin in view.pins)
     for pin, at in zip(view.pins, view.points[0], strict=True):
         colour = MARK if pin.name in view.stray_pins else colours[pin.name.rpartition(".")[0]]
-        below = "where rocker and coupler meet"
+        below = "rocker meets coupler"
         if pin.at is not None:
             shown = (pin.at[0], pin.at[2]) if flat else pin.at
             numbers = number(", ".join(f"{value / mm:.1f}" for value in shown))
@@ -91,17 +90,16 @@ def ends(view: SideView) -> list[Label]:
     return [tool, *(Label(at=places[n][0], head=f"load {n}", below="", colour=INK) for n in apart)]
 
 
-def sizes_legend(ax: Any, machines: Mapping[str, Machine]) -> None:
+def sizes_legend(ax: Any, machines: Sequence[Machine]) -> None:
     """What the colours mean: actuators with their sizes, of each machine."""
-    *_, last = machines.values()
     handles = []
-    for name, colour in actuator_colours(last).items():
-        sizes = [text for machine in machines.values() if (text := _sizes(machine, name))]
+    for name, colour in actuator_colours(machines[-1]).items():
+        sizes = [text for machine in machines if (text := _sizes(machine, name))]
         distinct = list(dict.fromkeys(sizes))
         label = f"{name}: {' → '.join(distinct)}" if distinct else name
         handles += ax.fill([np.nan], [np.nan], fc=colour, ec=INK, lw=0.7, label=label)
-    columns = 4 if len(machines) == 1 else 2
-    ax.figure.legend(handles=handles, ncols=columns, frameon=False, loc="outside lower left")
+    place = {"bbox_to_anchor": (0.0, 0.0), "bbox_transform": below(ax, 0.42)}
+    ax.legend(handles=handles, ncols=2, loc="upper left", borderaxespad=0, **place)
 
 
 def _sizes(machine: Machine, name: str) -> str:

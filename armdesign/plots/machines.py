@@ -13,7 +13,7 @@ from armdesign.drawing.colours import SPRING, actuator_colours
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.tool_range import tool_range
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, WIDTH, figure, literal, title_of
 from armdesign.plots.labels import place_labels
 from armdesign.plots.machine_words import (
     ends,
@@ -31,7 +31,6 @@ BODY = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
 ROD = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
 EARTH, FAINT = "#8b7355", "#9ca3af"
 LABEL_ROOM = 0.34  # of the drawn width, on either side of the machine
-WIDTH = 11.0  # [in] of the figure
 BESIDE = 0.22  # of the width: the range of the tool
 
 
@@ -59,7 +58,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Any = None
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
     place_labels(ax, labels)
     head(ax, machine, [pose_words(machine, view), *faults(machine, view)])
-    sizes_legend(ax, {"": machine})
+    sizes_legend(ax, [machine])
     return ax
 
 
@@ -145,7 +144,7 @@ def new_axes(limits: Array, beside: bool = False) -> list[Any]:
     """New axes as high as the drawing needs beside its labels; with others beside them."""
     wide, high = limits[1] - limits[0]
     width = WIDTH * (1 - BESIDE if beside else 1) - 0.6
-    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 3.0, 8.5)) + 1.5
+    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 2.4, 8.0)) + 1.5
     if not beside:
         return list(figure(1, WIDTH, height)[1])
     fig, _ = figure(1, WIDTH, height)
@@ -192,5 +191,5 @@ def _tool_range(ax: Any, machine: Machine, view: SideView) -> None:
 
 def head(ax: Any, machine: Machine, words: Sequence[str]) -> None:
     """Title, and lines of words below it; red where something is wrong."""
-    title = machine.section.title or machine.name
+    title = title_of(machine)
     ax.set_title("\n".join([title, *words]), fontsize=9, loc="left")

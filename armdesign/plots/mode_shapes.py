@@ -12,7 +12,7 @@ from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import round_amplitude, swung
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.machine.poses import joint_positions
-from armdesign.plots.canvas import COMPUTED, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, MARK, WIDTH, figure, literal, title_of
 from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
 
@@ -44,8 +44,11 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN
     shares = energy_shares(poses, natural)[0]
     count = min(modes, natural.frequencies.shape[1])
     view = side_view(machine, pose)
-    fig, axes = figure(count, 11.0 / count, 4.6)
     amplitude = round_amplitude(view)
+    low, high = extent([view])
+    wide, tall = high - low
+    width = WIDTH / count
+    fig, axes = figure(count, width, (width - 0.6) * float(tall / wide) * 1.08 + 1.5)
     for mode, ax in enumerate(axes):
         ends = _swing(ax, machine, view, natural, mode, amplitude)
         frame(ax, extent([view, *ends]), view, 0.0)
@@ -65,7 +68,7 @@ def _swing(
     pose, shape = view.coordinates, natural.shapes[:, :, mode]
     ends = [side_view(machine, swung(machine, pose, shape, side * amplitude)) for side in (1, -1)]
     for end, colour in zip(ends, (MARK, COMPUTED), strict=True):
-        for body in end.polygons():
+        for body in end.polygons()[1:]:
             for corners in body:
                 ax.fill(*corners.T, fc="none", ec=colour, lw=1.1, zorder=8)
         ax.plot(*end.tool[0], "*", color=colour, ms=9, zorder=9)
@@ -73,4 +76,4 @@ def _swing(
 
 
 def _title(machine: Machine) -> str:
-    return f"{machine.section.title or machine.name}, load case {machine.payload.name}"
+    return f"{title_of(machine)}, load case {machine.payload.name}"
