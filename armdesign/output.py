@@ -181,8 +181,11 @@ def made_of(machine: Machine) -> str:
 
 def check_urdf(machine: Machine, out: Path) -> None:
     """Raise if a new design's URDF would replace one that belongs to another machine file."""
-    target, urdf, *_ = machine.files(out / made_of(machine))
-    if not urdf.is_file() or urdf.read_bytes() == machine.urdf_text.encode():
+    from armdesign.machine.file import saving
+
+    files = machine.files(out / made_of(machine))
+    target, urdf = next(iter(files)), saving.other_urdf(machine, files)
+    if urdf is None:
         return
     with suppress(OSError, ValueError):
         earlier = tomllib.loads(target.read_text(encoding="utf-8")).get("urdf")

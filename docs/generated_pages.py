@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
+from pydantic_core import PydanticUndefined
+
 from armdesign.machine.file.json_schema import meaning, of_how_many
 from armdesign.machine.file.key_paths import allowed, is_table, unit_of, unwrap
 from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
-from pydantic_core import PydanticUndefined
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS / "every_key.toml"
@@ -189,5 +190,14 @@ def setup(app: Any) -> dict[str, bool]:
     def read(_app: Any, _page: str, source: list[str]) -> None:
         source[0] = fill(source[0])
 
+    def plain_bars(*event: Any) -> None:
+        """Bars of a docstring are |absolute values|, not substitutions of reStructuredText."""
+        lines = event[-1]
+        for at, line in enumerate(lines):
+            pieces = line.split("``")
+            pieces[::2] = [piece.replace("|", r"\|") for piece in pieces[::2]]
+            lines[at] = "``".join(pieces)
+
     app.connect("source-read", read)
+    app.connect("autodoc-process-docstring", plain_bars)
     return {"parallel_read_safe": True}

@@ -1,10 +1,10 @@
 """Pages of the documentation as programs: their blocks run in order, in one folder.
 
-``python``: runs; what a comment ``# → …`` says is printed. ``console``: commands of armdesign after
-``$``, and what they say; a line ``…`` stands for any lines, and spaces and rules do not count.
-``toml``, ``csv``: a first line ``# NAME: the whole file`` writes it, ``# in NAME`` changes values of
-a machine file; every other ``toml`` is a piece of a machine file that the schema accepts. ``text``
-is prose. The comment ``<!-- slow -->`` before a block leaves it to the slow tests.
+``python``: runs; what a comment ``# → …`` says is printed. ``console``: commands of armdesign
+after ``$``, and what they say; a line ``…`` stands for any lines, spaces and rules do not count.
+``toml``, ``csv``: a first line ``# NAME: the whole file`` writes it, ``# in NAME`` changes values
+of a machine file; every other ``toml`` is a piece of a machine file that the schema accepts.
+``text`` is prose. The comment ``<!-- slow -->`` before a block leaves it to the slow tests.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 import tomlkit
 from sybil import Document, Example, Sybil
 from sybil.parsers.myst import CodeBlockParser
@@ -66,12 +67,15 @@ def answer(words: list[str]) -> str:
     said, before = io.StringIO(), sys.argv
     sys.argv = words
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with (
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+            pytest.raises(SystemExit) as end,
+        ):
             cli.main()
-    except SystemExit as end:
-        assert end.code in (0, None, 2), said.getvalue()
     finally:
         sys.argv = before
+    assert end.value.code in (0, None, 2), said.getvalue()
     return said.getvalue()
 
 

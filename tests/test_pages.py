@@ -15,7 +15,7 @@ from armdesign.machine.file.schema import MachineSection
 from tests.pages import DOCS, PAGES, PROSE, ROOT, RUNS, is_slow, page
 
 sys.path.insert(0, str(DOCS))
-import generated_pages  # noqa: E402
+import generated_pages
 
 WITH_BLOCKS = [path for path in PAGES if page(path).examples()]
 
@@ -59,7 +59,7 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     assert (tmp_path / "index.html").exists()
 
 
-# -------------------------------------------------------------------- reference of the machine file
+# ------------------------------------------------------------------- reference of the machine file
 
 
 def test_every_key_of_the_schema_has_all_columns() -> None:

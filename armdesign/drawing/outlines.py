@@ -52,7 +52,7 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
     """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
     arm, shapes = (
         machine.arm,
-        visuals(machine.urdf_text, (machine.source.parent / machine.section.urdf).parent),
+        visuals(machine.urdf_text, (machine.source.parent / (machine.section.urdf or "")).parent),
     )
     groups = [
         tuple(name for name, link in arm.links.items() if link.joint == joint)

@@ -63,6 +63,7 @@ def read_urdf(
     frozen: Mapping[str, float],
     source: str,
     springs: Sequence[Spring] = (),
+    checked: bool = False,
 ) -> tuple[str, tuple[Joint, ...], dict[str, Link]]:
     """Reduced URDF text, the coordinates' joints, springs last, and every link, the root first.
 
@@ -72,12 +73,13 @@ def read_urdf(
         frozen: value of other joints [rad or m]; 0 where none is given.
         source: file name for messages.
         springs: passive joints, coordinates after the others.
+        checked: whether it is known to have no fault.
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
     """
     robot = parse(text, source)
-    for fault in faults_of(robot, joints, frozen, source, springs):
+    for fault in () if checked else faults_of(robot, joints, frozen, source, springs):
         raise fault
     joints = [*joints, *(spring.joint for spring in springs)]
     standing = [name for name in movable_joints(robot) if name not in joints]
