@@ -17,7 +17,8 @@ from armdesign.report.contents import Picture, Report
 from armdesign.report.interactive import interactive
 from armdesign.report.sheet import Sheet
 
-COLOURS = 96  # of a picture on the page: enough for maps, a third of the size
+COLOURS = 48  # of a picture on the page: enough for maps, a third of the size
+WIDEST = 1400  # [pixels] of a picture on the page
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
 
@@ -80,6 +81,7 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
             plain = Image.new("RGB", image.size, "white")
             rgba = image.convert("RGBA")
             plain.paste(rgba, mask=rgba.getchannel("A"))
+            plain.thumbnail((WIDEST, 4 * WIDEST))
             few, stream = plain.quantize(COLOURS), io.BytesIO()
             few.save(stream, format="PNG", optimize=True)
     except (OSError, UnidentifiedImageError):
