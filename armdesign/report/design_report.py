@@ -130,7 +130,8 @@ def _bandwidth(design: Design, units: Units) -> Section:
         "At the pose with the lowest frequency of each machine alone; armdesign control maps the"
         " workspace.",
     )
-    return Section(title=title, words=words, sheets=tuple(bandwidth_sheets(maps, units)))
+    reached, *_, promised = bandwidth_sheets(maps, units)
+    return Section(title=title, words=words, sheets=(reached, promised))
 
 
 def _validation(proofs: Mapping[str, Validation], pictures: Sequence[Picture]) -> Section:
@@ -156,7 +157,7 @@ def _assumptions(design: Design) -> tuple[str, ...]:
 
 
 def _provenance(design: Design, run: Run) -> Sheet:
-    machines = {"today": design.today, "new": design.machine}
+    machines = {"today": design.today, "new": design.written_by(run.command)}
     seed = "0 for all starts of the search" if len(design.starts) > 1 else "none: one start"
     requirements = stated_requirements(design.today, design.requirements)
     return run.sheet(machines, requirements=requirements, seeds=seed)

@@ -83,8 +83,7 @@ def bound_sheet(design: Design) -> Sheet:
     ]
     if design.starts:
         rows.insert(1, ("starts of the search reached", _reached(design, *design.starts)))
-    note = (_bound(design) + notes_on_starts(design)).removeprefix("; ")
-    return Sheet(title="", rows=tuple(rows), note=note)
+    return Sheet(title="", rows=tuple(rows), note=_bound(design).removeprefix("; "))
 
 
 def _bound(design: Design) -> str:

@@ -154,9 +154,9 @@ def _number(
     values = [f"{one.frequency:.3f}" for one in found if one]
     gain = ""
     if len(found) == 2 and found[0] and found[0].frequency > 0:
-        gain = f", {100 * (worst.frequency / found[0].frequency - 1):+.1f} %"
+        gain = f"{100 * (worst.frequency / found[0].frequency - 1):+.1f} %: "
     where = f"{pose_text(machine, worst, units)}; limited by {worst.cylinder}"
-    return Number(name=name, value=f"{' → '.join(values)} Hz{gain}", words=where)
+    return Number(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
 
 
 # -------------------------------------------------------------------------------- assumptions

@@ -76,7 +76,7 @@
   const limiting = (one, pose) => one.parts[one.poses[pose][1]];
   const load = (one, pose) => scene.cases[one.poses[pose][0] - 1];
   const poseWords = (one, pose) => scene.joints
-    .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)} ${unit}`)
+    .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)}${unit === "m" ? " m" : unit}`)
     .join(", ");
 
   // ----------------------------------------------------------------------------- drawing

@@ -17,17 +17,23 @@ from armdesign.report.contents import Picture, Report
 from armdesign.report.interactive import interactive
 from armdesign.report.sheet import Sheet
 
-COLOURS = 48  # of a picture on the page: enough for maps, a third of the size
-WIDEST = 1400  # [pixels] of a picture on the page
+COLOURS = 40  # of a picture on the page: enough for maps, a third of the size
+WIDE = 1.6  # times the height
+WIDEST = 1200  # [pixels] of a picture on the page
+PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
 
 class EmbeddedPicture(NamedTuple):
-    """A picture on the page; no data where the folder lacks its file."""
+    """A picture on the page; no data where the folder lacks its file.
+
+    ``wide``: much wider than high, which phones scroll.
+    """
 
     caption: str
     file: str
     data: str
+    wide: bool = False
 
 
 def page(report: Report, folder: Path) -> str:
@@ -43,7 +49,7 @@ def page(report: Report, folder: Path) -> str:
         finalize=_plain,
         loader=jinja2.FileSystemLoader(home),
     )
-    environment.filters["sortable"] = sortable
+    environment.filters |= {"sortable": sortable, "dense": dense}
     scene = report.scene
     return environment.get_template("page.html.j2").render(
         report=report,
@@ -58,7 +64,16 @@ def page(report: Report, folder: Path) -> str:
 def sortable(sheet: Sheet) -> bool:
     """Whether the rows of a sheet stand for themselves, so that any order is as good."""
     grouped = any(not row[0] or row[0].startswith(GROUPED) for row in sheet.rows)
-    return len(sheet.rows) > 2 and bool(sheet.columns) and not grouped
+    named = bool(sheet.columns) and bool(sheet.columns[0])
+    return len(sheet.rows) > 2 and named and not sheet.bold and not grouped
+
+
+def dense(sheet: Sheet) -> bool:
+    """Whether a sheet is too wide for paper in the usual size of letters, words unbroken."""
+    rows = [row for row in (sheet.columns, *sheet.rows) if row]
+    count = max(map(len, rows), default=0)
+    words = ([w for row in rows for w in row[k : k + 1] for w in w.split()] for k in range(count))
+    return sum(max(map(len, column), default=0) + 2 for column in words) > PAPER
 
 
 def _plain(value: object) -> object:
@@ -87,4 +102,4 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return EmbeddedPicture(picture.caption, picture.file, data)
+    return EmbeddedPicture(picture.caption, picture.file, data, plain.width > WIDE * plain.height)

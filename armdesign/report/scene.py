@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 
-CELLS = 3600  # of all planes, load cases and machines: finer grids share cells, for a small page
+CELLS = 3200  # of all planes, load cases and machines: finer grids share cells, for a small page
 PLANES = 6  # pairs of joints
 PERCENTS = (5.0, 50.0)
 SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode

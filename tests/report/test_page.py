@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -140,6 +142,7 @@ def test_a_picture_that_lacks_is_told_and_others_are_of_the_folder_alone(tmp_pat
         (Sheet(title="", columns=("a",), rows=(("boom",), ("→ new",), ("stick",))), False),
         (Sheet(title="", columns=("a",), rows=(("boom",), ("",), ("stick",))), False),
         (Sheet(title="", rows=(("a", "1"), ("b", "2"), ("c", "3"))), False),
+        (Sheet(title="", columns=("a",), rows=(("1",), ("2",), ("gain",)), bold=(2,)), False),
     ],
 )
 def test_rows_that_belong_together_are_not_sorted(sheet: Sheet, expected: bool) -> None:
@@ -161,8 +164,6 @@ def test_report_writes_the_same_page_again(
     after = {path.name: path.read_bytes() for path in out.iterdir()}
     again = after["report.html"].decode().partition("<body>")[2].partition("<script>")[0]
     ids = r'data-root-id="[^"]*"|id="[^"]*"'
-    import re
-
     assert re.sub(ids, "", again) == re.sub(ids, "", body)
     assert {name: after[name] for name in before if name != "report.html"} == {
         name: data for name, data in before.items() if name != "report.html"
@@ -194,8 +195,6 @@ def test_report_refuses_in_one_line(
 
 def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
     """As sha256sum would."""
-    import hashlib
-
     machine = ad.load("excavator_20t")
     rows = dict(Run.begin("armdesign map x", {"points": ""}).sheet({"": machine}).rows)
     for row, file in (

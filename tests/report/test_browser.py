@@ -1,0 +1,269 @@
+"""Reports as a reader sees them, in the system's Chromium without a display: screen, phone, paper.
+
+A machine without Chromium skips these tests; continuous integration has it, and fails without.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import shutil
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import armdesign as ad
+from armdesign.frequency.maps import FrequencyMap
+from armdesign.report.contents import Picture, Report, Section
+from armdesign.report.lift_charts import lift_charts, lift_sheet
+from armdesign.report.map_reports import map_report
+from armdesign.report.page import page
+from armdesign.report.provenance import Run
+from armdesign.report.scene import scene_of
+from armdesign.report.sheet import Sheet
+
+pytestmark = pytest.mark.slow
+
+LONG = Sheet(
+    title="Pins",
+    columns=("cylinder", *(f"coordinate {k} [mm]" for k in range(9)), "remark"),
+    rows=tuple(
+        (name, *(f"{1000.5 + 7 * k + n:.1f}, -{602.5 + k:.1f}" for k in range(9)), "last" + name)
+        for n, name in enumerate(("boom", "stick", "bucket"))
+    ),
+)
+
+
+def maps() -> dict[str, FrequencyMap]:
+    """Of the 20 t machine and one with moved pins, on a coarse grid."""
+    today = ad.load("excavator_20t")
+    space = ad.Workspace.grid(today, [6, 5, 6])
+    pin, sizes = "cylinder.boom.rod_end.at_mm", {"stroke_mm": 1320, "closed_length_mm": 1795}
+    changes = {f"cylinder.boom.{key}": value for key, value in sizes.items()}
+    new = today.replace({pin: [2233.7, 0, 900.5], **changes})
+    return {"today": ad.frequency_map(today, space), "new": ad.frequency_map(new, space)}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page with everything that pages can have."""
+    both = maps()
+    run = Run.begin("armdesign map excavator_20t", {"points": "6,5,6"})
+    one = map_report(both["today"], (), run.sheet({"": both["today"].machine}))
+    machines = {label: single.machine for label, single in both.items()}
+    folder = tmp_path_factory.mktemp("report")
+    picture = Picture(caption="static map", file="map_joints.png")
+    both["today"].plot().figure.savefig(folder / picture.file)
+    sections = (
+        one.sections[0],
+        Section(title="The machine", shows="drawing"),
+        Section(title="Maps", shows="maps", pictures=(picture,)),
+        Section(title="Tables", sheets=(LONG, lift_sheet(lift_charts(machines)))),
+        one.sections[-1],
+    )
+    report = Report(
+        title=one.title,
+        lead=one.lead,
+        headline=one.headline,
+        sections=sections,
+        scene=scene_of(both),
+    )
+    path = folder / "report.html"
+    path.write_text(page(report, folder), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    if program is None:
+        words = "no Chromium: apt-get install chromium"
+        if os.environ.get("CI"):
+            pytest.fail(words)
+        pytest.skip(words)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+def opened(browser: Any, path: Path, width: int = 1280, scheme: str = "light") -> tuple[Any, Any]:
+    """A tab with the page, and what it said and asked for that it should not."""
+    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    wrong: list[str] = []
+    tab.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    known = path.as_uri()
+    allowed = (known, "data:", "blob:")
+    tab.on(
+        "request", lambda r: None if r.url.startswith(allowed) else wrong.append(f"asks {r.url}")
+    )
+    tab.goto(known)
+    tab.wait_for_function("document.documentElement.dataset.ready === 'maps'")
+    tab.wait_for_timeout(300)
+    return tab, wrong
+
+
+def cell_at(tab: Any, map_index: int, cell: int) -> tuple[float, float]:
+    """Place on the screen of the middle of a cell of a map."""
+    tab.evaluate("document.querySelector('.maps').scrollIntoView()")
+    at = tab.evaluate(
+        """([m, c]) => {
+          const named = (name, one) => one.get_model_by_name(name);
+          const find = (name) => Bokeh.documents.map((one) => named(name, one)).find((x) => x);
+          const data = find(`cells-${m}`).data, map = find(`map-${m}`);
+          const view = [...Bokeh.index].find((one) => one.model === map);
+          const frame = view.frame.bbox, box = view.canvas_view.el.getBoundingClientRect();
+          const part = (value, range) => (value - range.start) / (range.end - range.start);
+          return [box.left + frame.left + part(data.x[c], map.x_range) * frame.width,
+                  box.top + frame.bottom - part(data.y[c], map.y_range) * frame.height];
+        }""",
+        [map_index, cell],
+    )
+    return at[0], at[1]
+
+
+def test_hover_and_click_show_what_the_map_says(browser: Any, written: Path) -> None:
+    tab, wrong = opened(browser, written)
+    before, words = tab.inner_html("#drawing"), tab.inner_text("#pose")
+    assert words.startswith("new: boom")
+    x, y = cell_at(tab, 0, 3)
+    tab.mouse.move(x, y)
+    tab.wait_for_function("!!document.querySelector('.map:nth-of-type(1)')")
+    tab.wait_for_timeout(400)
+    find = "Bokeh.documents.map((d) => d.get_model_by_name('cells-0')).find((x) => x).data"
+    data = {k: tab.evaluate(f"{find}.{k}[3]") for k in ("words", "pose", "load", "part")}
+    shown = tab.evaluate(
+        """() => { const texts = [];
+          const walk = (node) => { for (const one of node.querySelectorAll('*')) {
+            const inside = one.shadowRoot;
+            if (inside) { texts.push(inside.textContent); walk(inside); } } };
+          walk(document); return texts.join('\\n'); }"""
+    )
+    for text in data.values():
+        assert text in shown
+    tab.mouse.click(x, y)
+    tab.wait_for_function("document.getElementById('pose').textContent.startsWith('today')")
+    said = tab.inner_text("#pose")
+    assert data["pose"] in said
+    assert f"load case {data['load']}" in said
+    assert f"limited by {data['part']}" in said
+    assert data["words"].split(" Hz")[0] in said
+    assert tab.inner_html("#drawing") != before
+    assert not wrong
+
+
+def test_switches_change_the_maps(browser: Any, written: Path) -> None:
+    tab, wrong = opened(browser, written)
+    find = "Bokeh.documents.map((d) => d.get_model_by_name('cells-1')).find((x) => x).data"
+    values = {"all": tab.evaluate(f"{find}.value")}
+    loads = set(tab.evaluate(f"{find}.load"))
+    tab.select_option("#case", "1")
+    values["empty"] = tab.evaluate(f"{find}.value")
+    assert set(tab.evaluate(f"{find}.load")) == {"empty"} < loads
+    tab.select_option("#case", "0")
+    tab.select_option("#statistic", "2")
+    values["median"] = tab.evaluate(f"{find}.value")
+    assert all(a >= b for a, b in zip(values["median"], values["all"], strict=True))
+    tab.select_option("#statistic", "0")
+    tab.select_option("#plane", "2")
+    assert len(tab.evaluate(f"{find}.value")) == 5 * 6  # stick and bucket
+    both = [json.dumps(one) for one in values.values()]
+    assert len(set(both)) == 3
+    tab.click("#swing")
+    first = tab.inner_html("#drawing")
+    tab.wait_for_timeout(200)
+    assert tab.inner_html("#drawing") != first
+    tab.click("#swing")
+    assert "boom.rod_end 50 mm" in tab.text_content("#drawing")
+    assert not wrong
+
+
+def test_tables_are_sorted_by_numbers(browser: Any, written: Path) -> None:
+    tab, wrong = opened(browser, written)
+    column = "[...document.querySelectorAll('table.sortable')].at(-1)"
+    column += ".querySelectorAll('tbody td:nth-child(3)')"
+    head = tab.locator("table.sortable").last.locator("th").nth(2)
+    numbers = [float(t) for t in tab.evaluate(f"[...{column}].map((c) => c.textContent)") if t]
+    head.click()
+    rising = [float(t) for t in tab.evaluate(f"[...{column}].map((c) => c.textContent)") if t]
+    head.click()
+    falling = [float(t) for t in tab.evaluate(f"[...{column}].map((c) => c.textContent)") if t]
+    assert rising == sorted(numbers) != numbers
+    assert falling == rising[::-1]
+    assert not wrong
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_light_and_dark(scheme: str, browser: Any, written: Path) -> None:
+    tab, wrong = opened(browser, written, scheme=scheme)
+
+    def look() -> tuple[bool, bool]:
+        """Whether the page's ground is dark, and the titles of the maps are bright."""
+        title = "Bokeh.documents.map((d) => d.get_model_by_name('map-0')).find((x) => x).title"
+        ground = tab.evaluate("getComputedStyle(document.body).backgroundColor")
+        ink = tab.evaluate(f"{title}.text_color")
+        grey = [int(part) for part in re.findall(r"\d+", ground)[:3]]
+        return sum(grey) < 200, int(ink[1:3], 16) > 128
+
+    assert look() == (scheme == "dark",) * 2
+    tab.click("#theme")
+    assert look() == (scheme == "light",) * 2
+    assert not wrong
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_wider_than_the_screen(width: int, browser: Any, written: Path) -> None:
+    tab, wrong = opened(browser, written, width)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    tables = tab.evaluate(
+        """[...document.querySelectorAll('.scroll')].map((one) =>
+          [one.scrollWidth > one.clientWidth + 1, one.classList.contains('wide')])"""
+    )
+    assert all(scrolls == told for scrolls, told in tables)
+    assert any(scrolls for scrolls, _ in tables) or width > 390
+    maps_width = tab.evaluate("document.querySelector('.map').getBoundingClientRect().width")
+    assert maps_width > 0.8 * min(width, 500)
+    assert not wrong
+
+
+def compact(text: str) -> str:
+    """Text without spaces, and with letters in place of ligatures."""
+    return "".join(unicodedata.normalize("NFKC", text).split())
+
+
+@pytest.mark.parametrize(("paper", "width"), [("A4", 210), ("Letter", 215.9)])
+def test_print_cuts_nothing(paper: str, width: float, browser: Any, written: Path) -> None:
+    """Every cell of every table is in the PDF's text, and no element leaves the sheet."""
+    from pypdf import PdfReader
+
+    tab, wrong = opened(browser, written)
+    cells = tab.evaluate(
+        "[...document.querySelectorAll('td, th, .sheet-note')].map((c) => c.innerText)"
+    )
+    data = tab.pdf(format=paper)
+    tab.set_viewport_size({"width": int((width - 26) / 25.4 * 96), "height": 900})
+    tab.emulate_media(media="print")
+    beyond = tab.evaluate(
+        """[...document.querySelectorAll('body *')].filter((one) => {
+          const box = one.getBoundingClientRect();
+          return box.width && box.right > innerWidth + 1 && !one.closest('svg');
+        }).map((one) => one.outerHTML.slice(0, 80))"""
+    )
+    assert not beyond
+    hidden = tab.evaluate("document.querySelector('.maps').getBoundingClientRect().height")
+    shown = tab.evaluate("document.querySelector('.paper img').getBoundingClientRect().height")
+    assert hidden == 0 < shown
+    pages = PdfReader(io.BytesIO(data)).pages
+    assert float(pages[0].mediabox.width) == pytest.approx(width / 25.4 * 72, abs=2)
+    text = "".join(compact(one.extract_text()) for one in pages)
+    for cell in set(map(compact, cells)):
+        assert cell in text, cell
+    assert not wrong
