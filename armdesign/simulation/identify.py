@@ -143,7 +143,9 @@ def _windows_of(
     try:
         return found_windows(whole.source, whole.time, whole.sampled(name))
     except SimulationError:
-        whole.signal(name)  # says what spoils it
+        values = whole.signal(name)  # says what spoils it
+        step = float((whole.time[-1] - whole.time[0]) / (len(whole.time) - 1))
+        _refuse_coarse(whole, name, step, detrended(values[:, None], TRENDS[0])[:, 0])
         raise
 
 
@@ -171,7 +173,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     step = length / (len(part.time) - 1)
     level = detrended(values[:, None], TRENDS[0])[:, 0]
     slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
-    _refuse_coarse(part, name, step, level, slow[1])
+    _refuse_coarse(part, name, step, level)
     too_short = "choose a longer window"
     if height == 0 or (slow[0] < PERIODS / length and slow[1] > DOMINATES * height):
         fault = f"shorter than two periods of {name} (about {slow[0]:.2g} Hz)"
@@ -199,10 +201,10 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     )
 
 
-def _refuse_coarse(part: Recording, name: str, step: float, level: Array, resolved: float) -> None:
-    """Raise where a line far above the highest ``resolved`` has too few samples in a period."""
+def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> None:
+    """Raise where a line with too few samples in a period is far above those with enough."""
     fast, height = strongest_beyond(step, level)
-    if height > DOMINATES * resolved:
+    if height > DOMINATES * strongest(step, level)[1]:
         fault = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
         remedy = f"record {FEWEST_SAMPLES} in a period, at {math.ceil(FEWEST_SAMPLES * fast)} Hz"
         raise SimulationError(part.source, f"has only {fault}", remedy)

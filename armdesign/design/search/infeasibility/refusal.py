@@ -78,7 +78,10 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
 def _all_together(
     problem: Problem, refusals: Sequence[InfeasibleError], granted: Requirements
 ) -> tuple[Concession, ...]:
-    """The requests of several refusals, each under what the ones before it grant."""
+    """The requests of several refusals, each under what the ones before it grant.
+
+    A requirement may count only under what was granted, as digging does under less torque.
+    """
     machine = problem.machine
     before, after = (
         {c.name: c for c in check(machine, machine, problem.workspace, requirements)}
@@ -88,13 +91,13 @@ def _all_together(
     for refusal in refusals:
         parts = len({c.part for c in joined.values()})
         for c in refusal.conflict:
-            known, old = joined.get(c.name), before[c.name]
+            known, old = joined.get(c.name), before.get(c.name, c)
             value = c.value
             if value is not None and c.inverse:  # factors
                 value *= known.value if known and known.value else 1.0
             elif value is not None:
                 value = granted.setting(c.setting)
-            changed = abs(after[c.name].limit - old.limit)
+            changed = abs(after.get(c.name, c).limit - old.limit)
             joined[c.name] = Concession(
                 **old.identity,
                 together=old.limit * (1 / value - 1) if c.inverse and value else changed,
