@@ -176,6 +176,7 @@ def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
         f"{oil}; small motions about rest, valves closed; {structure}.",
         f"Worst means: of {len(workspace)} poses ({workspace.kind}), each cylinder at least"
         f" {100 * workspace.end_margin:.2g} % of its stroke from its ends, and of the load cases"
-        f" {cases}, each where it exists.",
+        f" {cases}, each where it exists. With the file's values it is searched between the poses"
+        " too; at the ends of the bands it is the lowest of the poses.",
         f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
     )
