@@ -19,6 +19,7 @@ from armdesign.cli_draw import draw
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
+from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
@@ -311,6 +312,7 @@ app.command()(move)
 app.command()(sensitivity)
 app.command("what-if")(what_if)
 app.command()(tolerances)
+app.command()(sweep)
 
 
 @app.command()
