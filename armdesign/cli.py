@@ -15,6 +15,7 @@ import typer
 
 from armdesign import output
 from armdesign.cli_control import control
+from armdesign.cli_export import export
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
@@ -300,6 +301,7 @@ app.command()(pareto)
 app.command()(steps)
 app.command()(control)
 app.command()(move)
+app.command()(export)
 app.command()(sensitivity)
 app.command("what-if")(what_if)
 app.command()(tolerances)

@@ -210,6 +210,17 @@ SpreadOption = Annotated[
     float,
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
+FormatOption = Annotated[
+    str, typer.Option("--format", help="csv, dxf, urdf, sdf; several by commas.")
+]
+ExportPoseOption = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        help="Joints in deg, slides in mm: boom=20,stick=-90; default: middle of their ranges.",
+        show_default=False,
+    ),
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]

@@ -21,11 +21,20 @@ ROOMS = (
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "output", "options"),
-    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
+    *("drawing", "exchange", "plots", "report", "paper", "influence", "output", "options"),
+    *(
+        "cli_control",
+        "cli_measured",
+        "cli_tradeoffs",
+        "cli_influence",
+        "cli_motion",
+        "cli_export",
+        "cli",
+    ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
+    "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas"},
     "shapely": {"drawing.outlines"},
     "coal": {"drawing.visuals"},
