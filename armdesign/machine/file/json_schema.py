@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from armdesign.machine.file.key_paths import named_unit, unwrap
+from armdesign.machine.file.key_paths import Location, annotation, is_table, named_unit, unwrap
 from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection
 from armdesign.machine.file.section import Section
 
@@ -27,9 +27,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "entrained_air_percent": "air in the oil, by volume at atmospheric pressure",
     "flow_l_per_min": "largest flow of the pump",
     "count": "equal cylinders in parallel that share their pins",
-    "bore_mm": "inner diameter of the barrel",
-    "rod_mm": "diameter of the rod",
-    "closed_length_mm": "pin to pin, rod in",
+    "bore_mm": "inner diameter of the barrel of each cylinder",
+    "rod_mm": "diameter of the rod of each cylinder",
+    "stroke_mm": "of each cylinder",
+    "closed_length_mm": "pin to pin, rod in, of each cylinder",
     "dead_volume_l": "oil that the piston never sweeps, hoses included, all parallel cylinders"
     " together",
     "base": "pin of the barrel",
@@ -42,20 +43,23 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "knee": "side of the line from pivot to lug, seen with x right and z up",
     "barrel_kg": "mass of the barrel of each cylinder",
     "rod_kg": "mass of the rod of each cylinder",
-    "compliance_m_per_N": "compliance of pins, brackets and links in series, all together",
-    "hose": "the share of the dead volume that lies in hoses",
+    "compliance_m_per_N": "of pins, brackets and links in series, all parallel cylinders together",
+    "hose": "the share of the dead volume that lies in hoses, all parallel cylinders together",
+    "rocker_kg": "mass of all its plates together",
+    "coupler_kg": "mass of all its plates together",
     "motor": "hydraulic motors by name, on joints that turn without end",
     "spring": "structure that yields: joints that no actuator drives, by name",
     "stiffness_N_m_per_rad": "stiffness of a joint that turns",
     "stiffness_N_per_m": "stiffness of a joint that slides",
     "at_deg": "where the joint stands at rest: its preload is what gravity needs there",
     "joint": "joint that the motor turns; default: the one of the motor's name",
-    "displacement_cm3": "oil per turn of one motor",
+    "displacement_cm3": "oil per turn of each motor",
     "gear_ratio": "turns of a motor per turn of the joint",
     "trapped_volume_l": "oil between valve and pistons, hoses included, all parallel motors"
     " together; a drives forward",
-    "compliance_rad_per_N_m": "compliance of gear and mounting in series, at the joint",
+    "compliance_rad_per_N_m": "of gear and mounting in series, at the joint, all motors together",
     "valve": "one valve for all parallel cylinders or motors together",
+    "rated_flow_l_per_min": "flow of the valve, for all parallel cylinders or motors together",
     "rated_drop_bar": "pressure drop of one metering edge at the rated flow",
     "overlap_percent": "of full spool stroke; negative: underlap",
     "leakage_l_per_min_per_bar": "leakage across the piston, all parallel cylinders or motors"
@@ -75,7 +79,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "pump": "flow_limited: gives no more than its flow; ideal: holds its pressure",
     "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
     "line_volume_l": "oil between a flow-limited pump and its valves",
-    "friction": "per cylinder; of a motor at the joint, all together",
+    "friction": "of each cylinder; of motors at the joint, all together",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "structure": "compliance in series with each actuator over that of its oil at mid stroke: 0"
     " rigid, 1 as soft as the oil",
@@ -180,6 +184,38 @@ IN_SECTION = {  # where a key means something else than in most tables
         "mass_kg": "of all that the arm's joints do not move, upper structure included",
         "at_mm": "centre of that mass in the root link's frame, arm forward",
     },
+    "FrictionSection": {
+        "coulomb_N": "of each cylinder",
+        "static_N": "of each cylinder, before it moves; 0: as coulomb_N",
+        "stribeck_velocity_mm_per_s": "speed at which static friction has faded",
+        "viscous_N_s_per_m": "of each cylinder",
+    },
+    "MotorFrictionSection": {
+        "coulomb_N_m": "at the joint, all motors together",
+        "static_N_m": "at the joint, all motors together, before it moves; 0: as coulomb_N_m",
+        "stribeck_velocity_deg_per_s": "of the joint, at which static friction has faded",
+        "viscous_N_m_s_per_rad": "at the joint, all motors together",
+    },
+    "HoseSection": {
+        "cap_l": "all parallel cylinders together",
+        "annulus_l": "all parallel cylinders together",
+        "bulk_modulus_MPa": "of the hose's wall",
+    },
+    "MotorHoseSection": {
+        "a_l": "all parallel motors together",
+        "b_l": "all parallel motors together",
+        "bulk_modulus_MPa": "of the hose's wall",
+    },
+    "PayloadSection": {
+        "mass_kg": "a point mass, none of the links'",
+        "link": "that holds it",
+        "at_mm": "where its centre is, x, y, z in the frame of the link",
+    },
+    "SupplySection": {
+        "pressure_bar": "where the pump or its relief limits it",
+        "return_pressure_bar": "in the lines to the tank",
+    },
+    "ValveSection": {"natural_frequency_hz": "of the spool", "damping_ratio": "of the spool"},
     "MotorSection": {
         "count": "equal motors in parallel on one joint",
         "hose": "the share of the trapped volume that lies in hoses",
@@ -204,12 +240,23 @@ def json_schema() -> str:
         section.pop("title", None)
         for key, value in section.get("properties", {}).items():
             unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
-            words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
+            words = _words(name, key)
             words += "; or a table by actuator, with a default" if key in BY_ACTUATOR else ""
             _describe(value, f"{words} {unit and f'[{unit}]'}".strip())
     draft = "https://json-schema.org/draft/2020-12/schema"
     head = {"$schema": draft, "title": "armdesign machine file"}
     return json.dumps({**head, **document}, indent=2, ensure_ascii=False) + "\n"
+
+
+def description(location: Location) -> str:
+    """What an editor shows at a key path, without its unit; "" where there is nothing to say."""
+    *tables, key = location
+    kind = annotation(tuple(tables))[0] if tables else MachineSection
+    return _words(kind.__name__, key) if is_table(kind) else ""
+
+
+def _words(table: str, key: str) -> str:
+    return IN_SECTION.get(table, {}).get(key, DESCRIPTIONS.get(key, ""))
 
 
 def _describe(value: dict[str, Any], description: str) -> None:
