@@ -15,7 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armdesign as ad
-from armdesign.machine import scaffold
+from armdesign.machine import template
 from tests import machines
 from tests.commands import Refused, main
 from tests.machine.as_links import with_links
@@ -184,8 +184,7 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
 
 
 def test_links_of_the_file_are_drawn_and_have_limits_of_their_actuators(tmp_path: Path) -> None:
-    machine = with_links(ad.Machine.from_text(*scaffold.new("x", 2), Path("x.toml")))
-    machine = machine.replace({"links.boom.length_mm": 3000})
+    machine = ad.Machine.from_text(template.new("x"), "", Path("x.toml"))
     robot = ET.parse(ad.export(machine, tmp_path / "m.urdf")).getroot()
     assert robot.find("link[@name='boom']/visual/geometry/box") is not None
     limit = robot.find("joint[@name='boom']/limit")
