@@ -14,8 +14,9 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError
 from armdesign.machine import scaffold
-from armdesign.machine.file.json_schema import description
+from armdesign.machine.file.json_schema import meaning, of_how_many
 from armdesign.machine.file.key_paths import Location, annotation, is_table
+from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import ONE_LINE
 from armdesign.machine.links_of_urdf import links_of
@@ -24,7 +25,6 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.parallelogram import with_four_bar
 
 COLUMN, WIDTH = 46, 99  # where comments begin, and the last column
-MANY = re.compile(r"\b(each|together)\b")  # said wherever it holds; all else where it comes first
 PLACEHOLDERS = "EVERY NUMBER IS A PLACEHOLDER: replace it, and say where yours is from."
 
 
@@ -110,7 +110,7 @@ class _Lines:
         if own or is_named:
             self.lines.append("")
             self._add_line(location, f"[{'.'.join(map(_key, location))}]")
-        elif words := description(location):
+        elif words := _words(location)[0]:
             self.lines += ["", *_wrapped(f"{location[-1]}: {words}")]
         for key, item in own.items():
             self.add((*location, key), item)
@@ -130,12 +130,19 @@ class _Lines:
             self.lines += [*_wrapped(words), *_folded(line)]
 
     def _words(self, location: Location) -> str:
-        """What the schema says of a key, if it has not been said or is of each or all together."""
-        words = description(location)
-        if words in self._said and not MANY.search(words):
-            return ""
+        """What the schema says of a key, where it comes first; each or together wherever it is."""
+        words, how_many = _words(location)
+        new = words if words not in self._said else ""
         self._said.add(words)
-        return words
+        return "; ".join(filter(None, [new, how_many]))
+
+
+def _words(location: Location) -> tuple[str, str]:
+    """What a key means, and whether it is of each parallel actuator or of all together."""
+    *tables, key = location
+    kind = annotation(tuple(tables))[0] if tables else MachineSection
+    section = kind.__name__ if is_table(kind) else ""
+    return meaning(section, key) if section else "", of_how_many(section, key)
 
 
 def _is_plain(location: Location, value: Mapping[str, Any]) -> bool:
