@@ -61,6 +61,8 @@ def _like(machine: Machine, name: str) -> dict[str, Any]:
     """Data of a machine under another name, with its links in the file."""
     data = tomllib.loads(machine.text)
     data["title"] = f"{name}, like {machine.name}"
+    data.pop("urdf", None)
+    data["cylinder"] = {k: {"count": 1, **table} for k, table in data["cylinder"].items()}
     links = data.pop("links", None) or links_of(machine.urdf_text)
     return {"name": name, **{k: v for k, v in data.items() if k != "name"}, "links": links}
 
@@ -209,7 +211,8 @@ def _further(data: Mapping[str, Any]) -> Iterator[str]:
     """Tables that most machines have and this one does not, as comments."""
     cylinder, link = next(iter(data["cylinder"])), data["tool"]["link"]
     path = Path(__file__).with_name("template_further.txt")
-    text = path.read_text(encoding="utf-8").format(cylinder=cylinder, link=link)
+    hoses = {k: f"{x / 2:.2g}" for k, x in data["cylinder"][cylinder]["dead_volume_l"].items()}
+    text = path.read_text(encoding="utf-8").format(cylinder=cylinder, link=link, **hoses)
     yield from ("", "# ----- what a machine may have besides: take the # away from what yours has")
     for block in text.strip().split("\n\n"):
         words = block.splitlines()[0].partition("]")[0].removeprefix("# [").split(".")
