@@ -6,11 +6,11 @@ from pathlib import Path
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.options import (
-    ExportPoseOption,
-    FormatOption,
+    ExportFormatOption,
     MachineArgument,
     OutOption,
     OutsideOption,
+    PoseOption,
     listed,
     pose_of,
 )
@@ -20,8 +20,8 @@ from armdesign.progress import progress
 
 def export(
     machine: MachineArgument,
-    formats: FormatOption = "csv",
-    pose: ExportPoseOption = "",
+    formats: ExportFormatOption = "csv",
+    pose: PoseOption = "",
     out: OutOption = Path("out"),
     allow_outside: OutsideOption = False,
 ) -> None:
@@ -33,6 +33,7 @@ def export(
     """
     from armdesign.exchange.files import FORMATS
     from armdesign.exchange.files import export as write
+    from armdesign.exchange.pin_table import middle
     from armdesign.machine.loading import load
 
     kinds = list(dict.fromkeys(listed(formats)))
@@ -44,7 +45,7 @@ def export(
     check_out(out)
     with progress("reading the file"):
         model = load(machine, allow_outside=allow_outside)
-        at = pose_of(model, pose, "--pose") if pose else None
+        at = pose_of(model, pose, "--pose", tuple(middle(model))) if pose else None
     with outputs(out) as folder:
         for kind in kinds:
             write(model, folder / f"{model.name}{FORMATS[kind]}", at)

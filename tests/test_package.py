@@ -24,6 +24,7 @@ ROOMS = (
     *("drawing", "exchange", "plots", "report", "paper", "influence", "output", "options"),
     *(
         "cli_control",
+        "cli_draw",
         "cli_measured",
         "cli_tradeoffs",
         "cli_influence",
