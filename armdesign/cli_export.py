@@ -31,9 +31,9 @@ def export(
     pose, and a sheet of pins for each link, in mm. urdf, sdf: links with barrels, rods and
     four-bars as bodies; of these only SDF holds the pose, and closed loops.
     """
+    from armdesign.drawing.joint_arcs import middle_pose
     from armdesign.exchange.files import FORMATS
     from armdesign.exchange.files import export as write
-    from armdesign.exchange.pin_table import middle
     from armdesign.machine.loading import load
 
     kinds = list(dict.fromkeys(listed(formats)))
@@ -45,7 +45,7 @@ def export(
     check_out(out)
     with progress("reading the file"):
         model = load(machine, allow_outside=allow_outside)
-        at = pose_of(model, pose, "--pose", tuple(middle(model))) if pose else None
+        at = pose_of(model, pose, "--pose", middle_pose(model).tolist()) if pose else None
     with outputs(out) as folder:
         for kind in kinds:
             write(model, folder / f"{model.name}{FORMATS[kind]}", at)

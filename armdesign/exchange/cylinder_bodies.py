@@ -131,15 +131,14 @@ def _rod_end(name: str, linkage: Linkage) -> tuple[str, tuple[float, float, floa
 def _cylinder(
     machine: Machine, name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
 ) -> Iterator[Body]:
-    target, pin = _rod_end(name, linkage)
+    """Swivel if needed, barrel and rod."""
     base, end = linkage.ends(rigid)
     lines = _Lines.between(linkage, rigid, linkage.base.link, end - base)
     outer = float(barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure))
-    closed, eye = cylinder.closed_length, min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length)
-    eye, masses = max(eye, 0.0), cylinder.moving_masses
+    eye = max(min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length), 0.0)
     middle = (cylinder.count - 1) / 2
     offsets = tuple(APART * outer * (k - middle) for k in range(cylinder.count))
-    parent, place, pan = linkage.base.link, linkage.base.at, 0.0
+    parent, place = linkage.base.link, linkage.base.at
     if np.any(lines.pan):
         pan = float(lines.pan[-1])
         yield Body(
@@ -159,15 +158,27 @@ def _cylinder(
         axis=(0.0, -1.0, 0.0),
         place=place,
         turn=(0.0, -float(lines.raise_[-1]), 0.0),
-        span=(eye, closed - eye),
+        span=(eye, cylinder.closed_length - eye),
         diameter=outer,
         offsets=offsets,
-        mass=masses.get("barrel", 0.0),
-        bar=(0.0, closed),
+        mass=cylinder.moving_masses.get("barrel", 0.0),
+        bar=(0.0, cylinder.closed_length),
         positions=_turns(lines.raise_),
     )
-    first = float(lines.length[-1])
-    yield Body(
+    yield _rod(name, cylinder, linkage, lines.length, (eye, offsets))
+
+
+def _rod(
+    name: str,
+    cylinder: Cylinder,
+    linkage: Linkage,
+    lengths: Array,
+    drawn: tuple[float, tuple[float, ...]],
+) -> Body:
+    """The rod in its barrel; ``drawn``: the length of an eye, and offsets along y [m]."""
+    (eye, offsets), first, closed = drawn, float(lengths[-1]), cylinder.closed_length
+    target, pin = _rod_end(name, linkage)
+    return Body(
         name=f"{name}_rod",
         parent=f"{name}_barrel",
         kind="prismatic",
@@ -175,15 +186,15 @@ def _cylinder(
         place=(first, 0.0, 0.0),
         turn=(0.0, 0.0, 0.0),
         limits=(closed - first, closed + cylinder.stroke - first),
-        span=(-(closed - eye), 0.0),
+        span=(eye - closed, 0.0),
         diameter=cylinder.rod,
         offsets=offsets,
         colour=ROD,
-        mass=masses.get("rod", 0.0),
+        mass=cylinder.moving_masses.get("rod", 0.0),
         bar=(-closed, 0.0),
         closes=target,
         pin=pin,
-        positions=lines.length[:-1] - first,
+        positions=lengths[:-1] - first,
     )
 
 

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
+from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.errors import ArmDesignError
-from armdesign.exchange.pin_table import middle, pin_table
+from armdesign.exchange.pin_table import pin_table
 from armdesign.machine.poses import joint_positions
 from armdesign.units import deg, mm
 
@@ -51,7 +52,7 @@ def write_dxf(machine: Machine, path: Path, pose: ArrayLike | None = None) -> Pa
     except ImportError:
         remedy = "install armdesign[dxf]"
         raise ArmDesignError("DXF", "needs the package ezdxf", remedy) from None
-    q = joint_positions(machine, middle(machine) if pose is None else pose)[:1]
+    q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
     document = new("R2010", setup=["linetypes"], units=4)  # 4: millimetres
     for name, (colour, line) in LAYERS.items():
         document.layers.add(name, color=colour, linetype=line)

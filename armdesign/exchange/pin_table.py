@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
+from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.urdf_faults import numbers
 from armdesign.units import mm
@@ -20,11 +21,6 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 Row = tuple[str, str, str, Array]  # link, pin, kind, place in the link's frame [m]
-
-
-def middle(machine: Machine) -> Array:
-    """The middle of all joint ranges (nq,) [rad, m]: the pose of what is drawn unasked."""
-    return np.asarray(machine.ranges.mean(axis=1))
 
 
 def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
@@ -44,7 +40,7 @@ def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    q = joint_positions(machine, middle(machine) if pose is None else pose)[:1]
+    q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
     rigid = machine.arm.kinematics(q)
     rows = []
     for link, pin, kind, at in _rows(machine):

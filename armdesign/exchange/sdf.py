@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
+from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
 from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
-from armdesign.exchange.pin_table import middle
 from armdesign.exchange.urdf import centre, folder_of, urdf, words
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.arm import RigidPoses
@@ -38,7 +38,7 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     Raises:
         PoseError: not one number per joint.
     """
-    q = joint_positions(machine, middle(machine) if pose is None else pose)[:1]
+    q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
     rigid = machine.arm.kinematics(q)
     document = ET.Element("sdf", version=VERSION)
     model = ET.SubElement(document, "model", name=machine.name)
