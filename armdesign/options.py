@@ -320,14 +320,14 @@ def payload_of(text: str) -> str | float | None:
 
 def spans(text: str, option: str) -> list[tuple[float, float]]:
     """Pairs of numbers as ``1.9:4.5,4:7``."""
-    found = []
+    pairs = []
     for word in listed(text):
         try:
             low, high = map(float, word.split(":"))
         except ValueError:
             raise ArmDesignError(option, f'"{word}" is no span', "give it as 1.9:4.5") from None
-        found.append((low, high))
-    return found
+        pairs.append((low, high))
+    return pairs
 
 
 def listed(text: str) -> tuple[str, ...]:

@@ -16,12 +16,13 @@ PACKAGE = ROOT / "armdesign"
 # From the ground up: a module imports from its own room and from those above it in this list only.
 ROOMS = (
     *("units", "errors", "csv_rows", "user_folders", "transaction", "arrays", "progress"),
-    *("hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
+    *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "exchange", "plots", "report", "paper", "influence", "output", "options"),
+    *("drawing", "exchange", "plots", "report", "paper", "influence", "sweeps"),
+    *("output", "options"),
     *(
         "cli_control",
         "cli_draw",
@@ -48,6 +49,8 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linear_model"},
+    "distributed": {"sweeps.cluster"},
+    "threadpoolctl": {"sweeps.worker"},
     "numba": {"simulation.plant.compiled"},
 }
 
