@@ -210,6 +210,9 @@ SpreadOption = Annotated[
     float,
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
+ExportFormatOption = Annotated[
+    str, typer.Option("--format", help="csv, dxf, urdf, sdf; several by commas.")
+]
 NewArgument = Annotated[
     str, typer.Argument(help="Another machine, drawn over it; default: none.", show_default=False)
 ]

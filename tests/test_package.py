@@ -21,7 +21,8 @@ ROOMS = (
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "sweeps", "output", "options"),
+    *("drawing", "exchange", "plots", "report", "paper", "influence", "sweeps"),
+    *("output", "options"),
     *(
         "cli_control",
         "cli_draw",
@@ -30,11 +31,13 @@ ROOMS = (
         "cli_tradeoffs",
         "cli_influence",
         "cli_motion",
+        "cli_export",
         "cli",
     ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
+    "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas"},
     "shapely": {"drawing.outlines"},
     "coal": {"drawing.visuals"},
