@@ -20,6 +20,7 @@ from armdesign.cli_export import export
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
+from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
@@ -327,6 +328,7 @@ app.command()(export)
 app.command()(sensitivity)
 app.command("what-if")(what_if)
 app.command()(tolerances)
+app.command()(sweep)
 
 
 @app.command()

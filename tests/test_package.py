@@ -27,6 +27,7 @@ ROOMS = (
         "cli_control",
         "cli_draw",
         "cli_measured",
+        "cli_sweep",
         "cli_tradeoffs",
         "cli_influence",
         "cli_motion",
