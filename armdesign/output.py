@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
 
-changed: list[Path] = []  # folders that this process has written into
+changed: list[Path] = []  # files that this process has written
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
@@ -219,7 +219,7 @@ def check_out(out: Path) -> None:
 
 
 @contextmanager
-def outputs(out: Path) -> Iterator[Path]:
+def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
     """A folder to write into, whose files move to ``out`` when they are complete, all or none."""
     with ExitStack() as undisturbed:
         try:
@@ -230,8 +230,9 @@ def outputs(out: Path) -> Iterator[Path]:
                 undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
             raise _refused(out, f"cannot be written ({error.strerror})") from None
-        changed.append(out)
-        tell(f"wrote {', '.join(written)} to {out}/")
+        changed.extend(out / name for name in written)
+        if not silent:
+            tell(f"wrote {', '.join(written)} to {out}/")
 
 
 def tell(text: str, file: TextIO | None = None) -> None:

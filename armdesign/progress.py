@@ -26,8 +26,11 @@ def console() -> Console:
 
 
 @contextmanager
-def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """Show a status line; yields a function that changes its text."""
+def progress(text: str, *, silent: bool = False) -> Iterator[Callable[[str], None]]:
+    """Show a status line unless ``silent``; yields a function that changes its text."""
+    if silent:
+        yield lambda _: None
+        return
     from rich.text import Text
 
     with console().status(Text(printable(text))) as status:

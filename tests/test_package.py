@@ -21,7 +21,7 @@ ROOMS = (
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "output", "options"),
+    *("drawing", "plots", "report", "paper", "influence", "output", "options", "runs"),
     *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
