@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-import armdesign
-from armdesign import output
+from armdesign import __version__, output
 from armdesign.cli_control import control
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
@@ -54,7 +53,7 @@ app = typer.Typer(
 
 def _tell_version(wanted: bool) -> None:
     if wanted:
-        tell(f"armdesign {armdesign.__version__}")
+        tell(f"armdesign {__version__}")
         raise typer.Exit
 
 
