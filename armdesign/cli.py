@@ -110,6 +110,7 @@ def optimize(
     <name>_optimized.toml with its URDF, and maps and moment arms before and after.
     """
     from armdesign.report.designs import design_sheets
+    from armdesign.report.least import least_sentence
 
     if bool(least) != bool(frequency):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
@@ -122,7 +123,8 @@ def optimize(
         design = _design(model, workspace, options, say)
     with run.writing(out) as folder:
         output.write_design(design, folder)
-    run.show(design_sheets(design, run.units.units))
+    leads = [least_sentence(design, least, run.units.units)] if least else []
+    run.show([*leads, *design_sheets(design, run.units.units)])
 
 
 @app.command()
@@ -164,7 +166,9 @@ def design(run: OverWorkspace, search: DrawnSearch) -> None:
         options = {"vary": ("areas", "pins"), **search.settings}
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
-        both = validate_maps([answer.before, answer.after])
+        made = out / output.made_of(model)
+        with run.keeping(lambda: output.keep_machine(answer, out), f"armdesign validate {made}"):
+            both = validate_maps([answer.before, answer.after])
         proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
         sheets = design_sheets(answer, run.units.units)
@@ -329,6 +333,7 @@ def _design(
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
+    output.stops.clear()
     with as_interrupt() as signals:
         try:
             code = app(standalone_mode=False)
@@ -347,8 +352,7 @@ def main() -> None:
             # typer takes an end of file for Ctrl-D, but no command asks for input
             if isinstance(error.__cause__, EOFError):
                 raise error.__cause__ from None
-        written = "all was written" if output.changed else "nothing was written"
-        tell(f"armdesign: interrupted; {written}", sys.stderr)
+        tell(f"armdesign: {output.interruption()}", sys.stderr)
         sys.exit(128 + signals[-1] if signals else INTERRUPTED)
 
 

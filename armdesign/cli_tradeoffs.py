@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
+from armdesign.errors import Stopped
 from armdesign.options import AgainstOption, ValuesOption, VaryOption, listed
 from armdesign.output import write_csv
 from armdesign.runs import DrawnSearch, OverWorkspace, Search, command
@@ -29,14 +31,26 @@ def pareto(
     with run.progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace, out = run.open_workspace()
-        front = trade_off(
-            model, workspace, against=against, values=limits, vary=listed(vary), **search.settings
-        )
+        rest: Sequence[float] = ()
+        try:
+            front = trade_off(
+                model,
+                workspace,
+                against=against,
+                values=limits,
+                vary=listed(vary),
+                **search.settings,
+            )
+        except Stopped as stop:
+            front, rest = stop.finished, stop.rest
         table = front.frame
     with run.writing(out) as folder:
         write_csv(table, folder / "pareto.csv")
         plots.save(front.plot().figure, folder / "pareto.png")
     run.show([pareto_sheet(front, run.units.units)])
+    if rest:
+        values = ",".join(f"{limit:g}" if limit % 1 else f"{limit:.1f}" for limit in rest)
+        run.interrupted({"--values": values, "--out": f"{out}_rest"})
 
 
 @command

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +34,7 @@ from armdesign.options import (
     grid_points,
     offered_sizes,
 )
-from armdesign.output import check_out, outputs, show
+from armdesign.output import check_out, command_line, outputs, show, stops
 from armdesign.progress import progress
 
 if TYPE_CHECKING:
@@ -67,7 +67,11 @@ def command(function: Command) -> Command:
         for key, group in groups.items():
             values = {p.name: given.pop(p.name) for p in _options(group)}
             given[key] = group(**values, **({"command": name} if issubclass(group, Shown) else {}))
-        function(**given)
+        try:
+            function(**given)
+        except KeyboardInterrupt as stop:
+            stops.append(stop)
+            raise
 
     run.__name__, run.__doc__, run.__module__ = name, function.__doc__, function.__module__
     run.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -119,6 +123,23 @@ class Shown:
         """Print sheets and sentences."""
         if not self.quiet:
             show(items)
+
+    @contextmanager
+    def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
+        """Write what is finished if Ctrl-C ends the block; ``then`` is the command to go on with."""
+        try:
+            yield
+        except KeyboardInterrupt as stop:
+            write()
+            stop.args = (f"go on with: {then}",)
+            raise
+
+    def interrupted(self, options: Mapping[str, str]) -> None:
+        """End as Ctrl-C does, after what was finished is written; say how to go on.
+
+        ``options`` take the place of those of the same name in the command as typed.
+        """
+        raise KeyboardInterrupt(f"go on with: {command_line(options)}")
 
     @contextmanager
     def writing(self, folder: Path) -> Iterator[Path]:

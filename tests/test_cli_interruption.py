@@ -96,7 +96,7 @@ def test_ended_while_files_move(
     assert main(map_of(tmp_path), monkeypatch) == 130
     out, err = capsys.readouterr()
     assert out.startswith(f"wrote {', '.join(sorted(QUICK['map']))} to ")
-    assert err.strip() == "armdesign: interrupted; all was written"
+    assert err.strip() == f"armdesign: interrupted; finished files are in {tmp_path}/"
     assert {path.name for path in tmp_path.iterdir()} == QUICK["map"]
 
 
