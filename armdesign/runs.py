@@ -126,7 +126,7 @@ class Shown:
 
     @contextmanager
     def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
-        """Write what is finished if Ctrl-C ends the block; ``then`` is the command to go on with."""
+        """Write what is finished if Ctrl-C ends the block; ``then`` is how to go on."""
         try:
             yield
         except KeyboardInterrupt as stop:

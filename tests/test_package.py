@@ -22,7 +22,15 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
     *("drawing", "plots", "report", "paper", "influence", "output", "options", "runs"),
-    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
+    *(
+        "cli_control",
+        "cli_draw",
+        "cli_measured",
+        "cli_tradeoffs",
+        "cli_influence",
+        "cli_motion",
+        "cli",
+    ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},

@@ -122,3 +122,10 @@ def test_the_shell_asks_for_words(tmp_path: Path) -> None:
         check=True,
     )
     assert done.stdout.split() == ["paper_1dof"]
+
+
+def test_piped_tables_are_not_wrapped_or_filled_up(tmp_path: Path) -> None:
+    done = run("check", "excavator_20t", "--points", "3", folder=tmp_path)
+    lines = done.stdout.splitlines()
+    assert all(line == line.rstrip() for line in lines)
+    assert any(len(line) > 100 for line in lines)

@@ -1,0 +1,77 @@
+"""The command ``armdesign draw``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+from armdesign.errors import ArmDesignError
+from armdesign.options import (
+    FormatOption,
+    NewArgument,
+    PayloadOption,
+    PictureFormat,
+    PoseOption,
+    payload_of,
+    pose_of,
+)
+from armdesign.output import tell
+from armdesign.runs import OfMachine, command
+
+
+@command
+def draw(
+    run: OfMachine,
+    new: NewArgument = "",
+    pose: PoseOption = "",
+    payload: PayloadOption = "",
+    format: FormatOption = PictureFormat.png,
+) -> None:
+    """Draw a machine to scale from the side, or two over each other.
+
+    Writes machine.png with named pins, cylinders between them, joint ranges and the range of the
+    tool, and modes.png with the lowest modes; with NEW overlay.png, where arrows show the pins
+    that moved, in mm. A machine that cannot be used is drawn too, and its faults are listed.
+    """
+    import numpy as np
+
+    from armdesign import plots
+    from armdesign.drawing.joint_arcs import middle_pose
+    from armdesign.inspection.file_faults import faults
+    from armdesign.machine.loading import find, load_unchecked
+
+    with run.progress("drawing"):
+        out = run.folder(find(run.machine))
+        wrong = [] if run.set else faults(run.machine, allow_outside=run.allow_outside)
+        try:  # with other numbers it must be one that can be used
+            reader = (
+                run.load if run.set else partial(load_unchecked, allow_outside=run.allow_outside)
+            )
+            model = reader(run.machine)
+        except ArmDesignError:
+            _refuse(wrong)
+            raise
+        if not wrong and (load_case := payload_of(payload)) is not None:
+            model = model.with_payload(load_case)
+        q = middle_pose(model)
+        if pose:
+            q = np.array(pose_of(model, pose, "--pose", q.tolist()))
+        pictures = {"machine": plots.machine_drawing(model, q).figure}
+        if new:
+            other = run.load(new)
+            pictures["overlay"] = plots.machine_overlay(model, other, q).figure
+        if not wrong:
+            pictures["modes"] = plots.mode_shapes(model, q)
+    with run.writing(out) as folder:
+        for name, fig in pictures.items():
+            plots.save(fig, folder / f"{name}.{format.value}")
+    _refuse(wrong)
+
+
+def _refuse(faults: Sequence[ArmDesignError]) -> None:
+    """List faults, if there are any, and exit with code 2."""
+    for fault in faults:
+        tell(f"armdesign: {fault}", sys.stderr)
+    if faults:
+        sys.exit(2)
