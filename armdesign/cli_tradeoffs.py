@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 
 from armdesign.errors import Stopped
 from armdesign.options import AgainstOption, ValuesOption, VaryOption, listed
@@ -31,7 +30,7 @@ def pareto(
     with run.progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace, out = run.open_workspace()
-        rest: Sequence[float] = ()
+        stopped: Stopped | None = None
         try:
             front = trade_off(
                 model,
@@ -42,15 +41,16 @@ def pareto(
                 **search.settings,
             )
         except Stopped as stop:
-            front, rest = stop.finished, stop.rest
+            front, stopped = stop.finished, stop
         table = front.frame
     with run.writing(out) as folder:
         write_csv(table, folder / "pareto.csv")
         plots.save(front.plot().figure, folder / "pareto.png")
     run.show([pareto_sheet(front, run.units.units)])
-    if rest:
+    if stopped is not None:
+        rest = stopped.rest
         values = ",".join(f"{limit:g}" if limit % 1 else f"{limit:.1f}" for limit in rest)
-        run.interrupted({"--values": values, "--out": f"{out}_rest"})
+        run.interrupted(stopped, {"--values": values, "--out": f"{out}_rest"})
 
 
 @command

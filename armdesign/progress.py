@@ -30,7 +30,7 @@ class Loop:
     what: str
     total: int
     done: int = 0
-    began: float = field(default_factory=time.monotonic)
+    began: float = field(default_factory=lambda: time.monotonic())
 
     @property
     def words(self) -> str:
@@ -103,11 +103,17 @@ def _working(text: str, update: Callable[[str], None]) -> Iterator[Callable[[str
     try:
         yield work.say
     except KeyboardInterrupt as stop:
-        if work.rounds and not hasattr(stop, "__notes__"):
-            stop.add_note(f"at {', '.join(work.rounds)}")
+        if not hasattr(stop, "__notes__"):
+            note_rounds(stop)
         raise
     finally:
         _at_work.remove(work)
+
+
+def note_rounds(stop: BaseException) -> None:
+    """Note on what ended the work at which rounds it was."""
+    if _at_work and _at_work[-1].rounds:
+        stop.add_note(f"at {', '.join(_at_work[-1].rounds)}")
 
 
 def counted(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:

@@ -134,12 +134,13 @@ class Shown:
             stop.args = (f"go on with: {then}",)
             raise
 
-    def interrupted(self, options: Mapping[str, str]) -> None:
+    def interrupted(self, stop: KeyboardInterrupt, options: Mapping[str, str]) -> None:
         """End as Ctrl-C does, after what was finished is written; say how to go on.
 
         ``options`` take the place of those of the same name in the command as typed.
         """
-        raise KeyboardInterrupt(f"go on with: {command_line(options)}")
+        stop.args = (f"go on with: {command_line(options)}",)
+        raise stop
 
     @contextmanager
     def writing(self, folder: Path) -> Iterator[Path]:

@@ -26,7 +26,7 @@ from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.file.schema import DEFAULT, share_of
 from armdesign.machine.machine import Machine
-from armdesign.progress import counted
+from armdesign.progress import counted, note_rounds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -198,7 +198,9 @@ def _front(
         if not designs:
             raise
         rest = [limit for limit in limits if limit not in designs and limit not in left_out]
-        raise Stopped(front(), rest) from stop
+        stopped = Stopped(front(), rest)
+        note_rounds(stopped)
+        raise stopped from stop
     if not designs:
         why = refused.fault, refused.conflict, refused.table
         raise InfeasibleError(machine.name, f"no value of {against} can be met", *why)
