@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from armdesign.design.steps import steps as steps
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.errors import InfeasibleError as InfeasibleError
+    from armdesign.exchange.files import export as export
+    from armdesign.exchange.pin_table import pin_table as pin_table
+    from armdesign.exchange.urdf import robot_positions as robot_positions
     from armdesign.frequency.bands import Bands as Bands
     from armdesign.frequency.bands import FrequencyBand as FrequencyBand
     from armdesign.frequency.bands import frequency_band as frequency_band
@@ -90,6 +93,8 @@ if TYPE_CHECKING:
     from armdesign.simulation.simulate import simulate as simulate
     from armdesign.simulation.validation import Validation as Validation
     from armdesign.simulation.validation import validate as validate
+    from armdesign.sweeps.sweep import Sweep as Sweep
+    from armdesign.sweeps.sweep import sweep as sweep
 
 _NAMES = {  # public names by the module that has them
     "errors": "ArmDesignError InfeasibleError",
@@ -129,9 +134,13 @@ _NAMES = {  # public names by the module that has them
     "motion.move": "Move",
     "motion.outcome": "MoveRun",
     "calibration.calibrate": "Calibration calibrate",
+    "exchange.files": "export",
+    "exchange.pin_table": "pin_table",
+    "exchange.urdf": "robot_positions",
     "influence.sensitivity": "Sensitivity sensitivity",
     "influence.tolerances": "Tolerances tolerances",
     "influence.what_if": "WhatIf what_if",
+    "sweeps.sweep": "Sweep sweep",
     "simulation.identification.frequency_response": "FrequencyResponse frequency_response",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

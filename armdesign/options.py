@@ -55,6 +55,9 @@ OutOption = Annotated[
         "--out", help="Folder for all that is written; default: out/<command>_<machine>."
     ),
 ]
+FolderOption = Annotated[
+    Path, typer.Option("--out", help="Folder for the journal and all that is written.")
+]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show nothing but faults: no tables, no progress.")
 ]
@@ -253,6 +256,9 @@ SpreadOption = Annotated[
     float,
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
+ExportFormatOption = Annotated[
+    str, typer.Option("--format", help="csv, dxf, urdf, sdf; several by commas.")
+]
 NewArgument = Annotated[
     str, typer.Argument(help="Another machine, drawn over it; default: none.", show_default=False)
 ]
@@ -276,6 +282,22 @@ class PictureFormat(StrEnum):
 
 
 FormatOption = Annotated[PictureFormat, typer.Option("--format", help="Of the pictures.")]
+StudyArgument = Annotated[
+    Path, typer.Argument(help="A .toml file: machines, what changes in them, and the task.")
+]
+ProcessesOption = Annotated[
+    int | None,
+    typer.Option("--workers", help="Processes; default: one per processor.", show_default=False),
+]
+SchedulerOption = Annotated[
+    str,
+    typer.Option(
+        "--scheduler", help="Address of a dask scheduler, as tcp://host:8786: work on its cluster."
+    ),
+]
+FreshOption = Annotated[
+    bool, typer.Option("--new", help="Set an earlier journal aside and begin another.")
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]
@@ -347,14 +369,14 @@ def payload_of(text: str) -> str | float | None:
 
 def spans(text: str, option: str) -> list[tuple[float, float]]:
     """Pairs of numbers as ``1.9:4.5,4:7``."""
-    found = []
+    pairs = []
     for word in listed(text):
         try:
             low, high = map(float, word.split(":"))
         except ValueError:
             raise ArmDesignError(option, f'"{word}" is no span', "give it as 1.9:4.5") from None
-        found.append((low, high))
-    return found
+        pairs.append((low, high))
+    return pairs
 
 
 def listed(text: str) -> tuple[str, ...]:

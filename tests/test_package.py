@@ -16,24 +16,28 @@ PACKAGE = ROOT / "armdesign"
 # From the ground up: a module imports from its own room and from those above it in this list only.
 ROOMS = (
     *("units", "errors", "csv_rows", "user_folders", "transaction", "arrays", "progress"),
-    *("hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
+    *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "output", "options", "runs"),
+    *("drawing", "exchange", "plots", "report", "paper", "influence", "sweeps"),
+    *("output", "options", "runs"),
     *(
         "cli_control",
         "cli_draw",
         "cli_measured",
+        "cli_sweep",
         "cli_tradeoffs",
         "cli_influence",
         "cli_motion",
+        "cli_export",
         "cli",
     ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
+    "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas"},
     "shapely": {"drawing.outlines"},
     "coal": {"drawing.visuals"},
@@ -46,6 +50,8 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linear_model"},
+    "distributed": {"sweeps.cluster"},
+    "threadpoolctl": {"sweeps.worker"},
     "numba": {"simulation.plant.compiled"},
 }
 
