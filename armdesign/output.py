@@ -16,6 +16,7 @@ from armdesign.errors import ArmDesignError, printable
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import Console
 
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
@@ -26,13 +27,15 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.motion.move import Move
     from armdesign.report.contents import Report
-    from armdesign.report.provenance import Run
+    from armdesign.report.provenance import Origin
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
     from armdesign.units import Units
 
-changed: list[Path] = []  # folders that this process has written into
+UNBOUNDED = 10_000  # columns, where the output is no terminal
+stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
+changed: list[Path] = []  # files that this process has written
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
@@ -103,6 +106,12 @@ def write_overlay(maps: Mapping[str, FrequencyMap], folder: Path) -> Path | None
     return plots.save(ax.figure, folder / "overlay.png")
 
 
+def keep_machine(design: Design, out: Path) -> None:
+    """Write the machine of a design alone, into the folder for all of its files."""
+    with outputs(out, silent=True) as folder:
+        design.written_by(command_line()).save(folder / made_of(design.today))
+
+
 def write_steps(answer: Steps, folder: Path) -> None:
     """Write the machine of every step."""
     for step in answer.steps:
@@ -167,7 +176,9 @@ def write_page(report: Report, folder: Path, pictures: Path | None = None) -> No
     (folder / PAGE).write_text(page(report, pictures or folder), encoding="utf-8")
 
 
-def write_map_report(frequencies: FrequencyMap, run: Run, folder: Path, units: Units) -> None:
+def write_map_report(
+    frequencies: FrequencyMap, origin: Origin, folder: Path, units: Units
+) -> None:
     """Write the report of a map with the pictures that are in the folder."""
     from armdesign.report.contents import Picture
     from armdesign.report.map_reports import map_report
@@ -184,7 +195,7 @@ def write_map_report(frequencies: FrequencyMap, run: Run, folder: Path, units: U
         for file, caption in captions.items()
         if (folder / file).exists()
     ]
-    provenance = run.sheet({"": frequencies.machine})
+    provenance = origin.sheet({"": frequencies.machine})
     write_page(map_report(frequencies, pictures, provenance, units), folder)
 
 
@@ -211,7 +222,7 @@ def write_plain_report(
 
 
 def write_control_report(
-    maps: Mapping[str, BandwidthMap], sheets: Sequence[Sheet], run: Run, folder: Path
+    maps: Mapping[str, BandwidthMap], sheets: Sequence[Sheet], origin: Origin, folder: Path
 ) -> None:
     """Write bandwidths of machines by label, with their report."""
     captions = {}
@@ -222,12 +233,12 @@ def write_control_report(
         captions[f"bandwidth{suffix}.png"] = caption
     first = next(iter(maps.values())).machine
     title = f"{first.section.title or first.name}: bandwidth of position loops"
-    provenance = run.sheet({label: one.machine for label, one in maps.items()})
+    provenance = origin.sheet({label: one.machine for label, one in maps.items()})
     write_plain_report(title, sheets, captions, provenance, folder)
 
 
 def write_report(
-    design: Design, proofs: dict[str, Validation], run: Run, folder: Path, units: Units
+    design: Design, proofs: dict[str, Validation], origin: Origin, folder: Path, units: Units
 ) -> None:
     """Everything that ``armdesign design`` leaves behind, report.html among it.
 
@@ -244,12 +255,20 @@ def write_report(
     caption = "Nonlinear simulation: a small slow sweep at the worst pose of each machine"
     written.append((caption, plots.save(responses, folder / "frequency_responses.png")))
     pictures = [Picture(caption=words, file=path.name) for words, path in written]
-    write_page(design_report(design, proofs, pictures, run, units), folder)
+    write_page(design_report(design, proofs, pictures, origin, units), folder)
 
 
-def command_line() -> str:
-    """The command as typed in the terminal."""
-    return shlex.join(["armdesign", *sys.argv[1:]])
+def command_line(options: Mapping[str, str] | None = None) -> str:
+    """The command as typed in the terminal; ``options`` replace those of the same name in it."""
+    words, replaced = [], False
+    for word in sys.argv[1:]:
+        name = word.partition("=")[0]
+        if replaced or (replaced := name in (options or {})):
+            replaced = replaced and word == name
+            continue
+        words.append(word)
+    more = [word for option in (options or {}).items() for word in option]
+    return shlex.join(["armdesign", *words, *more])
 
 
 def made_of(machine: Machine) -> str:
@@ -297,7 +316,7 @@ def check_out(out: Path) -> None:
 
 
 @contextmanager
-def outputs(out: Path) -> Iterator[Path]:
+def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
     """A folder to write into, whose files move to ``out`` when they are complete, all or none."""
     with ExitStack() as undisturbed:
         try:
@@ -308,13 +327,24 @@ def outputs(out: Path) -> Iterator[Path]:
                 undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
             raise _refused(out, f"cannot be written ({error.strerror})") from None
-        changed.append(out)
-        tell(f"wrote {', '.join(written)} to {out}/")
+        changed.extend(out / name for name in written)
+        if not silent:
+            tell(f"wrote {', '.join(written)} to {out}/")
 
 
 def tell(text: str, file: TextIO | None = None) -> None:
     """Print a line: on stdout, or on a stream that is given."""
     print(printable(text), file=file)
+
+
+def interruption() -> str:
+    """What Ctrl-C or a signal leaves behind: where the work was, what is written, how to go on."""
+    stop = stops[-1] if stops else KeyboardInterrupt()
+    where = "".join(f" {note}" for note in getattr(stop, "__notes__", ()))
+    go_on = f"; {stop.args[0]}" if stop.args else ""
+    folders = dict.fromkeys(str(path.parent) for path in changed)
+    written = f"finished files are in {', '.join(folders)}/" if folders else "nothing was written"
+    return f"interrupted{where}; {written}{go_on}"
 
 
 def tell_error(error: ArmDesignError) -> None:
@@ -328,11 +358,20 @@ def show(items: Sequence[Sheet | str]) -> None:
     """Print sheets and sentences one after the other."""
     from rich.console import Console
 
+    console = Console(highlight=False, markup=False, emoji=False)
+    if not console.is_terminal:  # for another program: nothing is wrapped or filled up with blanks
+        console.width = UNBOUNDED
+        with console.capture() as captured:
+            _print(items, console)
+        for line in captured.get().splitlines():
+            tell(line.rstrip())
+        return
+    _print(items, console)
+
+
+def _print(items: Sequence[Sheet | str], console: Console) -> None:
     from armdesign.report.sheet import rich_table
 
-    console = Console(highlight=False, markup=False, emoji=False)
-    if not console.is_terminal:
-        console.width = 100
     for item in items:
         if isinstance(item, str):
             console.print(printable(item))

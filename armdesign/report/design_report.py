@@ -25,7 +25,7 @@ from armdesign.report.loads import loads_sheet
 from armdesign.report.map_reports import assumptions, headline
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
-from armdesign.report.provenance import Run
+from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet
 from armdesign.report.validations import validation_sheet, verdict
@@ -40,7 +40,7 @@ def design_report(
     design: Design,
     proofs: Mapping[str, Validation],
     pictures: Sequence[Picture],
-    run: Run,
+    origin: Origin,
     units: Units = WORKSHOP,
 ) -> Report:
     """Report of a design.
@@ -49,7 +49,7 @@ def design_report(
         design: the new machine.
         proofs: nonlinear runs of today's and the new machine.
         pictures: files of its folder.
-        run: how it was made.
+        origin: how it was made.
         units: of the tables.
     """
     maps = {"today": design.before, "new": design.after}
@@ -81,7 +81,7 @@ def design_report(
             _bandwidth(design, units),
             _validation(proofs, of["frequency"]),
             Section(title="Assumptions", words=_assumptions(design)),
-            Section(title="Provenance", sheets=(_provenance(design, run),)),
+            Section(title="Provenance", sheets=(_provenance(design, origin),)),
         ),
         scene=scene_of(maps),
     )
@@ -156,8 +156,12 @@ def _assumptions(design: Design) -> tuple[str, ...]:
     return (*usual, f"The bound takes for granted: {', '.join(design.certificate.assumptions)}.")
 
 
-def _provenance(design: Design, run: Run) -> Sheet:
-    machines = {"today": design.today, "new": design.written_by(run.command)}
-    seed = "0 for all starts of the search" if len(design.starts) > 1 else "none: one start"
+def _provenance(design: Design, origin: Origin) -> Sheet:
+    machines = {"today": design.today, "new": design.written_by(origin.command)}
+    seed = (
+        f"{origin.options.get('seed', 0)} for all starts of the search"
+        if len(design.starts) > 1
+        else "none: one start"
+    )
     requirements = stated_requirements(design.today, design.requirements)
-    return run.sheet(machines, requirements=requirements, seeds=seed)
+    return origin.sheet(machines, requirements=requirements, seeds=seed)

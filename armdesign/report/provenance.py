@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class Origin:
     """A run of a command: its words, all its options with their values, and when it began."""
 
     command: str
@@ -25,7 +25,7 @@ class Run:
     begun: datetime
 
     @classmethod
-    def begin(cls, command: str, options: Mapping[str, object]) -> Run:
+    def begin(cls, command: str, options: Mapping[str, object]) -> Origin:
         """A run that begins now."""
         return cls(command=command, options=dict(options), begun=datetime.now(UTC))
 

@@ -23,7 +23,7 @@ from armdesign.report.contents import Picture, Report, Section
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.map_reports import map_report
 from armdesign.report.page import page
-from armdesign.report.provenance import Run
+from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet
 
@@ -53,8 +53,8 @@ def maps() -> dict[str, FrequencyMap]:
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with everything that pages can have."""
     both = maps()
-    run = Run.begin("armdesign map excavator_20t", {"points": "6,5,6"})
-    one = map_report(both["today"], (), run.sheet({"": both["today"].machine}))
+    origin = Origin.begin("armdesign map excavator_20t", {"points": "6,5,6"})
+    one = map_report(both["today"], (), origin.sheet({"": both["today"].machine}))
     machines = {label: single.machine for label, single in both.items()}
     folder = tmp_path_factory.mktemp("report")
     picture = Picture(caption="static map", file="map_joints.png")

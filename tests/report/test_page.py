@@ -19,7 +19,7 @@ from armdesign.drawing.side_view import side_view
 from armdesign.report.contents import Number, Picture, Report, Section
 from armdesign.report.map_reports import map_report
 from armdesign.report.page import page, sortable
-from armdesign.report.provenance import Run
+from armdesign.report.provenance import Origin
 from armdesign.report.scene import Packed, scene_of
 from armdesign.report.sheet import Sheet
 from tests.commands import main
@@ -196,7 +196,7 @@ def test_report_refuses_in_one_line(
 def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
     """As sha256sum would."""
     machine = ad.load("excavator_20t")
-    rows = dict(Run.begin("armdesign map x", {"points": ""}).sheet({"": machine}).rows)
+    rows = dict(Origin.begin("armdesign map x", {"points": ""}).sheet({"": machine}).rows)
     for row, file in (
         ("machine file", machine.source),
         ("URDF", machine.source.with_suffix(".urdf")),
@@ -206,8 +206,8 @@ def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
 
 
 def test_a_report_survives_its_file() -> None:
-    run = Run.begin("armdesign map x", {})
-    report = map_report(two_joints(), (), run.sheet({"": two_joints().machine}))
+    origin = Origin.begin("armdesign map x", {})
+    report = map_report(two_joints(), (), origin.sheet({"": two_joints().machine}))
     again = Report.of_text(report.text())
     assert again.text() == report.text()
     titles = [section.title for section in report.sections]
