@@ -59,7 +59,9 @@ def control(
                 corner=2 * math.pi * corner or None,
             )
     sheets = bandwidth_sheets(maps, run.units.units)
-    origin = run.origin(new=new, damping=damping, delay=delay, filter=filter, corner=corner)
+    margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
+    loops = {"damping": damping, "delay": delay, "filter": filter, "corner": corner}
+    origin = run.origin(new=new, **loops, **margins)
     with run.writing(out) as folder:
         write_control_report(maps, sheets, origin, folder)
     run.show(sheets)

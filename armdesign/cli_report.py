@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from armdesign.options import FolderArgument
-from armdesign.output import outputs, write_page
+from armdesign.output import write_page
+from armdesign.runs import Shown, command
 
 
-def report(folder: FolderArgument) -> None:
+@command
+def report(run: Shown, folder: FolderArgument) -> None:
     """Write report.html again from a folder's data.
 
     Reads report.json and the pictures beside it, which may have been replaced.
@@ -14,5 +16,5 @@ def report(folder: FolderArgument) -> None:
     from armdesign.report.contents import Report
 
     kept = Report.read(folder)
-    with outputs(folder) as place:
+    with run.writing(folder) as place:
         write_page(kept, place, folder)

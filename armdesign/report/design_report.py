@@ -158,10 +158,6 @@ def _assumptions(design: Design) -> tuple[str, ...]:
 
 def _provenance(design: Design, origin: Origin) -> Sheet:
     machines = {"today": design.today, "new": design.written_by(origin.command)}
-    seed = (
-        f"{origin.options.get('seed', 0)} for all starts of the search"
-        if len(design.starts) > 1
-        else "none: one start"
-    )
+    seed = f"{origin.options.get('seed', 0)}, of the search's starts"
     requirements = stated_requirements(design.today, design.requirements)
     return origin.sheet(machines, requirements=requirements, seeds=seed)
