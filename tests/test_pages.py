@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.machine.file.schema import MachineSection
+from tests import validation_figures
 from tests.pages import DOCS, PAGES, PROSE, ROOT, RUNS, is_slow, page
 
 sys.path.insert(0, str(DOCS))
@@ -84,6 +86,15 @@ def test_the_reference_has_what_the_schema_has() -> None:
     assert "| `relief_bar` | bar | 1.1 × supply pressure | (0, 5000] | – |" in text
     assert "| `cap` | l | required | [0, 10000] | together |" in text
     assert '| `knee` | – | required | `"left"` or `"right"` |' in text
+
+
+# -------------------------------------------------------------------------------------- validation
+
+
+@pytest.mark.slow
+def test_figures_of_the_validation_are_of_this_version() -> None:
+    """Else write them again: python -m tests.validation_figures."""
+    assert json.loads(validation_figures.FILE.read_text("utf-8")) == validation_figures.rows()
 
 
 # ----------------------------------------------------------------------------------- API reference
