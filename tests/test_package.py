@@ -16,13 +16,21 @@ PACKAGE = ROOT / "armdesign"
 # From the ground up: a module imports from its own room and from those above it in this list only.
 ROOMS = (
     *("units", "errors", "csv_rows", "user_folders", "transaction", "arrays", "progress"),
-    *("hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
+    *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "output", "options"),
-    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
+    *("drawing", "plots", "report", "paper", "influence", "sweeps", "output", "options"),
+    *(
+        "cli_control",
+        "cli_draw",
+        "cli_measured",
+        "cli_tradeoffs",
+        "cli_influence",
+        "cli_motion",
+        "cli",
+    ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
@@ -38,6 +46,8 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linear_model"},
+    "distributed": {"sweeps.cluster"},
+    "threadpoolctl": {"sweeps.worker"},
     "numba": {"simulation.plant.compiled"},
 }
 

@@ -54,6 +54,7 @@ def test_every_block_has_a_language_that_runs(path: Path) -> None:
     assert not [kind for kind in fences if kind not in known and not kind.startswith("{")]
 
 
+@pytest.mark.slow
 def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "docs", str(tmp_path)]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
