@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from armdesign import transaction
+from armdesign import text_files, transaction
+from armdesign.csv_rows import plain_text
 from armdesign.errors import ArmDesignError, printable
+from armdesign.machine.file.toml_reading import read_toml
+from armdesign.text_files import LARGEST_MACHINE_FILE, LARGEST_URDF
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,8 +35,15 @@ changed: list[Path] = []  # folders that this process has written into
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """Write a frame as CSV with nine digits."""
-    frame.to_csv(path, index=False, float_format="%.9g")
+    """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run."""
+    texts = frame.select_dtypes(exclude=["number", "bool"]).map(_plain)
+    whole = frame.copy()
+    whole[texts.columns] = texts
+    whole.rename(columns=_plain).to_csv(path, index=False, float_format="%.9g")
+
+
+def _plain(cell: Any) -> Any:
+    return plain_text(cell) if isinstance(cell, str) else cell
 
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
@@ -182,10 +191,14 @@ def made_of(machine: Machine) -> str:
 def check_urdf(machine: Machine, out: Path) -> None:
     """Raise if a new design's URDF would replace one that belongs to another machine file."""
     target, urdf, *_ = machine.files(out / made_of(machine))
-    if not urdf.is_file() or urdf.read_bytes() == machine.urdf_text.encode():
+    if not urdf.is_file():
         return
     with suppress(OSError, ValueError):
-        earlier = tomllib.loads(target.read_text(encoding="utf-8")).get("urdf")
+        if text_files.read(urdf, LARGEST_URDF) == machine.urdf_text:
+            return
+    with suppress(OSError, ArmDesignError):
+        text = text_files.read(target, LARGEST_MACHINE_FILE)
+        earlier = read_toml(text, target.name).get("urdf")
         if isinstance(earlier, str) and target.parent / earlier == urdf:
             return
     raise _refused(out, f"another {urdf.name} is there")

@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -75,7 +76,9 @@ def choose_font_cache() -> None:
 def save(fig: Any, path: Path) -> Path:
     """Write a figure as PNG."""
     _make_literal(fig)
-    fig.savefig(path, dpi=150)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
+        fig.savefig(path, dpi=150)
     return path
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from armdesign import text_files
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
@@ -109,8 +110,8 @@ def read_sizes(path: str | Path) -> Sizes:
         ArmDesignError: no such file, no such columns, or a line that is no cylinder.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = text_files.read(path, text_files.LARGEST_TABLE)
+    except (OSError, ValueError) as error:
         fault = f"cannot be read ({getattr(error, 'strerror', None) or 'not a text file'})"
         raise ArmDesignError(str(path), fault, "give a CSV file, iso or 5mm") from None
     rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
