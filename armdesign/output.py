@@ -14,7 +14,7 @@ from armdesign import text_files, transaction
 from armdesign.csv_rows import plain_text
 from armdesign.errors import ArmDesignError, printable
 from armdesign.machine.file.toml_reading import read_toml
-from armdesign.text_files import LARGEST_MACHINE_FILE, LARGEST_URDF
+from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,13 +190,13 @@ def made_of(machine: Machine) -> str:
 
 def check_urdf(machine: Machine, out: Path) -> None:
     """Raise if a new design's URDF would replace one that belongs to another machine file."""
-    target, urdf, *_ = machine.files(out / made_of(machine))
-    if not urdf.is_file():
+    from armdesign.machine.file import saving
+
+    files = machine.files(out / made_of(machine))
+    target, urdf = next(iter(files)), saving.other_urdf(machine, files)
+    if urdf is None:
         return
-    with suppress(OSError, ValueError):
-        if text_files.read(urdf, LARGEST_URDF) == machine.urdf_text:
-            return
-    with suppress(OSError, ArmDesignError):
+    with suppress(OSError, ValueError, ArmDesignError):
         text = text_files.read(target, LARGEST_MACHINE_FILE)
         earlier = read_toml(text, target.name).get("urdf")
         if isinstance(earlier, str) and target.parent / earlier == urdf:

@@ -30,15 +30,20 @@ ROOMS = (
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("plots", "report", "paper", "influence", "output", "options"),
+    *("drawing", "plots", "report", "paper", "influence", "output", "options"),
     *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
     "matplotlib": {"plots.canvas"},
+    "shapely": {"drawing.outlines"},
+    "coal": {"drawing.visuals"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.file.toml_writing", "machine.provenance"},
-    "pydantic": {"machine.file.schema", "machine.file.schema_faults", "machine.file.machine_file"},
+    "pydantic": {
+        *("machine.file.section", "machine.file.links", "machine.file.schema"),
+        *("machine.file.schema_faults", "machine.file.machine_file"),
+    },
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linear_model"},

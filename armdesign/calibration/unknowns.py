@@ -15,6 +15,7 @@ from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.key_paths import allowed, annotation, bounds, unit_of
 from armdesign.machine.machine import Machine
+from armdesign.machine.parts import coordinates
 
 LEAST = 1e-18  # stands for zero in logarithms: no key's unit makes so small a number matter
 
@@ -150,7 +151,7 @@ def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:
             node = node[key]
         node[leaf] = value
     section = type(machine.section).model_validate(data)
-    other = Machine.unchecked(
-        machine.text, machine.urdf_text, machine.source, arm=machine.arm, section=section
-    )
+    same = coordinates(machine.section) == coordinates(section)
+    texts = machine.text, machine.urdf_text, machine.source
+    other = Machine.unchecked(*texts, arm=machine.arm if same else None, section=section)
     return other.loaded_like(machine)

@@ -35,6 +35,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.refusal import require_feasible
 from armdesign.design.search.multistart import Starts, formulate, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
+from armdesign.design.search.rounding import rounded_machine
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
 from armdesign.frequency.bands import Bands
@@ -203,14 +204,16 @@ class LeastAmount:
         """The rounded design, under a little more where rounding costs too much."""
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
-            try:
-                near = self._search(amount * (1 + more), search) if more else search
-                design = Design.of(near, outcomes, command=command)
-            except InfeasibleError:  # no room to round in
-                continue
-            worst = self.problem.dynamics.corners.judged(design.machine)
-            if worst >= self.frequency:
-                return design
+            under = self._under(search.problem, amount * (1 + more))
+            as_it_is = search.of(under, search.x).look()
+            # the best under a little more may have too little room where frequency is no matter
+            for near in (as_it_is, self._search(amount * (1 + more), search)):
+                machine = rounded_machine(near) if near.violation <= MISSED else None
+                if machine is None:  # no room to round in
+                    continue
+                if machine.judged >= self.frequency:
+                    return Design.of(near, outcomes, rounded=machine, command=command)
+                worst = max(worst, machine.judged)
         fault = f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz"
         raise InfeasibleError(self.problem.machine.name, fault, "ask for less")
 

@@ -41,9 +41,12 @@ class RowPoses(RigidPoses):
 
 
 def moves_the_arm(location: Location) -> bool:
-    """Whether links stand elsewhere with another number: frozen joints, and springs at rest."""
+    """Whether links are others or stand elsewhere with another number.
+
+    Numbers of ``[links]``, frozen joints, and springs at rest.
+    """
     head, last = location[0], location[-1]
-    return head == "frozen" or (head == "spring" and last in ("at_deg", "at_mm"))
+    return head in ("frozen", "links") or (head == "spring" and last in ("at_deg", "at_mm"))
 
 
 def can_matter(location: Location) -> bool:

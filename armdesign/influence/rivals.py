@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,13 @@ class Rival:
     def frequency(self) -> float:
         """Lowest natural frequency [Hz]."""
         return self.pose.frequency
+
+    def of(self, other: Machine) -> Rival:
+        """The rival with the ends of another machine, which touches the same ones."""
+        margins = (one.section.requirements.end_margin for one in (self.ends.machine, other))
+        margin = self.ends.end_margin - next(margins) + next(margins)
+        loaded = other.with_payload(self.pose.payload)
+        return replace(self, ends=replace(self.ends, machine=loaded, end_margin=margin))
 
     def frequencies(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members, at poses that follow their ends."""

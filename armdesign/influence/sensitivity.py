@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -180,7 +180,8 @@ def sensitivity(
     """How the worst frequency changes with every number of a machine's file.
 
     Derivatives are exact: of K and M by a complex step along each number, of the worst pose by
-    the multipliers of the ends that hold it. Numbers of the URDF are left as they are.
+    the multipliers of the ends that hold it. Numbers of a URDF are left as they are; those of
+    ``[links]`` are numbers of the file, by differences.
 
     Args:
         machine: the machine.
@@ -256,8 +257,4 @@ def _exact(machine: Machine, poses: Sequence[Rival], numbers: Sequence[Number]) 
 def _alone(machine: Machine, rival: Rival, number: Number, value: float) -> float:
     """A rival's frequency [Hz] with another number that no family can have as an array."""
     other = rebuilt(machine, {number.location: value})
-    margins = (one.section.requirements.end_margin for one in (machine, other))
-    margin = rival.ends.end_margin - next(margins) + next(margins)
-    loaded = other.with_payload(rival.pose.payload)
-    moved = replace(rival, ends=replace(rival.ends, machine=loaded, end_margin=margin))
-    return float(moved.lowest_near(Family.of(other, {}, 1))[0])
+    return float(rival.of(other).lowest_near(Family.of(other, {}, 1))[0])

@@ -24,13 +24,16 @@ from armdesign.machine.machine import Machine
 STEP = 1e-30  # complex step, in the file's unit over the number's size
 CLUSTER = 1e-7  # eigenvalues this near, relative, are one
 DIFFERENCE = 1e-3  # step of differences for numbers that move links, in the file's unit
+# steps and weights over 12 of differences of fourth order
+CENTRAL = (-2, -1, 1, 2), (1, -8, 8, -1)
+ONE_SIDED = (0, 1, 2, 3, 4), (-25, 48, -36, 16, -3)
 
 
 def slopes(machine: Machine, rival: Rival, numbers: Sequence[Number]) -> Array:
     """Derivatives (k, 2) of a rival's frequency [Hz per unit of the file], upwards and downwards.
 
-    By a complex step; by differences of fourth order for frozen joints and springs at rest, which
-    move links.
+    By a complex step; by differences of fourth order for frozen joints, springs at rest and
+    ``[links]``, which move links.
     """
     result = np.zeros((len(numbers), 2))
     stepped = [i for i, number in enumerate(numbers) if can_matter(number.location)]
@@ -99,14 +102,16 @@ def eigenvalue_slopes(
 
 
 def _by_differences(machine: Machine, rival: Rival, number: Number) -> Array:
-    """Derivative (2,), alike in both directions, of a number with which links stand elsewhere."""
+    """Derivative (2,), alike in both directions, of a number with which links are others.
 
-    def frequency(value: float) -> float:
-        other = rebuilt(machine, {number.location: value})
-        return float(rival.frequencies(Family.of(other, {}, 1))[0])
-
-    near, far = (
-        frequency(number.value + k * DIFFERENCE) - frequency(number.value - k * DIFFERENCE)
-        for k in (1, 2)
-    )
-    return np.full(2, (8 * near - far) / (12 * DIFFERENCE))
+    Central where the file may have the values on both sides, else to the side that it may have.
+    """
+    far = 2 * DIFFERENCE
+    inside = number.low <= number.value - far, number.value + far <= number.high
+    steps, weights = CENTRAL if all(inside) else ONE_SIDED
+    sign = 1.0 if inside[1] else -1.0
+    total = 0.0
+    for step, weight in zip(steps, weights, strict=True):
+        other = rebuilt(machine, {number.location: number.value + sign * step * DIFFERENCE})
+        total += weight * float(rival.of(other).frequencies(Family.of(other, {}, 1))[0])
+    return np.full(2, sign * total / (12 * DIFFERENCE))

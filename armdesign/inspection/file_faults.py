@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
@@ -17,6 +17,7 @@ from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, tell_line
 from armdesign.machine.file.toml_writing import dump
 from armdesign.machine.from_urdf import FLUID, SUPPLY
+from armdesign.machine.links import urdf_of
 from armdesign.machine.loading import find
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import linkage, springs_of
@@ -52,21 +53,25 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     section, in_file, wrong = machine_file.faults(text, path.name)
     all_faults: list[ArmDesignError] = [*in_file]
     odd = {fault.part.removeprefix(f"{path.name}: ") for fault in in_file}
-    if section is None or "urdf" in wrong | odd:
+    heads = {key.split(".")[0] for key in wrong | odd}
+    if section is None or {"urdf", "links"} & heads:
+        return all_faults
+    if section.links and {"joints", "frozen", "spring"} & heads:
         return all_faults
     section = _without_springs(section, wrong)
     try:
-        urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
+        urdf_text = machine_file.read_urdf(path, section, allow_outside)
     except ArmDesignError as error:
         return [*all_faults, error]
     joints = None if any(key.split(".")[0] == "joints" for key in wrong) else section.joints
-    springs = springs_of(section)
-    in_urdf = urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf, springs)
+    if section.links:
+        urdf_text = urdf_of(section.links)
+    in_urdf = _in_urdf(section, urdf_text, joints)
     all_faults += [*_unknown_names(section, urdf_text, path.name, wrong), *in_urdf]
     if joints is None or "joints" in odd:
         return all_faults
     geometry = _without_masses(urdf_text) if in_urdf else urdf_text
-    if in_urdf and urdf_faults.faults(geometry, joints, section.frozen, section.urdf, springs):
+    if in_urdf and _in_urdf(section, geometry, joints):
         return all_faults
     try:
         if not all_faults:
@@ -81,6 +86,16 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
     except ArmDesignError as error:
         all_faults.append(error)
     return all_faults
+
+
+def _in_urdf(
+    section: MachineSection, urdf_text: str, joints: Sequence[str] | None
+) -> list[MachineFileError]:
+    """Every fault of the URDF; none where there are ``[links]``, whose faults are the file's."""
+    if section.urdf is None:
+        return []
+    springs = springs_of(section)
+    return urdf_faults.faults(urdf_text, joints, section.frozen, section.urdf, springs)
 
 
 def _without_springs(section: MachineSection, wrong: Iterable[str]) -> MachineSection:
@@ -130,7 +145,7 @@ def _faults_of_the_rest(
     """Faults of the cylinders that are not blamed; joints that only others move stand still."""
     sound_springs = _without_springs(section, {f"spring.{name}" for name in blamed})
     frozen = section.frozen | {one.joint: one.at for one in springs_of(sound_springs)}
-    arm = Arm(urdf_text, section.joints, frozen, section.urdf)
+    arm = Arm(urdf_text, section.joints, frozen, section.urdf or "", of_links=not section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
         moved = {j for table in sound.values() for j in linkage(table, arm).joints}
         still = {
@@ -142,7 +157,7 @@ def _faults_of_the_rest(
         tables = {name: table.model_dump(exclude_none=True) for name, table in sound.items()}
         data = {
             "name": section.name,
-            "urdf": section.urdf,
+            "urdf": section.urdf or "links",
             "joints": [name for name in section.joints if name not in still],
             "frozen": others | still,
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},

@@ -277,8 +277,10 @@ def of_urdf(yardstick: Yardstick) -> Iterator[Finding]:
     section, urdf = yardstick.machine.section, yardstick.urdf
     if yardstick.in_millimetres:
         words = "its lengths look like millimetres beside the cylinders' lengths: divide them by"
-        yield Finding(part=section.urdf, words=f"{words} 1000")
-    for element in (*urdf.findall("joint"), *urdf.findall("link")):
+        yield Finding(part=str(section.urdf), words=f"{words} 1000")
+    for name, link in section.links.items():
+        yield from _of_turn(yardstick, f"links.{name}.turn_deg", link.turn_deg or [])
+    for element in () if section.links else (*urdf.findall("joint"), *urdf.findall("link")):
         for origin in element.iter("origin"):
             angles = numbers(origin, "rpy", "0 0 0")
             if np.any(np.abs(angles) > TURN):
@@ -292,6 +294,14 @@ def of_urdf(yardstick: Yardstick) -> Iterator[Finding]:
             words = f"{value:g} rad looks like degrees"
             yield yardstick.finding(f"frozen.{name}", words, f"write {rounded(value * deg)}")
     yield from _of_inertias(yardstick)
+
+
+def _of_turn(yardstick: Yardstick, path: str, angles: list[float]) -> Iterator[Finding]:
+    """Angles of a link's frame that are quarters of a turn in radians."""
+    quarters = [angle / (math.pi / 2) for angle in angles if angle]
+    if quarters and all(abs(quarter - round(quarter)) < 1e-3 for quarter in quarters):
+        degrees = ", ".join(rounded(angle / deg) for angle in angles)
+        yield yardstick.finding(path, f"{angles} looks like radians", f"write [{degrees}]")
 
 
 def _of_inertias(yardstick: Yardstick) -> Iterator[Finding]:
@@ -308,11 +318,15 @@ def _of_inertias(yardstick: Yardstick) -> Iterator[Finding]:
         if radius > STOUT * max(size, 0.2 * yardstick.largest_size):
             drawn = radius / 1e3 > 0.02 * size
             cause = "the inertia like kg mm²" if drawn else "the mass like t"
-            words = (
+            fits = (
                 f"an inertia of {largest:g} kg m² at {m:g} kg fits a body of"
-                f" {2 * radius:.3g} m, but the link has {size:.3g} m; {cause}"
+                f" {2 * radius:.3g} m, but the link has {size:.3g} m"
             )
-            yield Finding(part=f"link {name}", words=f"{words} (line {line_of(inertia)})")
+            if yardstick.machine.section.links:
+                yield yardstick.finding(f"links.{name}.inertia_kg_m2", fits, cause)
+            else:
+                words = f"{fits}; {cause} (line {line_of(inertia)})"
+                yield Finding(part=f"link {name}", words=words)
 
 
 def of_joints(yardstick: Yardstick) -> Iterator[Finding]:

@@ -91,7 +91,7 @@ class Inspection:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
                     return f"{cylinder.name} out"
-        return "one turn" if is_whole_turn(machine.arm.joints[joint]) else "URDF limit"
+        return "one turn" if is_whole_turn(machine.arm.joints[joint]) else "joint limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
         """Poses along the range of a cylinder's joint; the workspace if it spans several."""

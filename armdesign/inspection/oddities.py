@@ -64,7 +64,7 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
         )
         yield f"{part}.closed_length_mm", words
     if (used := inspection.stroke_used(i)) < STROKE_USED:
-        cause = "limits of the URDF or other cylinders end the motion before it does"
+        cause = "limits of its joint or other cylinders end the motion before it does"
         yield f"{part}.stroke_mm", f"only {100 * used:.0f} % of the stroke is used; {cause}"
     for lever in inspection.levers:
         if lever.cylinder == i and lever.least < SMALL_MOMENT_ARM * lever.most:
@@ -92,7 +92,7 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
     if not is_whole_turn(joint) and missing > RANGE_TOLERANCE[joint.unit]:
         allowed = units.span(joint.lower, joint.upper, joint.unit)
         covered = units.span(low, high, joint.unit)
-        words = f"the URDF allows {allowed}, the strokes cover only {covered}"
+        words = f"its limits allow {allowed}, the strokes cover only {covered}"
         yield f"joint {joint.name}", words
     links = {name for name, link in machine.arm.links.items() if link.joint == j}
     if not links & set(inspection.masses):

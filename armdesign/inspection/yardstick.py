@@ -50,8 +50,8 @@ class Yardstick:
 
     @cached_property
     def urdf(self) -> ET.Element:
-        """Root element of the URDF."""
-        return parse(self.machine.urdf_text, self.machine.section.urdf)
+        """Root element of the URDF, or of the one that stands for ``[links]``."""
+        return parse(self.machine.urdf_text, self.machine.section.urdf or self.machine.source.name)
 
     @cached_property
     def values(self) -> dict[str, Any]:
@@ -63,7 +63,8 @@ class Yardstick:
         """Whether the URDF's lengths look like millimetres beside the cylinders'."""
         joints = (joint.translation for joint in self.machine.arm.joints)
         farthest = max(map(_distance, (*joints, *self.centres.values())), default=0.0)
-        return farthest > LARGEST_ARM and farthest > 100 * self.longest_cylinder
+        far = farthest > LARGEST_ARM and farthest > 100 * self.longest_cylinder
+        return far and not self.machine.section.links
 
     @cached_property
     def longest_cylinder(self) -> float:
@@ -121,7 +122,12 @@ class Yardstick:
         return float(np.nanmax(lengths, initial=cylinder.closed_length))
 
     def far_limits(self, joint: Joint) -> Cause | None:
-        """Limits farther apart than any cylinder moves a joint: most likely in another unit."""
+        """Limits farther apart than any cylinder moves a joint: most likely in another unit.
+
+        Those of ``[links]`` are in the units that people write.
+        """
+        if self.machine.section.links:
+            return None
         most, factor, unit = 30 * self.longest_cylinder, mm, "millimetres"
         if joint.revolute:
             most, factor, unit = TURN, deg, "degrees, as no cylinder turns a joint so far"

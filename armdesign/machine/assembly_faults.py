@@ -75,7 +75,8 @@ def _of_springs(machine: Machine) -> Iterator[MachineFileError]:
             key, unit = ("at_deg", deg) if joint.revolute else ("at_mm", mm)
             low, high = joint.lower / unit, joint.upper / unit
             fault = f'{spring.at / unit:g} is outside the limits of "{joint.name}"'
-            remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits in the URDF"
+            place = "of the joint" if machine.section.links else "in the URDF"
+            remedy = f"give {key} in [{low:g}, {high:g}], or widen the limits {place}"
             yield MachineFileError(f"{where}.{key}", fault, remedy)
 
 
@@ -119,7 +120,7 @@ def _with_cause(
 
 def place_in_urdf(machine: Machine, j: int, cause: Cause) -> tuple[str, int | None]:
     """Part and line of a cause in the URDF: a joint's axis or limits, or the whole file."""
-    source, name = machine.section.urdf, machine.joints[j]
+    source, name = str(machine.section.urdf), machine.joints[j]
     if cause.path == "urdf":
         return source, None
     joints = parse(machine.urdf_text, source).findall("joint")
@@ -139,6 +140,7 @@ ODD, FITS = 0.85, 0.97  # the fit that is enough beside one below ODD
 ALIKE, FITS_EXACTLY = 0.97, 0.995  # and beside one below ALIKE
 TURN = 2 * np.pi + 0.01  # [rad] beyond which no cylinder turns a joint
 LARGEST_ARM = 50.0  # [m] from joint to joint, beyond which lengths are hardly metres
+SMALLEST_ARM = 0.05  # [m] below which lengths given in mm are hardly millimetres
 SAMPLES = 61
 LENGTHS = {"stroke_mm": "stroke", "closed_length_mm": "closed_length"}
 
@@ -194,35 +196,77 @@ def _fit(arm: Arm, joint: int, own: Own) -> float:
 
 def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, int, Own]]]:
     """Causes, simple ones first, each with the arm and cylinders that it would leave."""
+    of_joint = _trials_of_links if arm.of_links else _trials_of_urdf
+    for cause, limits in of_joint(arm, joint):
+        yield cause, (arm.within(joint, *limits), joint, own)
+    for unit, factor in MISTAKEN["mm"].items():
+        for keys, enlarged in _enlarged(own, factor):
+            yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
+    cause, factor = _of_all_lengths(arm, own)
+    scaled = [_scaled(pair, _everything(pair), factor) for pair in own]
+    yield cause, (arm, joint, scaled)
+
+
+Limits = tuple[float, float]
+
+
+def _trials_of_urdf(arm: Arm, joint: int) -> Iterator[tuple[Cause, Limits]]:
+    """Causes in a joint of a URDF, each with the limits [rad, m] that it would leave."""
     (lower, upper), at = arm.limits[joint], arm.joints[joint]
     if at.revolute and max(abs(lower), abs(upper)) > TURN:
         words = f"limits [{lower:g}, {upper:g}] rad look like degrees"
         remedy = f'write lower="{rounded(lower * deg)}" upper="{rounded(upper * deg)}"'
-        in_degrees = arm.within(joint, lower * deg, upper * deg)
-        yield Cause(path="limits", words=words, remedy=remedy), (in_degrees, joint, own)
+        yield Cause(path="limits", words=words, remedy=remedy), (lower * deg, upper * deg)
     axis, other = (" ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
     fits = f"with ({other}) the strokes fit its limits [{lower:g}, {upper:g}] {at.unit}"
     words = f"its axis ({axis}) looks reversed: {fits}"
     remedy = f'write <axis xyz="{other}"/>, or limits [{-upper:g}, {-lower:g}] {at.unit}'
-    reversed_arm = arm.within(joint, -upper, -lower)
-    yield Cause(path="axis", words=words, remedy=remedy), (reversed_arm, joint, own)
-    for unit, factor in MISTAKEN["mm"].items():
-        for keys, enlarged in _enlarged(own, factor):
-            yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
-    enlarged = [_scaled(pair, _everything(pair), 1e3) for pair in own]
-    yield _of_all_lengths(arm, own), (arm, joint, enlarged)
+    yield Cause(path="axis", words=words, remedy=remedy), (-upper, -lower)
 
 
-def _of_all_lengths(arm: Arm, own: Own) -> Cause:
-    """The cause that all lengths of the URDF are in mm, or all of the cylinders in metres."""
+def _trials_of_links(arm: Arm, joint: int) -> Iterator[tuple[Cause, Limits]]:
+    """Causes in a joint of ``[links]``, each with the limits [rad, m] that it would leave."""
+    (lower, upper), at = arm.limits[joint], arm.joints[joint]
+    path = f"links.{arm.carried(joint)}"
+    key, unit, other = ("limits_deg", deg, "radians") if at.revolute else ("limits_mm", mm, "m")
+    given, meant, turned = (
+        f"[{rounded(low)}, {rounded(high)}]"
+        for low, high in (
+            (lower / unit, upper / unit),
+            (lower / unit**2, upper / unit**2),
+            (-upper / unit, -lower / unit),
+        )
+    )
+    if max(abs(lower), abs(upper)) / unit <= (TURN if at.revolute else LARGEST_ARM):
+        cause = Cause(
+            path=f"{path}.{key}",
+            words=f"{given} looks like {other}",
+            remedy=f"write {key} = {meant}",
+        )
+        yield cause, (lower / unit, upper / unit)
+    axis, reverse = (", ".join(f"{sign * x + 0.0:g}" for x in at.axis) for sign in (1, -1))
+    words = f"[{axis}] looks reversed: with [{reverse}] the strokes fit {key} = {given}"
+    remedy = f"write axis = [{reverse}], or {key} = {turned}"
+    yield Cause(path=f"{path}.axis", words=words, remedy=remedy), (-upper, -lower)
+
+
+def _of_all_lengths(arm: Arm, own: Own) -> tuple[Cause, float]:
+    """The cause that all lengths of links or of cylinders are in another unit, and the factor.
+
+    The factor is by which the cylinders, for a trial, become as large as the links.
+    """
     places = [link.translation for link in arm.links.values()]
     places += [joint.translation for joint in arm.joints]
-    if max(float(np.linalg.norm(place)) for place in places) > LARGEST_ARM:
+    farthest = max(float(np.linalg.norm(place)) for place in places)
+    if arm.of_links and farthest < SMALLEST_ARM:
+        words = "its lengths look like metres beside the cylinders' lengths"
+        return Cause(path="links", words=words, remedy="write all of them in mm"), 1e-3
+    if farthest > LARGEST_ARM and not arm.of_links:
         words = "its lengths look like millimetres beside the cylinders' lengths"
         remedy = "a URDF is in metres: divide its lengths by 1000"
-        return Cause(path="urdf", words=words, remedy=remedy)
+        return Cause(path="urdf", words=words, remedy=remedy), 1e3
     words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
-    return Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy)
+    return Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy), 1e3
 
 
 def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file import machine_file
-from armdesign.machine.file.schema import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE

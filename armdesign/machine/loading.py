@@ -28,7 +28,7 @@ def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
     text = machine_file.read_text(path)
     with lines_of(text, path.name):
         section = machine_file.parse(text, path.name)
-        urdf_text = machine_file.read_urdf(path, section.urdf, allow_outside)
+        urdf_text = machine_file.read_urdf(path, section, allow_outside)
     return Machine.from_text(text, urdf_text, path, section=section)
 
 

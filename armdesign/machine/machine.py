@@ -26,6 +26,7 @@ from armdesign.machine.file import machine_file, saving, toml_writing
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
+from armdesign.machine.links import urdf_of
 from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
 from armdesign.machine.poses import (
     Poses,
@@ -61,7 +62,7 @@ class Machine:
         tool: the point whose position is reported.
         section: the machine file as read.
         text: its text.
-        urdf_text: text of its URDF.
+        urdf_text: text of its URDF, or of the one that stands for its ``[links]``.
         source: where it came from, for messages.
     """
 
@@ -108,14 +109,14 @@ class Machine:
 
         Args:
             text: of the machine file, TOML.
-            urdf_text: of the URDF.
+            urdf_text: of the URDF; not read where the file has ``[links]``.
             source: path of the machine file, for messages and the URDF's place.
             arm: the arm if it has been read already.
             section: the data in the text if it has been read already.
         """
         section = section or machine_file.parse(text, source.name)
-        springs = parts.springs_of(section)
-        arm = arm or Arm(urdf_text, section.joints, section.frozen, section.urdf, springs)
+        urdf_text = urdf_of(section.links) if section.links else urdf_text
+        arm = arm or parts.arm(section, urdf_text, source.name)
         faults = unknown_links(section, arm.links, source.name)
         faults += unknown_joints(section, arm.all_joints, arm.movable_joints, source.name)
         for fault in faults:
@@ -129,7 +130,7 @@ class Machine:
             cylinders=parts.cylinders(cylinders, section.damped),
             linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
             motors=parts.motors(section),
-            springs=springs,
+            springs=parts.springs_of(section),
             payloads=load_cases,
             payload=load_cases[0],
             fluid=parts.fluid(section.fluid),
@@ -229,13 +230,13 @@ class Machine:
         text = toml_writing.edit(self.text, changes, source)
         with lines_of(self.text, source):
             section = machine_file.parse(text, source)
-            before, after = ((s.urdf, parts.coordinates(s)) for s in (self.section, section))
+            before, after = map(parts.coordinates, (self.section, section))
             known = {"arm": self.arm if before == after else None, "section": section}
             machine = Machine.from_text(text, self.urdf_text, self.source, **known)
         return machine.loaded_like(self)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write machine file and URDF, both or none; the comments of the original stay.
+        """Write machine file and URDF if it has one, both or none; the comments stay.
 
         A URDF from outside the machine file's folder is copied beside the new file, and so is the
         JSON Schema that a ``#:schema`` line names.
@@ -254,6 +255,8 @@ class Machine:
 
     def files(self, path: str | Path) -> dict[Path, str]:
         """Paths and texts that ``save`` writes: machine file, URDF, JSON Schema if it is missing.
+
+        A file with ``[links]`` has no URDF.
 
         Raises:
             ArmDesignError: a path that no machine file can have.

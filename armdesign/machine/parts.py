@@ -19,11 +19,11 @@ from armdesign.machine.file.schema import (
     MotorSection,
     PayloadSection,
     PinSection,
-    Section,
     SpringSection,
     SupplySection,
     ValveSection,
 )
+from armdesign.machine.file.section import Section
 from armdesign.machine.load_case import LoadCase
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage, Pin
@@ -69,9 +69,17 @@ def supply(section: SupplySection) -> Supply:
 
 
 def coordinates(section: MachineSection) -> tuple[Any, ...]:
-    """Keys of a machine file on which an arm depends: joints, and where others stand."""
+    """Keys of a machine file on which an arm depends: links, joints, and where others stand."""
     standing = [(spring.joint, spring.at) for spring in springs_of(section)]
-    return section.joints, section.frozen, standing
+    return section.urdf, section.links, section.joints, section.frozen, standing
+
+
+def arm(section: MachineSection, urdf_text: str, source: str) -> Arm:
+    """The arm of a URDF or of ``[links]``, whose numbers have been checked in the file."""
+    keys = section.joints, section.frozen
+    if section.links:
+        return Arm(urdf_text, *keys, source, springs_of(section), of_links=True)
+    return Arm(urdf_text, *keys, str(section.urdf), springs_of(section))
 
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:

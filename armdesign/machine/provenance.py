@@ -19,7 +19,7 @@ from tomlkit.items import InlineTable
 
 from armdesign.errors import printable
 from armdesign.machine.file import machine_file, saving
-from armdesign.machine.file.schema import NAME_LENGTH
+from armdesign.machine.file.section import NAME_LENGTH
 from armdesign.machine.file.toml_writing import edit
 from armdesign.machine.machine import Machine
 

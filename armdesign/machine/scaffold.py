@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.schema import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {

@@ -73,6 +73,7 @@ class Arm:
         frozen: value of other joints [rad or m]; 0 where none is given.
         source: file name for messages.
         springs: passive joints, coordinates after the others.
+        of_links: whether the URDF stands for ``[links]``, whose faults have been looked for.
 
     Attributes:
         joints: joints of poses, in the order of q (nq).
@@ -89,9 +90,11 @@ class Arm:
         frozen: Mapping[str, float],
         source: str,
         springs: Sequence[Spring] = (),
+        of_links: bool = False,
     ) -> None:
-        self.source = source
-        self.xml, self.coordinates, self.links = read_urdf(urdf, joints, frozen, source, springs)
+        self.source, self.of_links = source, of_links
+        read = read_urdf(urdf, joints, frozen, source, springs, checked=of_links)
+        self.xml, self.coordinates, self.links = read
         self.joints = self.coordinates[: len(joints)]
         self._standing = np.array([spring.at for spring in springs])
         self._paths: dict[tuple[str, str], tuple[tuple[int, int], ...]] = {}
@@ -111,6 +114,10 @@ class Arm:
         """Names of the joints that are coordinates or could be."""
         frozen = dict.fromkeys(name for link in self.links.values() for name in link.frozen)
         return [*(joint.name for joint in self.coordinates), *frozen]
+
+    def carried(self, coordinate: int) -> str:
+        """Name of the link that a coordinate's joint carries."""
+        return next(link.name for link in self.links.values() if link.joint == coordinate)
 
     def frozen_between(self, links: Iterable[str]) -> set[str]:
         """Names of the joints between some links that could move but do not."""

@@ -137,9 +137,7 @@ class _JointRange:
             for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
                 if 0 <= k < len(values) and not closed[k]:
                     bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
-                    remedy = (
-                        f"change {bars} or the pins, or tighten the joint's limits in the URDF"
-                    )
+                    remedy = f"change {bars} or the pins, or tighten the joint's limits"
                     where = f'"{self._name}" = {values[k]:.4f} {self._unit}'
                     fault = f"opens at {where}, before stroke or joint limit ends the motion"
                     raise self._fault(f"{cylinder.name}.{linkage.key}", fault, remedy)

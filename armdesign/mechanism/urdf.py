@@ -63,6 +63,7 @@ def read_urdf(
     frozen: Mapping[str, float],
     source: str,
     springs: Sequence[Spring] = (),
+    checked: bool = False,
 ) -> tuple[str, tuple[Joint, ...], dict[str, Link]]:
     """Reduced URDF text, the coordinates' joints, springs last, and every link, the root first.
 
@@ -72,12 +73,13 @@ def read_urdf(
         frozen: value of other joints [rad or m]; 0 where none is given.
         source: file name for messages.
         springs: passive joints, coordinates after the others.
+        checked: whether it is known to have no fault.
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
     """
     robot = parse(text, source)
-    for fault in faults_of(robot, joints, frozen, source, springs):
+    for fault in () if checked else faults_of(robot, joints, frozen, source, springs):
         raise fault
     joints = [*joints, *(spring.joint for spring in springs)]
     standing = [name for name in movable_joints(robot) if name not in joints]
@@ -109,7 +111,7 @@ def turned(rotation: Array, vector: Array) -> Array:
     return np.asarray(rotation.reshape(-1, 3) @ vector).reshape(-1, 3)
 
 
-def _origin(element: ET.Element) -> tuple[Array, Array]:
+def origin(element: ET.Element) -> tuple[Array, Array]:
     """Rotation (3, 3) and translation (3,) [m] of an element's frame."""
     origin = element.find("origin")
     roll, pitch, yaw = numbers(origin, "rpy", "0 0 0")
@@ -138,7 +140,7 @@ def _give_one_turn(joint: ET.Element) -> None:
 
 def _fix(joint: ET.Element, value: float) -> None:
     """Make a joint fixed at a value [rad or m]."""
-    rotation, translation = _origin(joint)
+    rotation, translation = origin(joint)
     if joint.get("type") == "prismatic":
         translation = translation + rotation @ _axis(joint) * value
     else:
@@ -184,7 +186,7 @@ def _tree(
     while waiting:
         before = waiting.pop(0)
         for element, child in children[before.name]:
-            rotation, translation = _origin(element)
+            rotation, translation = origin(element)
             translation = before.translation + before.rotation @ translation
             rotation = before.rotation @ rotation
             name, index = str(element.get("name")), before.joint

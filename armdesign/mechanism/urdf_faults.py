@@ -300,13 +300,20 @@ def _of_inertia(inertia: ET.Element, link: Part) -> Iterator[MachineFileError]:
     yield from wrong
     if wrong:
         return
-    xx, yy, zz, xy, xz, yz = (float(numbers(inertia, key, "")[0]) for key in keys)
+    if wrong_inertia := fault_of_inertia([float(numbers(inertia, key, "")[0]) for key in keys]):
+        yield link.fault(*wrong_inertia, inertia)
+
+
+def fault_of_inertia(inertia: Sequence[float]) -> tuple[str, str] | None:
+    """Fault and remedy of an inertia xx, yy, zz, xy, xz, yz [kg m²] that no body has."""
+    xx, yy, zz, xy, xz, yz = inertia
     principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     slack = 1e-6 * float(np.abs(principal).max()) + 1e-12
-    if principal[0] < -slack or principal[2] > principal[0] + principal[1] + slack:
-        values = ", ".join(f"{value:g}" for value in principal)
-        fault = f"no body has principal inertias {values} kg m²"
-        yield link.fault(fault, "each must be ≥ 0 and at most the sum of the other two", inertia)
+    if principal[0] >= -slack and principal[2] <= principal[0] + principal[1] + slack:
+        return None
+    values = ", ".join(f"{value:g}" for value in principal)
+    fault = f"no body has principal inertias {values} kg m²"
+    return fault, "each must be ≥ 0 and at most the sum of the other two"
 
 
 def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
@@ -341,14 +348,32 @@ def _of_roots(
     links: Collection[str], parents: Mapping[str, str], source: str
 ) -> Iterator[MachineFileError]:
     """No or several roots, and links that no root carries because they carry each other."""
+    if wrong := fault_of_roots(links, parents):
+        yield MachineFileError(source, *wrong)
+    lost = rings(links, parents)
+    for ring in lost:
+        fault = f"links {', '.join(ring)} are not connected to the root"
+        yield MachineFileError(source, fault, "a URDF is one tree: no link may carry itself")
+    if not lost and (depth := _depth(links, parents)) > DEEPEST:
+        fault = f"{depth} joints are one behind the other, more than {DEEPEST}"
+        yield MachineFileError(source, fault, "join links that do not move to each other")
+
+
+def fault_of_roots(links: Collection[str], parents: Mapping[str, str]) -> tuple[str, str] | None:
+    """Fault and remedy where not one link alone has no parent."""
     roots = [link for link in links if link not in parents]
-    if len(roots) != 1:
-        fault = f"{len(roots)} root links" + (f" ({', '.join(roots)})" if roots else "")
-        yield MachineFileError(source, fault, "one link must have no parent")
+    if len(roots) == 1:
+        return None
+    names = f" ({', '.join(roots)})" if roots else ""
+    return f"{len(roots)} root links{names}", "one link must have no parent"
+
+
+def rings(links: Collection[str], parents: Mapping[str, str]) -> list[list[str]]:
+    """Links that carry each other in a ring, with those beyond it, for each ring."""
     ends: dict[str, str] = {}  # root, or one link of the ring, that a link leads up to
     lost: dict[str, list[str]] = {}  # by that link of their ring
-    for link in links:
-        upwards: dict[str, None] = {}
+    for first in links:
+        link, upwards = first, dict[str, None]()
         while link not in ends and link not in upwards and link in parents:
             upwards[link] = None
             link = parents[link]
@@ -356,12 +381,7 @@ def _of_roots(
     for link in links:
         if ends[link] in parents:
             lost.setdefault(ends[link], []).append(link)
-    for members in lost.values():
-        fault = f"links {', '.join(members)} are not connected to the root"
-        yield MachineFileError(source, fault, "a URDF is one tree: no link may carry itself")
-    if not lost and (depth := _depth(links, parents)) > DEEPEST:
-        fault = f"{depth} joints are one behind the other, more than {DEEPEST}"
-        yield MachineFileError(source, fault, "join links that do not move to each other")
+    return list(lost.values())
 
 
 def _depth(links: Iterable[str], parents: Mapping[str, str]) -> int:

@@ -124,9 +124,10 @@ class Comparison:
         rows = [(path, *map(_words, values)) for path, values in self.differences.items()]
         hidden = len(rows) - SHOWN
         urdfs = {m.machine.urdf_text for m in self.maps.values()}
+        linked = any(m.machine.section.links for m in self.maps.values())
         notes = ["values as in the files, each in the unit that its key names"] if rows else []
         notes += [f"{hidden} more in compare.csv"] if hidden > 0 else []
-        notes += ["the URDFs differ too"] if len(urdfs) > 1 else []
+        notes += ["the URDFs differ too"] if len(urdfs) > 1 and not linked else []
         return Sheet(
             title="Differences of the files" if rows else "The files do not differ",
             columns=("key", *self.maps) if rows else (),

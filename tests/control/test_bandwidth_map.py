@@ -73,6 +73,7 @@ def test_schedule_between_poses_and_beyond(bandwidths: ad.BandwidthMap) -> None:
         schedule([0.0])
 
 
+@pytest.mark.slow
 def test_interpolation_of_one_joint_is_linear() -> None:
     machine = ad.load("patu_boom")
     schedule = ad.gain_schedule(ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=5)))

@@ -205,14 +205,16 @@ def test_amounts_by_hand() -> None:
 
 
 @pytest.mark.slow
-def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
+@pytest.mark.parametrize("kept", [Requirements(**ANY_LIFT_AND_TORQUE), Requirements()])
+def test_least_of_a_catalogue_with_pins_as_enumerated(kept: Requirements) -> None:
     """For each of nine combinations the pins that need least oil: none needs less; free sizes
-    do, and what can be built needs more: a step of 5 mm is 2.7 % of the shorter stroke.
+    do, and what can be built needs more: half a step of 5 mm is 1.3 % of the shorter stroke.
+
+    With lift and torque kept, which frequency does not limit, it needed 12 % more before.
     """
     machine, space = double(), workspace_of("double")
     sizes = [(95 * mm, 63 * mm), (98 * mm, 63 * mm), (101 * mm, 65 * mm)]
     frequency = 1.05 * float(lowest_frequency(machine.evaluate(space.rigid)).min())
-    kept = Requirements(**ANY_LIFT_AND_TORQUE)
     problem = Problem.of(
         machine=machine, workspace=space, requirements=kept, vary=("areas", "pins")
     )
@@ -242,9 +244,10 @@ def test_least_of_a_catalogue_with_pins_as_enumerated() -> None:
     assert needed == pytest.approx(min(amounts), rel=2 * NARROW)
     assert needed > start.problem.requirements.oil_total_share
     assert [(c.bore, c.rod) for c in design.machine.cylinders] == list(chosen.sizes)
-    a_step = 5 * mm / min(c.stroke for c in design.machine.cylinders)  # that a stroke rounds up
-    built = design.requirements.oil_total_share
-    assert needed * (1 - 1e-6) <= built <= needed * (1 + a_step)
+    half_a_step = 2.5 * mm / min(c.stroke for c in design.machine.cylinders)
+    built = amount_of(design.machine, machine, "oil")
+    assert needed * (1 - 1e-6) <= built <= needed * (1 + half_a_step)
+    assert built <= design.requirements.oil_total_share <= needed * (1 + 2 * half_a_step)
     assert max(amounts) > 1.01 * min(amounts)
     assert design.after.frame["f1_hz"].min() >= frequency
 

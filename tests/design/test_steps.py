@@ -71,6 +71,7 @@ def test_a_step_changes_what_it_says_and_no_more() -> None:
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
 
 
+@pytest.mark.slow
 def test_many_pins_are_added_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the sets are too many, those that add a pin to the best set before."""
     monkeypatch.setattr("armdesign.design.steps.SETS", 4)
@@ -81,6 +82,7 @@ def test_many_pins_are_added_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None
     assert "too many sets" in (steps_sheet(answer).note or "")
 
 
+@pytest.mark.slow
 def test_no_step_is_possible() -> None:
     """Requirements that no design meets: as ``optimize`` refuses them."""
     with pytest.raises(InfeasibleError, match=r"no design meets|no sizes"):

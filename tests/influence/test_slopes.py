@@ -13,6 +13,8 @@ from armdesign.influence.slopes import eigenvalue_slopes, mass_slopes, slopes
 from armdesign.machine.file.numbers import Number, numbers_of
 from tests import machines
 
+MANY_NUMBERS = ("excavator_20t", "loader_crane", "rocking", "heavy_bars")  # two machines for each
+
 
 def worst(name: str, points: int = 5) -> tuple[ad.Machine, Rival]:
     machine = machines.named(name)
@@ -35,7 +37,12 @@ def by_differences(machine: ad.Machine, rival: Rival, number: Number) -> float:
 
 @pytest.mark.parametrize(
     "name",
-    ["excavator_20t", "loader_crane", "crossing", "redundant", "rotator", "rocking", "heavy_bars"],
+    [
+        "crossing",
+        "redundant",
+        "rotator",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in MANY_NUMBERS),
+    ],
 )
 def test_slopes_are_those_of_differences(name: str) -> None:
     """Of every number that is not zero, at which the schema's bounds would be crossed."""

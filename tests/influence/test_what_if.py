@@ -93,6 +93,7 @@ def test_a_word_has_no_linear_estimate() -> None:
     assert any("–" in cell for cells in answer.sheets()[1].rows for cell in cells)
 
 
+@pytest.mark.slow
 def test_one_number_of_a_list_changes_alone() -> None:
     machine = ad.load("excavator_20t")
     path = "cylinder.boom.base.at_mm"
@@ -102,6 +103,7 @@ def test_one_number_of_a_list_changes_alone() -> None:
     pd.testing.assert_frame_equal(answer.frame, whole.frame)
 
 
+@pytest.mark.slow
 def test_every_kind_of_machine_has_an_answer() -> None:
     """A motor, springs, several cylinders on a joint, one joint alone."""
     for name in ("rotator", "rocking", "redundant", "paper_1dof"):

@@ -84,7 +84,7 @@ CASES = [
     (
         {"cylinder.stick.stroke_mm": 1000},
         "joint stick",
-        r"the URDF allows \[-155\.5, -33\.2\]°, the strokes cover only",
+        r"its limits allow \[-155\.5, -33\.2\]°, the strokes cover only",
     ),
     ({"cylinder.boom.rod_mm": 40}, "cylinder.boom.rod_mm", "the rod buckles at"),
     (

@@ -39,6 +39,7 @@ def test_the_slewing_frequency_by_hand(slewing: ad.Machine) -> None:
     assert_allclose(poses.oil_stiffness[0, 3], stiffness, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_swing_of_the_20_t_machine_is_damped() -> None:
     """Anchors of issue 13: damping ratios between 0.01 and 0.05 at mid reach."""
     machine = ad.load("excavator_20t").replace({"joints": SLEWING})

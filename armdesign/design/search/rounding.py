@@ -7,7 +7,7 @@ read again, and the machine that it says judged by ``check``, which knows nothin
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -51,6 +51,8 @@ TRUST, PROMISED = 0.02, 1e-5  # of searches near the optimum
 TOLERANCE = 1e-9  # of a slack
 
 SizesInRow: TypeAlias = tuple[float, ...]  # bore and rod of every cylinder [mm]
+# closed length and stroke of every cylinder [m]; None where they follow its pins
+ChosenLengths: TypeAlias = tuple[tuple[float, float] | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +115,8 @@ def with_lengths_on_grid(search: Search) -> Search:
     """The search with strokes and closed lengths on its drawing grid; as it is where that is fine.
 
     Of the lengths around its own, the nearest that miss no requirement which pins cannot help are
-    tried while pins follow, and the best are taken.
+    tried while pins follow, and the best are taken. Where these miss a requirement, all other
+    strokes around its own are tried too, each with the nearest closed lengths.
     """
     problem = search.problem
     moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
@@ -124,15 +127,32 @@ def with_lengths_on_grid(search: Search) -> Search:
         grid_lengths(problem, search.x, i) if i in moving else [None] for i in range(len(own))
     ]
 
-    def distance(lengths: Sequence[tuple[float, float] | None]) -> float:
+    def distance(lengths: ChosenLengths) -> float:
         pairs = zip(lengths, own, strict=True)
         return sum(float(np.abs(np.subtract(near, at)).sum()) for near, at in pairs if near)
 
-    near = sorted(itertools.product(*options), key=distance)
-    tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near[:COMBINATIONS]]
-    tried = [one for one in tried if _may_follow(one)][:STROKES] or tried[:1]
-    best = max((one.look().refine(TRUST, PROMISED) for one in tried), key=lambda one: one.rank)
+    near = sorted(itertools.product(*options), key=distance)[:COMBINATIONS]
+    tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near]
+    possible = [one for one in tried if _may_follow(one)] or tried[:1]
+    best = _best_refined(possible[:STROKES])
+    if best.violation > MISSED:
+        best = _best_refined([best, *_one_of_each_strokes(possible[STROKES:])])
     return search.of(best.problem, best.x).look()
+
+
+def _best_refined(searches: Iterable[Search]) -> Search:
+    """The best of some searches after pins have followed."""
+    refined = (one.look().refine(TRUST, PROMISED) for one in searches)
+    return max(refined, key=lambda one: one.rank)
+
+
+def _one_of_each_strokes(searches: Iterable[Search]) -> list[Search]:
+    """The first of the searches with each combination of strokes."""
+    first: dict[tuple[float | None, ...], Search] = {}
+    for one in searches:
+        strokes = tuple(each and each[1] for each in one.problem.vector.chosen_lengths)
+        first.setdefault(strokes, one)
+    return list(first.values())[:STROKES]
 
 
 def _may_follow(search: Search) -> bool:

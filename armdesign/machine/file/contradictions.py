@@ -9,6 +9,7 @@ from pathlib import Path
 from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
+from armdesign.machine.file.link_faults import link_faults
 from armdesign.machine.file.numbers import chosen_numbers
 from armdesign.machine.file.schema import (
     BY_ACTUATOR,
@@ -17,10 +18,10 @@ from armdesign.machine.file.schema import (
     MachineSection,
     PayloadSection,
     RequirementsSection,
-    Section,
     SupplySection,
     ValveSection,
 )
+from armdesign.machine.file.section import Section
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
@@ -38,6 +39,7 @@ def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFile
 
 def _faults(machine: MachineSection) -> Iterator[Fault]:
     yield from _of_names(machine)
+    yield from link_faults(machine)
     yield from _of_supply(machine.supply)
     for name, payload in machine.payload.items():
         yield from _of_payload(f"payload.{name}", payload)
@@ -67,7 +69,7 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
         if name in machine.cylinder:
             remedy = "give each actuator a name of its own"
             yield f"motor.{name}", "is the name of a cylinder too", remedy
-    if Path(machine.urdf).name in ("", ".."):
+    if machine.urdf is not None and Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
 
 
@@ -248,9 +250,10 @@ def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Ite
 def unknown_links(
     section: MachineSection, links: Collection[str], source: str
 ) -> list[MachineFileError]:
-    """A fault for every link that the URDF does not have."""
+    """A fault for every link that the URDF or ``[links]`` does not have."""
+    place = "the URDF" if section.urdf else "[links]"
     return [
-        MachineFileError(f"{source}: {path}", f'no link "{link}" in the URDF', choose(link, links))
+        MachineFileError(f"{source}: {path}", f'no link "{link}" in {place}', choose(link, links))
         for path, link in _links(section)
         if link is not None and link not in links
     ]
@@ -278,10 +281,11 @@ def _links(section: MachineSection) -> Iterator[tuple[str, str | None]]:
 def unknown_joints(
     section: MachineSection, joints: Collection[str], movable: Collection[str], source: str
 ) -> list[MachineFileError]:
-    """A fault for every motor on a joint that the URDF does not have."""
+    """A fault for every motor on a joint that the URDF or ``[links]`` does not have."""
+    place = "the URDF" if section.urdf else "[links]"
     named = {f"{source}: motor.{name}.joint": m.joint or name for name, m in section.motor.items()}
     return [
-        MachineFileError(path, f'no joint "{joint}" in the URDF', choose(joint, movable))
+        MachineFileError(path, f'no joint "{joint}" in {place}', choose(joint, movable))
         for path, joint in named.items()
         if joint not in joints
     ]

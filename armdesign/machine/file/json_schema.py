@@ -6,19 +6,21 @@ import json
 from typing import Any
 
 from armdesign.machine.file.key_paths import named_unit, unwrap
-from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
+from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection
+from armdesign.machine.file.section import Section
 
 DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "name": "short name: letters, digits, _ and -",
     "title": "name for people",
-    "urdf": "the URDF, relative to this file",
-    "joints": "the coordinates, in this order; every other joint of the URDF is frozen",
+    "urdf": "the URDF, relative to this file; or give links",
+    "links": "the rigid links by name, in place of a URDF; one of them, the root, has no parent",
+    "joints": "the coordinates, in this order; every other joint is frozen",
     "frozen": "values of frozen joints [rad or m]; 0 where none is given",
     "damped": "false: friction and leakage of all actuators, and damping of springs, are left out",
     "tool": "the point whose place is reported",
     "payload": "load cases by name; the worst one counts",
     "cylinder": "hydraulic actuators by name",
-    "link": "link of the URDF",
+    "link": "link of the URDF or of links",
     "at_mm": "x, y, z in the frame of the link",
     "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
     "bulk_modulus_MPa": "bulk modulus of the oil without air, or of the hose",
@@ -131,6 +133,27 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "distance_mm": "distance between barrel and part, at least",
 }
 IN_SECTION = {  # where a key means something else than in most tables
+    "LinkSection": {
+        "parent": "the link that carries it by a joint; none: the root, which stands still",
+        "type": "of its joint: revolute (default), prismatic, continuous (turns without end), or"
+        " fixed",
+        "joint": "name of its joint; default: the link's own name",
+        "at_mm": "origin of its frame in the parent's frame, which is where its joint is; default:"
+        " the end of the parent's length_mm",
+        "turn_deg": "roll, pitch, yaw of its frame in the parent's, joint at 0; default: none",
+        "axis": "of its joint in its own frame; default: [0, -1, 0], positive raises, of a"
+        " prismatic joint [1, 0, 0]",
+        "limits_deg": "lower, upper of a joint that turns; what the strokes allow may be less",
+        "limits_mm": "lower, upper of a joint that slides; what the strokes allow may be less",
+        "length_mm": "from its joint along x to the next one, or to the tip",
+        "mass_kg": "of the link, all that is welded and bolted to it included; default: none",
+        "centre_mm": "centre of mass in its frame; default: the middle of length_mm",
+        "inertia_kg_m2": "xx, yy, zz, and xy, xz, yz where they are not 0, about the centre of"
+        " mass, axes parallel to its frame; default: of box_mm, else of a slender bar along x as"
+        " long as length_mm",
+        "box_mm": "edges along x, y, z of a uniform box around the centre of mass, whose inertia"
+        " the link then has",
+    },
     "TolerancesSection": {
         "distribution": "uniform: within the widths; normal: the width is two deviations",
         "least_hz": "worst frequency that a machine must reach; default: that of this file",
@@ -162,7 +185,7 @@ IN_SECTION = {  # where a key means something else than in most tables
         "hose": "the share of the trapped volume that lies in hoses",
     },
     "SpringSection": {
-        "joint": "passive joint of the URDF, which is none of joints",
+        "joint": "passive joint, which is none of joints",
         "damping_ratio": "of the joint alone, all others locked",
         "at_mm": "where the joint stands at rest: its preload is what gravity needs there",
     },

@@ -10,12 +10,14 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from armdesign.machine.file.schema import MachineSection, Name, Section
+from armdesign.machine.file.schema import MachineSection
+from armdesign.machine.file.section import Name, Section
 
 Location = tuple[Any, ...]  # a key path in its parts: names of keys, indices of lists
 
 UNITS = {  # by the end of the key, longer ends first
     "kg_per_m3": "kg/m³",
+    "kg_m2": "kg m²",
     "rad_per_N_m": "rad/(N m)",
     "N_m_s_per_rad": "N m s/rad",
     "deg_per_s": "deg/s",

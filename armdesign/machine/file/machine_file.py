@@ -73,13 +73,17 @@ def leads_out(folder: Path, urdf: str) -> bool:
         return False
 
 
-def read_urdf(path: Path, urdf: str, allow_outside: bool) -> str:
+def read_urdf(path: Path, section: MachineSection, allow_outside: bool) -> str:
     """Text of the URDF that the machine file at a path names, relative to it.
+
+    Empty where the file has ``[links]`` in its place.
 
     Raises:
         MachineFileError: it lies outside of the file's folder, is missing or is no text.
     """
-    part = f"{path.name}: urdf"
+    part, urdf = f"{path.name}: urdf", section.urdf
+    if urdf is None:
+        return ""
     if not allow_outside and leads_out(path.parent, urdf):
         allow = "--allow-outside, in Python load(…, allow_outside=True)"
         remedy = f"put it beside the file, or allow it: {allow}"

@@ -13,7 +13,8 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file.key_paths import Location, allowed, annotation, bounds, unit_of
-from armdesign.machine.file.schema import MachineSection, Section
+from armdesign.machine.file.schema import MachineSection
+from armdesign.machine.file.section import Section
 
 # natural steps by the unit of a key; of all others a tenth of the value
 STEPS = {"mm": 10.0, "kg": 100.0, "%": 1.0, "bar": 10.0, "deg": 1.0, "l": 1.0, "N/m": 10e6}

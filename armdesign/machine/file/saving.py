@@ -28,24 +28,28 @@ _written: set[str] = set()  # files that this process wrote, links followed
 def files(machine: Machine, path: str | Path) -> dict[Path, str]:
     """Paths and texts that ``save`` writes: machine file, URDF, JSON Schema if it is missing.
 
+    A file with ``[links]`` has no URDF.
+
     Raises:
         MachineFileError: a path that no machine file can have.
     """
     target, text = machine_file.path_of(path), machine.text
     if target.suffix != ".toml":
         raise MachineFileError(str(target), "is not a .toml path", "end the name in .toml")
-    named = machine.section.urdf
-    urdf = target.parent / named
-    if any(machine_file.leads_out(file.parent, named) for file in (machine.source, target)):
-        urdf = target.parent / Path(named).name
-        text = edit(text, {"urdf": urdf.name}, machine.source.name)
-    if urdf == target:
-        remedy = "give machine file and URDF two names"
-        raise MachineFileError(str(urdf), "is the name of the URDF too", remedy)
+    named, own = machine.section.urdf, dict[Path, str]()
+    if named is not None:
+        urdf = target.parent / named
+        if any(machine_file.leads_out(file.parent, named) for file in (machine.source, target)):
+            urdf = target.parent / Path(named).name
+            text = edit(text, {"urdf": urdf.name}, machine.source.name)
+        if urdf == target:
+            remedy = "give machine file and URDF two names"
+            raise MachineFileError(str(urdf), "is the name of the URDF too", remedy)
+        own = {urdf: machine.urdf_text}
     text, schema = _with_schema_beside(text)
     place = target.parent / schema
     missing = {place: json_schema()} if schema and not place.exists() else {}
-    return {target: text, urdf: machine.urdf_text} | missing
+    return {target: text, **own, **missing}
 
 
 def save(machine: Machine, path: str | Path, overwrite: bool) -> Path:
@@ -55,14 +59,22 @@ def save(machine: Machine, path: str | Path, overwrite: bool) -> Path:
         MachineFileError: a place that cannot be written, or holds a file of somebody else.
     """
     texts = files(machine, path)
-    target, urdf, *_ = texts
+    target = next(iter(texts))
     if not overwrite:
         refuse_foreign(target, texts[target])
-        if urdf.is_file() and machine_file.read_text(urdf, LARGEST_URDF) != machine.urdf_text:
+        if urdf := other_urdf(machine, texts):
             remedy = "save into another folder, or give overwrite=True"
             raise MachineFileError(str(urdf), "another URDF of this name exists", remedy)
     write_files(texts)
     return target
+
+
+def other_urdf(machine: Machine, texts: Mapping[Path, str]) -> Path | None:
+    """The URDF that writing a machine's ``files`` would replace by another; None if none."""
+    _, *others = texts
+    urdf = others[0] if machine.section.urdf is not None else None
+    present = (_text(urdf) or "").removeprefix("\ufeff") if urdf and urdf.is_file() else None
+    return None if present in (None, machine.urdf_text) else urdf
 
 
 def write_files(texts: Mapping[Path, str]) -> None:

@@ -5,35 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
+from armdesign.machine.file.links import LinkSection
+from armdesign.machine.file.section import (
+    Angle,
+    Coordinate,
+    Distance,
+    Flow,
+    Length,
+    Mass,
+    Name,
+    Pair,
+    Point,
+    Polygon,
+    Pressure,
+    Rate,
+    Ratio,
+    Section,
+    Share,
+    Text,
+    Volume,
+)
 from armdesign.machine.file.unquoted_keys import joined_keys
 
-NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
-Text = Annotated[str, Field(min_length=1, max_length=200)]
-Length = Annotated[float, Field(gt=0, le=100_000)]
-Volume = Annotated[float, Field(ge=0, le=10_000)]
-Flow = Annotated[float, Field(gt=0, le=100_000)]
-Mass = Annotated[float, Field(ge=0, le=1_000_000)]
-Pressure = Annotated[float, Field(gt=0, le=5_000)]
-Share = Annotated[float, Field(gt=0, le=1)]
-Ratio = Annotated[float, Field(gt=0, le=10)]
-Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
-Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Distance = Annotated[float, Field(ge=0, le=100_000)]
-Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
-Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
-Angle = Annotated[float, Field(ge=-360, le=360)]
 Least = Annotated[float, Field(ge=0, le=10)]  # share that is kept; 0: no such limit
 
 Number = TypeVar("Number")
@@ -58,12 +53,6 @@ def share_of(shares: Shares, actuator: str) -> float:
     if isinstance(shares, Mapping):
         return float(shares.get(actuator, shares[DEFAULT]))
     return shares
-
-
-class Section(BaseModel):
-    """A table of the file: no unknown keys, no other types, no NaN."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
 
 
 # ------------------------------------------------------------------------------------ requirements
@@ -353,8 +342,6 @@ class SpringSection(Section):
     at_mm: Coordinate | None = None
 
 
-T = TypeVar("T")
-Pair = Annotated[list[T], Field(min_length=2, max_length=2)]
 ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 
 
@@ -426,7 +413,8 @@ class MachineSection(Section):
 
     name: Name
     title: Text | None = None
-    urdf: Text
+    urdf: Text | None = None
+    links: dict[Name, LinkSection] = {}
     joints: Annotated[list[Text], Field(min_length=1, max_length=20)]
     frozen: dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]] = {}
     damped: bool = True

@@ -206,6 +206,7 @@ def test_no_random_design_exceeds_the_bound(name: str) -> None:
     assert bound < hertz(search.squared) * 1.05
 
 
+@pytest.mark.slow
 def test_no_random_design_exceeds_the_bound_of_gains() -> None:
     """Over a band of structure from rigid: above all designs, and not above what one end says."""
     problem = problem_of("double", bands=Bands(structure=(0.0, 1.0)), gain=True)

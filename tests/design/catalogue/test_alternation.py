@@ -60,6 +60,7 @@ def test_no_size_of_one_cylinder_is_better() -> None:
     assert tried >= 2
 
 
+@pytest.mark.slow
 def test_pins_on_whole_millimetres_and_strokes_on_five() -> None:
     """A catalogue is for what is built; "free" is not, and what does not move stays."""
     machine, space = double(), workspace_of("double")
@@ -109,6 +110,7 @@ def test_the_catalogue_of_the_file_is_the_default() -> None:
     assert not ad.size_cylinders(machine, space, catalogue="free").catalogue
 
 
+@pytest.mark.slow
 def test_what_no_size_meets_is_said_of_sizes_that_were_tried() -> None:
     """Pins may follow, but 120/80 thrusts 1.44 of today: that conflict is found with the sizes as
     they are.

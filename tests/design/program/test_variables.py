@@ -179,7 +179,12 @@ def test_bound_of_a_bore_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["cylinder.boom.rod_mm", "cylinder.stick.base.at_mm.0", "cylinder.bucket.four_bar.lug"]
+    "path",
+    [
+        "cylinder.boom.rod_mm",
+        "cylinder.stick.base.at_mm.0",
+        pytest.param("cylinder.bucket.four_bar.lug", marks=pytest.mark.slow),
+    ],
 )
 def test_only_what_is_named_changes(path: str) -> None:
     machine = named("excavator_20t")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from armdesign import Workspace
 from armdesign.design.program.problem import Problem
@@ -31,6 +32,7 @@ def shapes_of(arms: list[np.ndarray]) -> np.ndarray:
     return shapes - shapes.mean(axis=1, keepdims=True)
 
 
+@pytest.mark.slow
 def test_every_shape_of_random_linkages_has_one_like_it() -> None:
     """24 chosen linkages are nearer to the shapes of all others than 24 random ones are.
 
@@ -62,6 +64,7 @@ def test_every_shape_of_random_linkages_has_one_like_it() -> None:
     assert farthest(chosen_shapes) < farthest(drawn[:24])
 
 
+@pytest.mark.slow
 def test_the_same_shapes_whenever_asked() -> None:
     once, again = (linkages_of_every_shape(mini_with_linkages(), BUCKET, 5) for _ in range(2))
     np.testing.assert_array_equal(once, again)

@@ -47,7 +47,12 @@ def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("only_looked_at")
 @pytest.mark.parametrize(
-    ("vary", "count"), [(("areas", "pins"), 3), (("linkages",), 6), (("areas",), 1)]
+    ("vary", "count"),
+    [
+        (("areas", "pins"), 3),
+        pytest.param(("linkages",), 6, marks=pytest.mark.slow),
+        (("areas",), 1),
+    ],
 )
 def test_more_starts_where_four_bars_move(vary: tuple[str, ...], count: int) -> None:
     """Unless told otherwise; every one of them reached something or failed."""

@@ -79,7 +79,7 @@ def test_entities_do_not_explode() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"x\.toml: name: missing; add name.*7 more"),
+        ("", r"x\.toml: name: missing; add name.*6 more"),
         ("# nothing\n", r"x\.toml: name: missing"),
         ("name = ", r"not valid TOML: Invalid value"),
         (TEXT + "\n[fluid]\n", r"not valid TOML: .*fluid.*twice.*line \d+"),

@@ -195,6 +195,7 @@ def is_toml(text: str) -> bool:
     return True
 
 
+@pytest.mark.slow
 @given(documents().filter(is_toml))
 def test_random_files(text: str) -> None:
     """Keys, values and lines of any file that tomllib reads."""

@@ -1,0 +1,158 @@
+"""Outlines of links as bodies: of the URDF's visuals, of ``outline``, or hulls of pins.
+
+What one coordinate moves before the next is one body, in the plate of its first link. If any of
+its links has visuals, their outlines are the body. Else it is what ``[requirements.outline]`` of
+its links says, else the rounded hull of its pins, joints, tool and loads. Holes are filled. The
+only door to shapely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.drawing.plane import PicturePlane, placed
+from armdesign.drawing.visuals import convex_pieces, visuals
+from armdesign.units import mm
+
+if TYPE_CHECKING:
+    from armdesign.machine.load_case import LoadCase
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.linkage.base import Pin
+
+FINE = 4e-4  # of the machine's size: details that outlines leave out
+HULL = 0.02  # of the machine's size: half the width of a hull of pins
+ROUND = 6  # segments of a quarter circle
+SOURCES = ("visuals", "outline", "pins")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Body:
+    """What one coordinate moves before the next, as it looks from the side.
+
+    Attributes:
+        link: its first link, in whose plate the polygons are.
+        links: all its links.
+        source: what its outlines are: "visuals" of the URDF, "outline" of the machine file, or
+            hull of its "pins".
+        polygons: outlines (m, 2) [m], none where nothing but one point is known.
+    """
+
+    link: str
+    links: tuple[str, ...]
+    source: str
+    polygons: tuple[Array, ...]
+
+
+def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
+    """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
+    arm, shapes = (
+        machine.arm,
+        visuals(machine.urdf_text, (machine.source.parent / (machine.section.urdf or "")).parent),
+    )
+    groups = [
+        tuple(name for name, link in arm.links.items() if link.joint == joint)
+        for joint in range(-1, len(arm.coordinates))
+    ]
+    points = [_points(machine, plane, links) for links in groups]
+    everywhere = np.concatenate([at for at in points if len(at)] or [np.zeros((1, 2))])
+    size = float(np.ptp(everywhere, axis=0).max()) or 1.0
+    made = []
+    for links, own in zip(groups, points, strict=True):
+        seen = {
+            "visuals": [_of_visuals(plane, link, shapes[link]) for link in links],
+            "outline": [_of_outline(machine, plane, link) for link in links],
+            "pins": [_hull(own, HULL * size)],
+        }
+        source = next((s for s in SOURCES if any(not shape.is_empty for shape in seen[s])), "pins")
+        back = _back(plane, links[0])
+        polygons = (p for shape in seen[source] for p in _polygons(shape, FINE * size))
+        corners = tuple(placed(back, polygon) for polygon in polygons)
+        made.append(Body(link=links[0], links=links, source=source, polygons=corners))
+    return tuple(made)
+
+
+def distance(polygons: Iterable[Array], point: Array) -> float:
+    """Distance [m] of a point (2,) from the nearest of some polygons; 0 within, inf from none."""
+    import shapely
+
+    shapes = [shapely.Polygon(polygon) for polygon in polygons]
+    at = shapely.Point(point)
+    return min((shape.distance(at) for shape in shapes), default=np.inf)
+
+
+def _back(plane: PicturePlane, link: str) -> Array:
+    """Matrix (2, 3) from the picture, all joints at 0, to a link's plate."""
+    matrix = plane.placements(plane.zero, link)[0]
+    inverse = np.linalg.pinv(matrix[:, :2])
+    return np.concatenate([inverse, -inverse @ matrix[:, 2:]], axis=1)
+
+
+def _of_visuals(plane: PicturePlane, link: str, shapes: Iterable[Any]) -> Any:
+    """All visuals of a link as one shape in the picture, all joints at 0."""
+    import shapely
+
+    arm, rotation = plane.arm, plane.arm.link_rotation(plane.zero, link)[0]
+    foot = arm.point(plane.zero, link, np.zeros(3))[0]
+    pieces = [plane.project(convex_pieces(shape) @ rotation.T + foot) for shape in shapes]
+    hulls = [
+        shapely.convex_hull(shapely.multipoints(corners)) for piece in pieces for corners in piece
+    ]
+    areas = [hull for hull in hulls if hull.area > 0]
+    return shapely.union_all(areas, grid_size=1e-5) if areas else shapely.Polygon()
+
+
+def _of_outline(machine: Machine, plane: PicturePlane, link: str) -> Any:
+    """The outline that the machine file gives a link, in the picture, all joints at 0."""
+    import shapely
+
+    section = machine.section.requirements.outline.get(link)
+    if section is None:
+        return shapely.Polygon()
+    corners = np.array([[x, 0.0, z] for x, z in section.points_mm]) * mm
+    plate = corners @ plane.plate(link).T
+    return shapely.Polygon(placed(plane.placements(plane.zero, link)[0], plate)).buffer(0)
+
+
+def _points(machine: Machine, plane: PicturePlane, links: tuple[str, ...]) -> Array:
+    """Joints, pins, tool and loads on some links (m, 2), in the picture, all joints at 0."""
+    arm, zero = machine.arm, plane.zero
+    places = [arm.point(zero, str(pin.link), np.array(pin.at))[0] for pin in _pins(machine, links)]
+    first = arm.links[links[0]].joint
+    for index, joint in enumerate(arm.coordinates):
+        if index == first or joint.parent == first:
+            places.append(zero.translation[0, index])
+    distinct = np.unique(np.round(plane.project(np.reshape(places, (-1, 3))), 6), axis=0)
+    return np.asarray(distinct)
+
+
+def _pins(machine: Machine, links: tuple[str, ...]) -> Iterator[Pin | LoadCase]:
+    every: list[Pin | LoadCase] = [
+        machine.tool,
+        *machine.payloads,
+        *(pin for own in machine.linkages for pin in own.pins),
+    ]
+    return (pin for pin in every if pin.link in links)
+
+
+def _hull(points: Array, radius: float) -> Any:
+    """Rounded hull of at least two points."""
+    import shapely
+
+    if len(points) < 2:
+        return shapely.Polygon()
+    return shapely.MultiPoint(points).convex_hull.buffer(radius, quad_segs=ROUND)
+
+
+def _polygons(shape: Any, tolerance: float) -> Iterator[Array]:
+    """Outer rings of a shape's polygons (m, 2), without the first corner again at their end."""
+    import shapely
+
+    simple = shape.simplify(tolerance)
+    for part in shapely.get_parts(simple):
+        if part.geom_type == "Polygon" and not part.is_empty:
+            yield np.array(part.exterior.coords)[:-1]

@@ -1,0 +1,100 @@
+"""The plane of a side view: vertical, along the direction in which the arm moves.
+
+Slewing is left out: the observer turns with the arm, and what stands still is seen as without
+slewing. Each link is a plate: points of its frame are told by two axes of it, which a 2×3 matrix
+places in the picture at every pose. That is exact for points in the plate and for arms that move
+in one plane; other joints turn the plate out of the picture, which foreshortens it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.mechanism.arm import Arm, RigidPoses
+
+LEVEL = 0.5  # largest vertical part of the axis of a joint that moves in a vertical plane
+SQUARE = 0.999  # least part across the picture of an axis that is drawn as it is
+
+
+@dataclass(frozen=True, eq=False)
+class PicturePlane:
+    """The picture of an arm: forward to the right, up upwards.
+
+    Attributes:
+        arm: the arm.
+        tool_link: link that the picture should show in front of its root.
+    """
+
+    arm: Arm
+    tool_link: str
+
+    def poses(self, q: Array) -> RigidPoses:
+        """Placements at q (n, nq), or with springs (n, k), without slewing."""
+        z = np.array(self.arm.with_springs(q), dtype=float)
+        z[:, list(self.arm.slewing)] = 0.0
+        return self.arm.kinematics(z)
+
+    @cached_property
+    def zero(self) -> RigidPoses:
+        """Placements with all joints of q at 0."""
+        return self.poses(np.zeros((1, len(self.arm.joints))))
+
+    @cached_property
+    def axes(self) -> Array:
+        """Directions in the world (2, 3): forward and up."""
+        return np.array([self._forward(), [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def across(self) -> Array:
+        """Direction in the world (3,), out of the picture to its back: a hinge's axis."""
+        return np.cross(self.axes[1], self.axes[0])
+
+    def _forward(self) -> Array:
+        """The level direction square to most level hinges; else along a slide; else x."""
+        arm, up = self.arm, np.array([0.0, 0.0, 1.0])
+        hinges, slides = list[Array](), list[Array]()
+        for joint, axis in zip(arm.coordinates, self.zero.axis[0], strict=True):
+            level = np.hypot(*axis[:2])
+            if level > 1 - LEVEL:
+                flat = np.array([*axis[:2], 0.0]) / level
+                (hinges if joint.revolute else slides).append(flat)
+        alike = [sum(abs(float(one @ other)) for other in hinges) for one in hinges]
+        forward = np.array([1.0, 0.0, 0.0])
+        if hinges:
+            forward = np.cross(up, hinges[int(np.argmax(np.round(alike, 6)))])
+        elif slides:
+            forward = slides[0]
+        ahead = float(forward[0])
+        if abs(ahead) < 1e-6:
+            ahead = float(forward @ arm.point(self.zero, self.tool_link, np.zeros(3))[0])
+        return -forward if ahead < 0 else forward
+
+    def project(self, points: Array) -> Array:
+        """Points in the world (…, 3) as places in the picture (…, 2) [m]."""
+        return np.asarray(points @ self.axes.T)
+
+    def plate(self, link: str) -> Array:
+        """The two axes of a link's frame (2, 3) that span its plate.
+
+        Its x and z axes where y is square to the picture, as a machine file's outlines have them;
+        else what points forward and up while all joints are at 0.
+        """
+        rotation = self.arm.link_rotation(self.zero, link)[0]
+        if abs(float(rotation[:, 1] @ self.across)) > SQUARE:
+            return np.eye(3)[[0, 2]]
+        return np.asarray(self.axes @ rotation)
+
+    def placements(self, poses: RigidPoses, link: str) -> Array:
+        """Matrices (n, 2, 3) that place a link's plate in the picture: A u + t, as [A | t]."""
+        turn = self.axes @ self.arm.link_rotation(poses, link) @ self.plate(link).T
+        foot = self.project(self.arm.point(poses, link, np.zeros(3)))
+        return np.concatenate([turn, foot[:, :, None]], axis=2)
+
+
+def placed(matrix: Array, points: Array) -> Array:
+    """Points of a plate (m, 2) in the picture by matrices (…, 2, 3): (…, m, 2)."""
+    return np.asarray(points @ np.swapaxes(matrix[..., :2], -1, -2) + matrix[..., None, :, 2])

@@ -1,0 +1,34 @@
+"""What all tables of the machine file are made of: their base, and the ranges of common values."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
+Text = Annotated[str, Field(min_length=1, max_length=200)]
+Length = Annotated[float, Field(gt=0, le=100_000)]
+Volume = Annotated[float, Field(ge=0, le=10_000)]
+Flow = Annotated[float, Field(gt=0, le=100_000)]
+Mass = Annotated[float, Field(ge=0, le=1_000_000)]
+Pressure = Annotated[float, Field(gt=0, le=5_000)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Ratio = Annotated[float, Field(gt=0, le=10)]
+Coordinate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Point = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Distance = Annotated[float, Field(ge=0, le=100_000)]
+Rate = Annotated[float, Field(ge=-100_000, le=100_000)]
+Corner = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Polygon = Annotated[list[Corner], Field(min_length=3, max_length=200)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+T = TypeVar("T")
+Pair = Annotated[list[T], Field(min_length=2, max_length=2)]
+
+
+class Section(BaseModel):
+    """A table of the file: no unknown keys, no other types, no NaN."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)

@@ -1,0 +1,201 @@
+"""Side views against places computed from the file's numbers, and shapes known by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from armdesign import Machine, load, natural_modes
+from armdesign.drawing.outlines import bodies
+from armdesign.drawing.plane import PicturePlane, placed
+from armdesign.drawing.side_view import SideView, side_view
+from armdesign.drawing.swing import swung
+from armdesign.errors import PoseError
+from tests.machines import ODD, named
+
+PLANAR = ["excavator_20t", "loader_crane", "patu_boom", "paper_1dof", "four_bar_right"]
+
+
+def middle(machine: Machine) -> np.ndarray:
+    return machine.ranges.mean(axis=1)
+
+
+def view_of(name: str) -> tuple[Machine, SideView]:
+    machine = named(name)
+    return machine, side_view(machine, middle(machine))
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_points_are_the_pins_of_the_file(name: str) -> None:
+    """x and z of every pin in the world, by the arm's own kinematics and by the placements."""
+    machine, view = view_of(name)
+    poses = machine.arm.kinematics(middle(machine)[None])
+    plane = PicturePlane(machine.arm, machine.tool.link)
+    for pin, at in zip(view.pins, view.points[0], strict=True):
+        if pin.link is None or pin.at is None or pin.body is None:
+            continue
+        world = machine.arm.point(poses, pin.link, np.array(pin.at))[0]
+        assert at == pytest.approx(world[[0, 2]], abs=1e-12)
+        own = plane.placements(poses, pin.link)[0]
+        flat = placed(own, (np.array(pin.at) @ plane.plate(pin.link).T)[None])[0]
+        assert flat == pytest.approx(at, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_cylinders_are_between_their_pins(name: str) -> None:
+    """The distance of the drawn ends is the pin-to-pin length, and rods reach their pins."""
+    machine, view = view_of(name)
+    lengths = machine.at(middle(machine)).lengths[0]
+    for i, (shape, (barrel, rod)) in enumerate(
+        zip(view.cylinders, view.barrel_and_rod(), strict=True)
+    ):
+        base, end = view.points[0, list(shape.ends)]
+        assert np.hypot(*(end - base)) == pytest.approx(lengths[i], rel=1e-9)
+        assert rod[[1, 2]].mean(axis=0) == pytest.approx(end)
+        assert rod[[0, 3]].mean(axis=0) == pytest.approx(base)
+        assert np.hypot(*(rod[0] - rod[3])) == pytest.approx(machine.cylinders[i].rod)
+        stop = barrel[[1, 2]].mean(axis=0)
+        assert np.hypot(*(stop - base)) <= machine.cylinders[i].closed_length + 1e-9
+        assert np.hypot(*(barrel[0] - barrel[3])) > machine.cylinders[i].bore
+    assert not view.out_of_stroke.any()
+    assert view.stray_pins == ()
+
+
+def test_bars_have_their_lengths() -> None:
+    """Rocker and coupler of the 20 t machine: 578.7 and 561.0 mm in its file."""
+    _, view = view_of("excavator_20t")
+    spans = {bar.name: np.diff(view.points[0, list(bar.ends)], axis=0)[0] for bar in view.bars}
+    assert {name: float(np.hypot(*span)) for name, span in spans.items()} == pytest.approx(
+        {"bucket.rocker": 0.5787, "bucket.coupler": 0.5610}
+    )
+    assert "bucket.knee" in {pin.name for pin in view.pins}
+
+
+def test_outlines_are_what_the_visuals_cover() -> None:
+    """The lever of the paper: a crank and an arm, each a box, and a ball, r = 0.183 m."""
+    _, view = view_of("paper_1dof")
+    body = view.bodies[1]
+    assert (body.link, body.source) == ("boom", "visuals")
+    (outline,) = body.polygons
+    ball = shapely.Point(1.0, 0.15).buffer(0.183, quad_segs=64)
+    boxes = [shapely.box(-0.025, 0.0, 0.025, 0.15), shapely.box(0.0, 0.125, 1.0, 0.175)]
+    discs = [shapely.Point(0, z).buffer(0.035, quad_segs=64) for z in (0.0, 0.15)]
+    expected = shapely.union_all([ball, *boxes, *discs])
+    assert shapely.Polygon(outline).symmetric_difference(expected).area < 0.01 * expected.area
+    assert view.ground == pytest.approx(-1.04)  # its foot plate is 40 mm thick about −1.02 m
+
+
+def test_without_visuals_outlines_are_those_of_the_file_else_hulls_of_pins() -> None:
+    machine = load("excavator_20t")
+    bare = machine.urdf_text.replace("<visual>", "<ignored>").replace("</visual>", "</ignored>")
+    machine = Machine.from_text(machine.text, bare, machine.source)
+    view = side_view(machine, middle(machine))
+    assert {body.source for body in view.bodies} == {"outline"}
+    stick = next(body for body in view.bodies if body.link == "stick")
+    assert [-1.022, 0.26] in np.round(stick.polygons[0], 6).tolist()  # its first corner
+    odd = named("crossing")
+    for body in side_view(odd, middle(odd)).bodies:
+        assert body.source == "pins"
+        assert len(body.polygons) == 1
+
+
+def test_a_mesh_is_drawn_and_a_missing_one_is_not(tmp_path: Path) -> None:
+    """A triangle of 2 m × 1 m / 2, scaled from millimetres; the other link keeps its hull."""
+    corners = ("0 0 0", "2000 0 0", "0 0 1000")
+    loops = "".join(f"vertex {corner}\n" for corner in corners)
+    text = f"solid a\nfacet normal 0 -1 0\nouter loop\n{loops}endloop\nendfacet\nendsolid a\n"
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "boom.stl").write_text(text)
+    machine = named("crossing")
+    urdf = machine.urdf_text
+    for link, file in (("boom", "boom.stl"), ("stick", "no.stl")):
+        mesh = f'<mesh filename="package://odd/meshes/{file}" scale="0.001 0.001 0.001"/>'
+        visual = f"<visual><geometry>{mesh}</geometry></visual>"
+        urdf = urdf.replace(f'<link name="{link}">', f'<link name="{link}">{visual}')
+    machine = Machine.from_text(machine.text, urdf, tmp_path / "odd.toml")
+    shapes = {b.link: b for b in bodies(machine, PicturePlane(machine.arm, machine.tool.link))}
+    assert shapely.Polygon(shapes["boom"].polygons[0]).area == pytest.approx(1.0)
+    assert shapes["stick"].source == "pins"
+
+
+def test_a_mirrored_pin_is_seen() -> None:
+    """z of the boom cylinder's rod pin with the wrong sign: outside the boom."""
+    machine = load("excavator_20t")
+    q = middle(machine)
+    text = machine.text.replace("[2233.7, 0, 950.5]", "[2233.7, 0, -950.5]")
+    view = side_view(Machine.unchecked(text, machine.urdf_text, machine.source), q)
+    assert view.stray_pins == ("boom.rod_end",)
+    assert len(view.arcs) == 3
+
+
+def test_a_cylinder_out_of_its_stroke_is_seen() -> None:
+    """Half a degree beyond either end of the paper's joint."""
+    machine = named("paper_1dof")
+    (low, high), beyond = machine.ranges[0], math.radians(0.5)
+    view = side_view(machine, [[low - beyond], [low], [high], [high + beyond]])
+    assert view.out_of_stroke[:, 0].tolist() == [True, False, False, True]
+
+
+@pytest.mark.parametrize("name", [*ODD, "slewing", "rocking"])
+def test_every_machine_can_be_drawn(name: str) -> None:
+    """Skew, branched, slewing, redundant machines, motors and springs: finite, repeatable."""
+    machine, view = view_of(name)
+    assert np.isfinite(view.placements).all()
+    assert np.isfinite(view.points).all()
+    assert view.size > 0
+    assert len(view.cylinders) == len(machine.cylinders)
+    record = json.loads(json.dumps(view.record()))
+    for body, matrix, drawn in zip(
+        record["bodies"], record["placements"][0], view.polygons(), strict=True
+    ):
+        for polygon, corners in zip(body["polygons"], drawn, strict=True):
+            again = placed(np.array(matrix), np.array(polygon))
+            assert again == pytest.approx(corners, abs=3e-4)
+
+
+def test_the_observer_turns_with_the_arm() -> None:
+    """Slewing moves nothing in the picture."""
+    machine = named("slewing")
+    q = np.tile(middle(machine), (2, 1))
+    (slew,) = machine.arm.slewing
+    q[1, slew] += 1.0
+    view = side_view(machine, q)
+    assert view.points[1] == pytest.approx(view.points[0])
+    assert view.placements[1] == pytest.approx(view.placements[0])
+    assert machine.joints[slew] not in {arc.joint for arc in view.arcs}
+
+
+def test_arcs_end_where_the_joints_do() -> None:
+    """The arc of the paper's joint, about the origin: its angle is the range."""
+    machine, view = view_of("paper_1dof")
+    ((arc, line),) = zip(view.arcs, view.arc_lines(), strict=True)
+    angles = np.arctan2(line[:, 1], line[:, 0])
+    assert angles[-1] - angles[0] == pytest.approx(np.ptp(machine.ranges))
+    assert (arc.lower, arc.upper) == pytest.approx(tuple(machine.ranges[0]))
+    assert np.hypot(*line.T) == pytest.approx(np.full(len(line), np.hypot(*line[0])))
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "rocking"])
+def test_a_mode_swings_the_tool_by_its_amplitude(name: str) -> None:
+    """1 mm at the tool to first order, so 1 mm to 1e-3 in exact kinematics."""
+    machine = named(name)
+    q = middle(machine)[None]
+    modes = natural_modes(machine.at(q))
+    z = swung(machine, q, modes.shapes[:, :, 0], 1e-3)
+    arm, at = machine.arm, np.array(machine.tool.at)
+    there, here = (arm.point(arm.kinematics(p), machine.tool.link, at)[0] for p in (z, q))
+    assert math.dist(there, here) == pytest.approx(1e-3, rel=1e-3)
+    assert z.shape == (1, len(arm.coordinates))
+    assert not np.allclose(side_view(machine, z).points, side_view(machine, q).points)
+
+
+def test_a_pose_of_another_shape_is_refused() -> None:
+    with pytest.raises(PoseError, match="has shape"):
+        side_view(named("paper_1dof"), [0.1, 0.2])
+    with pytest.raises(PoseError, match="not finite"):
+        side_view(named("paper_1dof"), [math.nan])
