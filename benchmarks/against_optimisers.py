@@ -167,7 +167,7 @@ class Judge:
         stiffness = dynamics.actuator_stiffness(dynamics.rows.corner, g[pose], pistons) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
         reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
-        evaluated = evaluations(new, reference, forces[None])
+        evaluated = evaluations(new, reference, lambda: forces[None])
         values = np.array([e.constraint[0].real.min() for e in evaluated])
         missed = np.where(np.isfinite(values), np.maximum(-values, 0.0), 10.0)
         return lowest(lower @ stiffness @ np.swapaxes(lower, 1, 2)), forces, missed

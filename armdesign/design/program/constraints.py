@@ -12,7 +12,7 @@ and is stated again, as a chord; ``tests/design/program/test_constraints.py`` an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,16 +73,22 @@ def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
 
 
 def evaluations_at(
-    problem: Problem, x: Array, holding: Array | None = None
+    problem: Problem, x: Array, holding: Array | None = None, wanted: Collection[str] | None = None
 ) -> Iterator[Evaluation]:
-    """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
-    rows = holding_rows(problem, x) if holding is None else holding
+    """Every requirement at x; holding at the rows given, or at ``holding_rows``.
+
+    If names are ``wanted``, these, and others of their families.
+    """
     dynamics, new = problem.dynamics, problem.dynamics.stepped(x)
     reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
-    arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
-    gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
-    forces = dynamics.static_forces(arm, gravity, new.areas[:, None])
-    yield from evaluations(new, reference, forces)
+
+    def forces() -> Array:
+        rows = holding_rows(problem, x) if holding is None else holding
+        arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
+        gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
+        return dynamics.static_forces(arm, gravity, new.areas[:, None])
+
+    yield from evaluations(new, reference, forces, wanted)
     for i, lengths in enumerate(problem.vector.chosen_lengths):
         if lengths is not None:
             yield from range_covered(new, reference, i)

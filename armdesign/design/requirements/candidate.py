@@ -35,6 +35,10 @@ class Candidate(Protocol):
         """The machine from which the design takes counts, walls and supply."""
 
     @property
+    def linkages(self) -> tuple[Linkage, ...]:
+        """Every cylinder's pins and bars, without steps."""
+
+    @property
     def areas(self) -> Array:
         """Bore and annulus area of all parallel actuators (b, nc, 2) [m², of a motor m³/rad]."""
 
@@ -101,6 +105,11 @@ class MachineCandidate:
 
     machine: Machine
     reference: Reference
+
+    @property
+    def linkages(self) -> tuple[Linkage, ...]:
+        """Every cylinder's pins and bars."""
+        return self.machine.linkages
 
     @cached_property
     def areas(self) -> Array:

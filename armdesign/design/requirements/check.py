@@ -98,7 +98,7 @@ def _evaluated(
     new: MachineCandidate, reference: Reference, workspace: Workspace, loads: tuple[Array, Array]
 ) -> Iterator[Evaluation]:
     push, pull = loads
-    yield from evaluations(new, reference, np.stack([push, -pull])[None])
+    yield from evaluations(new, reference, lambda: np.stack([push, -pull])[None])
     yield from strokes_and_boxes(
         new, reference, reference.requirements.box(reference.today, workspace)
     )

@@ -21,7 +21,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine.file.schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.units import mm
@@ -256,16 +256,12 @@ def clearances(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     for part in reference.requirements.clearances:
         for name in part.cylinders:
             i = cylinders(reference.today).index(name)
-            free, stroke = (
-                _clear_distance(new, reference, part, i),
-                reference.today.cylinders[i].stroke,
-            )
-            nearest = np.argsort(free[0].real)[:NEAREST]
+            stroke = reference.today.cylinders[i].stroke
             yield Evaluation(
                 name=f"clearance.{part.name}.{name}",
                 words=f"clearance of the {name} barrel, {part.name}",
                 unit="m",
-                value=free[:, nearest],
+                value=_clear_distance(new, reference, part, i),
                 limit=part.distance,
                 at_least=True,
                 slack_scale=stroke,
@@ -276,21 +272,35 @@ def clearances(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
 
 def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: int) -> Array:
-    """Distance of a barrel from a part of a link (b, n) [m] at the poses between them.
+    """Distance of a barrel from a part of a link (b, n) [m], at the poses where it is least.
 
     A barrel is a bar of its outer diameter from the base pin, half as long as the open cylinder,
     as for buckling.
     """
     arm, poses = reference.today.arm, _poses_between(reference.today, part, i)
-    base, end = new.span(i, poses)
-    along = end - base
-    length = np.sqrt((along**2).sum(axis=-1))[..., None]
-    tip = base + along / length * ((new.closed[:, i] + new.stroke[:, i]) / 2)[:, None, None]
-    turn, origin = arm.link_rotation(poses, part.link), arm.point(poses, part.link, np.zeros(3))
-    bar = [np.einsum("bni,nij->bnj", p - origin, turn)[..., [0, 2]] for p in (base, tip)]
+    length, polygon = (new.closed[:, i] + new.stroke[:, i]) / 2, np.array(part.points)
+    # which poses count depends on no steps
+    base, end = (pin[None] for pin in new.linkages[i].ends(poses))
+    of_all = clearance(*_barrel(arm, poses, part.link, base, end, length[:1].real), polygon)
+    poses = poses[np.argsort(of_all[0])[:NEAREST]]
+    free = clearance(*_barrel(arm, poses, part.link, *new.span(i, poses), length), polygon)
     wall, pressure = new.machine.cylinders[i].barrel_wall, new.machine.supply.pressure
     radius = barrel_outer(diameters(new, i)[0], wall, pressure) / 2
-    return np.asarray(clearance(bar[0], bar[1], np.array(part.points)) - radius[:, None])
+    return np.asarray(free - radius[:, None])
+
+
+def _barrel(
+    arm: Arm, poses: RigidPoses, link: str, base: Array, end: Array, length: Array
+) -> tuple[Array, Array]:
+    """Ends (b, n, 2) of barrels of a length (b,) in the plane of a link, from pins (b, n, 3)."""
+    turn, origin = arm.link_rotation(poses, link), arm.point(poses, link, np.zeros(3))
+    along = end - base
+    span = np.sqrt((along**2).sum(axis=-1))[..., None]
+    tip = base + along / span * length[:, None, None]
+    first, second = (
+        np.einsum("bni,nij->bnj", pin - origin, turn)[..., [0, 2]] for pin in (base, tip)
+    )
+    return first, second
 
 
 @lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ To add one, say a largest rod speed (two files, about fifteen lines):
    ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit bends.
 
 Check, constraints with gradients, slacks, rounding, prices, conflicts and reports follow. A new
-family is one more base class of ``Requirements`` and one more line of ``evaluations``.
+family is one more base class of ``Requirements`` and one more line of ``FAMILIES``.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ one: ``record.py``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -140,18 +140,36 @@ class Requirements(
                         raise ArmDesignError(f"requirements.{path}", fault, remedy)
 
 
-def evaluations(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:
-    """Every requirement that a design can miss, with its static forces (b, k, nc) [N]."""
-    yield from oil(new, reference)
-    yield from strength(new, reference)
-    yield from leverage(new, reference)
-    yield from torques(new, reference)
-    yield from transmissions(new, reference)
-    yield from speeds(new, reference)
-    yield from lifts(new, reference)
-    yield from lift_share(new, reference)
-    yield from digging_force(new, reference)
-    yield from outlines(new, reference)
-    yield from clearances(new, reference)
-    yield from cylinder_mass(new, reference)
-    yield from holding(new, reference, forces)
+# families of requirements, each with the first words of its requirements' names
+FAMILIES: Mapping[Callable[[Candidate, Reference], Iterator[Evaluation]], tuple[str, ...]] = {
+    oil: ("oil",),
+    strength: ("thrust", "dead_length", "buckling", "buckling_factor"),
+    leverage: ("moment_arm", "digging"),
+    torques: ("torque", "end_torque"),
+    transmissions: ("transmission",),
+    speeds: ("speed",),
+    lifts: ("lift",),
+    lift_share: ("lift_share",),
+    digging_force: ("digging_force",),
+    outlines: ("outline",),
+    clearances: ("clearance",),
+    cylinder_mass: ("cylinder_mass",),
+}
+
+
+def evaluations(
+    new: Candidate,
+    reference: Reference,
+    forces: Callable[[], Array],
+    wanted: Collection[str] | None = None,
+) -> Iterator[Evaluation]:
+    """Every requirement that a design can miss, with its static forces (b, k, nc) [N].
+
+    If names are ``wanted``, families without any of them are left out.
+    """
+    first_words = None if wanted is None else {name.split(".")[0] for name in wanted}
+    for family, words in FAMILIES.items():
+        if first_words is None or not first_words.isdisjoint(words):
+            yield from family(new, reference)
+    if first_words is None or "holding" in first_words:
+        yield from holding(new, reference, forces())

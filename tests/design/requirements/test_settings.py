@@ -6,15 +6,17 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements
+from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Outline
 from armdesign.errors import MachineFileError
-from tests.design.designs import MACHINES, workspace_of
+from tests.design.designs import MACHINES, problem_of, some_x, workspace_of
 from tests.design.requirements.shared import BOOM_PLATE, EVERYTHING, FRONT, POSED, STICK_PLATE
 from tests.machines import demanding, named
 
@@ -253,3 +255,16 @@ def test_a_number_of_a_file_becomes_a_table() -> None:
 def test_digging_cylinder_must_exist() -> None:
     with pytest.raises(ArmDesignError, match=r'requirements.digging: no cylinder "thumb"'):
         ad.optimize(named("paper_1dof"), requirements=Requirements(digging=("thumb",)))
+
+
+@pytest.mark.parametrize("name", ["double", "odd", "shipped"])
+def test_a_family_alone_says_of_its_requirements_what_all_together_say(name: str) -> None:
+    """Names wanted: their families, which have no others; the rest is not computed."""
+    problem = problem_of(name)
+    x = some_x(problem, 1)
+    every = {e.name: e for e in evaluations_at(problem, x)}
+    for wanted in every:
+        alone = list(evaluations_at(problem, x, None, {wanted}))
+        (same,) = (e for e in alone if e.name == wanted)
+        assert np.array_equal(same.constraint, every[wanted].constraint)
+        assert len(alone) < len(every)

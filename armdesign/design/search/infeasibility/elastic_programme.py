@@ -241,11 +241,8 @@ class ElasticProgramme:
     def _rooms(self, x: Array, roles: Roles | None) -> _Rooms:
         """Room of the requirements that have a role (all must hold if None) at x."""
         wanted = None if roles is None else roles.names
-        watched = wanted is None or any(name.startswith("holding.") for name in wanted)
-        rows = self.holding if watched else self.holding[:0]
-        kept = [
-            c for c in evaluations_at(self.problem, x, rows) if wanted is None or c.name in wanted
-        ]
+        at_x = evaluations_at(self.problem, x, self.holding, wanted)
+        kept = [c for c in at_x if wanted is None or c.name in wanted]
         shares = [
             (c.constraint - drawn_in(self.problem, c)) / _constraint_per_slack(c) - self.depth
             for c in kept
