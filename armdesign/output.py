@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TextIO
 from armdesign import text_files, transaction
 from armdesign.csv_rows import plain_text
 from armdesign.errors import ArmDesignError, printable
-from armdesign.machine.file.toml_reading import read_toml
 from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
@@ -191,6 +190,7 @@ def made_of(machine: Machine) -> str:
 def check_urdf(machine: Machine, out: Path) -> None:
     """Raise if a new design's URDF would replace one that belongs to another machine file."""
     from armdesign.machine.file import saving
+    from armdesign.machine.file.toml_reading import read_toml
 
     files = machine.files(out / made_of(machine))
     target, urdf = next(iter(files)), saving.other_urdf(machine, files)
