@@ -41,6 +41,7 @@ from armdesign.options import (
 )
 from armdesign.output import outputs, show, tell, write_csv
 from armdesign.progress import progress
+from armdesign.streams import printing
 from armdesign.transaction import as_interrupt
 
 if TYPE_CHECKING:
@@ -360,8 +361,9 @@ def _design(
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
-    with as_interrupt() as signals:
+    with as_interrupt() as signals, printing():
         try:
+            output.refuse_archive()
             code = app(standalone_mode=False)
             if code != INTERRUPTED:  # as typer answers Ctrl-C
                 sys.exit(code)

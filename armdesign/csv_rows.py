@@ -50,7 +50,7 @@ def read_rows(
         text = text_files.read(path, text_files.LARGEST_TABLE)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise kind(str(path), f"cannot be read ({reason})", remedy) from None
+        raise kind(str(path) or "CSV file", f"cannot be read ({reason})", remedy) from None
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)

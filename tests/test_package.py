@@ -20,6 +20,7 @@ ROOMS = (
         "errors",
         "text_files",
         "csv_rows",
+        "streams",
         "user_folders",
         "transaction",
         "arrays",
@@ -31,7 +32,15 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
     *("drawing", "plots", "report", "paper", "influence", "output", "options"),
-    *("cli_control", "cli_measured", "cli_tradeoffs", "cli_influence", "cli_motion", "cli"),
+    *(
+        "cli_control",
+        "cli_measured",
+        "cli_tradeoffs",
+        "cli_influence",
+        "cli_motion",
+        "cli",
+        "__main__",
+    ),
 )
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},

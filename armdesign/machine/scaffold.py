@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.section import DEVICE, NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {
@@ -112,6 +112,9 @@ def new(name: str, links: int) -> tuple[str, str]:
     Raises:
         ArmDesignError: a name that no machine can have, or another number of links.
     """
+    if DEVICE.fullmatch(name):
+        fault = f'"{name}" is a device of Windows, not a file'
+        raise ArmDesignError("name", fault, "give another name")
     if not re.match(NAME_PATTERN, name) or len(name) > NAME_LENGTH or name.endswith("\n"):
         remedy = f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}"
         raise ArmDesignError("name", f'"{name:.70}" is not allowed', remedy)
