@@ -188,7 +188,7 @@ def test_the_shipped_machines_follow_it(name: str) -> None:
 def test_units_and_descriptions_are_in_it() -> None:
     document = json.loads(json_schema())
     cylinder = document["$defs"]["CylinderSection"]["properties"]
-    assert cylinder["bore_mm"]["description"] == "inner diameter of the barrel [mm]"
+    assert cylinder["bore_mm"]["description"] == "inner diameter of the barrel; each [mm]"
     assert cylinder["compliance_m_per_N"]["description"].endswith("[m/N]")
     assert "null" not in json_schema()
     keys = {

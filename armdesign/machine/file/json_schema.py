@@ -19,7 +19,14 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "damped": "false: friction and leakage of all actuators, and damping of springs, are left out",
     "tool": "the point whose place is reported",
     "payload": "load cases by name; the worst one counts",
+    "fluid": "the oil",
+    "density_kg_per_m3": "density of the oil",
+    "supply": "the pump",
+    "pressure_bar": "relief pressure: the most that the pump gives",
+    "return_pressure_bar": "pressure behind the valves on the way to the tank",
+    "mass_kg": "mass of the load",
     "cylinder": "hydraulic actuators by name",
+    "cylinders": "names of the cylinders",
     "link": "link of the URDF or of links",
     "at_mm": "x, y, z in the frame of the link",
     "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
@@ -30,8 +37,10 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "bore_mm": "inner diameter of the barrel",
     "rod_mm": "diameter of the rod",
     "closed_length_mm": "pin to pin, rod in",
-    "dead_volume_l": "oil that the piston never sweeps, hoses included, all parallel cylinders"
-    " together",
+    "stroke_mm": "way of the piston from end to end",
+    "dead_volume_l": "oil that the piston never sweeps, hoses included",
+    "cap": "on the side of the piston without rod",
+    "annulus": "on the side of the rod",
     "base": "pin of the barrel",
     "rod_end": "pin of the rod; or give four_bar",
     "four_bar": "rocker and coupler that the rod end drives",
@@ -40,9 +49,11 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "rocker_mm": "pivot to knee",
     "coupler_mm": "knee to lug",
     "knee": "side of the line from pivot to lug, seen with x right and z up",
-    "barrel_kg": "mass of the barrel of each cylinder",
-    "rod_kg": "mass of the rod of each cylinder",
-    "compliance_m_per_N": "compliance of pins, brackets and links in series, all together",
+    "rocker_kg": "mass of the rocker",
+    "coupler_kg": "mass of the coupler",
+    "barrel_kg": "mass of the barrel",
+    "rod_kg": "mass of the rod",
+    "compliance_m_per_N": "compliance of pins, brackets and links in series",
     "hose": "the share of the dead volume that lies in hoses",
     "motor": "hydraulic motors by name, on joints that turn without end",
     "spring": "structure that yields: joints that no actuator drives, by name",
@@ -52,20 +63,30 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "joint": "joint that the motor turns; default: the one of the motor's name",
     "displacement_cm3": "oil per turn of one motor",
     "gear_ratio": "turns of a motor per turn of the joint",
-    "trapped_volume_l": "oil between valve and pistons, hoses included, all parallel motors"
-    " together; a drives forward",
+    "trapped_volume_l": "oil between valve and pistons, hoses included; a drives forward",
+    "a": "on the side that drives the joint forward",
+    "b": "on the side that drives the joint backward",
+    "cap_l": "oil in the hoses of the cap side",
+    "annulus_l": "oil in the hoses of the rod side",
+    "a_l": "oil in the hoses of side a",
+    "b_l": "oil in the hoses of side b",
     "compliance_rad_per_N_m": "compliance of gear and mounting in series, at the joint",
     "valve": "one valve for all parallel cylinders or motors together",
+    "rated_flow_l_per_min": "flow through one metering edge, fully open, at the rated drop",
     "rated_drop_bar": "pressure drop of one metering edge at the rated flow",
     "overlap_percent": "of full spool stroke; negative: underlap",
-    "leakage_l_per_min_per_bar": "leakage across the piston, all parallel cylinders or motors"
-    " together",
-    "tank_leakage_l_per_min_per_bar": "leakage from each chamber to the tank, all parallel"
-    " cylinders or motors together",
+    "leakage_l_per_min_per_bar": "leakage across the piston",
+    "tank_leakage_l_per_min_per_bar": "leakage from each chamber to the tank",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
     "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
     "preload_bar": "of the chamber without load while the valve is shut and tight; default: return"
     " pressure",
+    "natural_frequency_hz": "natural frequency of the spool",
+    "damping_ratio": "damping ratio of the spool",
+    "supply_to_cap": "of the edge that fills the cap side, of a motor side a",
+    "supply_to_annulus": "of the edge that fills the rod side, of a motor side b",
+    "cap_to_return": "of the edge that empties the cap side, of a motor side a",
+    "annulus_to_return": "of the edge that empties the rod side, of a motor side b",
     "edges": "gains of the four metering edges, relative to the rated flow",
     "load_holding": "counterbalance or pilot-operated check valve on one chamber",
     "side": "the chamber that the valve holds",
@@ -75,12 +96,24 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "pump": "flow_limited: gives no more than its flow; ideal: holds its pressure",
     "cut_off_percent": "last share of its pressure in which a flow-limited pump cuts off its flow",
     "line_volume_l": "oil between a flow-limited pump and its valves",
-    "friction": "per cylinder; of a motor at the joint, all together",
+    "friction": "friction of the actuator; default: none",
+    "coulomb_N": "dry friction while the piston moves",
+    "static_N": "friction at which the piston begins to move; default: coulomb_N",
+    "stribeck_velocity_mm_per_s": "speed in whose range friction falls from static to dry",
+    "viscous_N_s_per_m": "friction per speed",
+    "coulomb_N_m": "dry friction while the joint turns",
+    "static_N_m": "friction at which the joint begins to turn; default: coulomb_N_m",
+    "stribeck_velocity_deg_per_s": "speed in whose range friction falls from static to dry",
+    "viscous_N_m_s_per_rad": "friction per speed",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
     "structure": "compliance in series with each actuator over that of its oil at mid stroke: 0"
     " rigid, 1 as soft as the oil",
     "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
+    "bulk_modulus_share": "of the oil's bulk modulus without air",
+    "dead_volume_share": "of every chamber's dead volume",
+    "payload_share": "of the mass of every load case",
+    "link_mass_share": "of mass and inertia of what each joint moves",
     "tolerances": "how far single machines may lie from this file's values, either way",
     "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
     "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round",
@@ -101,6 +134,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
         "torque of each actuator in each direction at both ends of the range, at least"
     ),
     "transmission_deg": "angle between rocker and coupler, at least",
+    "share": "of today's digging torque, at least",
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
     "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
@@ -169,6 +203,14 @@ IN_SECTION = {  # where a key means something else than in most tables
         "spring_stiffness_percent": "of every spring, either way",
         "keys": "of single numbers by key path in quotes, in their unit, either way",
     },
+    "BandsSection": {"entrained_air_percent": "by volume at atmospheric pressure"},
+    "LoadHoldingSection": {
+        "rated_flow_l_per_min": "flow through the open valve at the rated drop",
+        "rated_drop_bar": "pressure drop of the open valve at the rated flow",
+    },
+    "LiftSection": {"mass_kg": "mass to hold"},
+    "ClearanceSection": {"cylinders": "cylinders whose barrels keep clear of the part"},
+    "DiggingSection": {"cylinders": "cylinders whose digging force counts"},
     "LiftChartSection": {
         "link": "that carries the load; default: by the pin of the tool's link, or the tool",
         "joints": (
@@ -195,6 +237,39 @@ IN_SECTION = {  # where a key means something else than in most tables
     },
 }
 
+# numbers that could be of one of several parallel actuators, or of all of them together
+EACH = {
+    "CylinderSection": "bore_mm rod_mm barrel_kg rod_kg barrel_wall_mm",
+    "FrictionSection": "coulomb_N static_N viscous_N_s_per_m",
+    "MotorSection": "displacement_cm3",
+}
+TOGETHER = {
+    "CylinderSection": "dead_volume_l compliance_m_per_N",
+    "DeadVolumeSection": "cap annulus",
+    "HoseSection": "cap_l annulus_l",
+    "FourBarSection": "rocker_kg coupler_kg",
+    "ValveSection": (
+        "rated_flow_l_per_min leakage_l_per_min_per_bar tank_leakage_l_per_min_per_bar"
+    ),
+    "LoadHoldingSection": "rated_flow_l_per_min",
+    "MotorSection": "trapped_volume_l compliance_rad_per_N_m",
+    "TrappedVolumeSection": "a b",
+    "MotorHoseSection": "a_l b_l",
+    "MotorFrictionSection": "coulomb_N_m static_N_m viscous_N_m_s_per_rad",
+}
+
+
+def of_how_many(section: str, key: str) -> str:
+    """Whether a number is of each parallel actuator or of all together; empty if it is neither."""
+    if key in EACH.get(section, "").split():
+        return "each"
+    return "all parallel ones together" if key in TOGETHER.get(section, "").split() else ""
+
+
+def meaning(section: str, key: str) -> str:
+    """What a key of a section of the schema means, in words."""
+    return IN_SECTION.get(section, {}).get(key, DESCRIPTIONS.get(key, ""))
+
 
 def json_schema() -> str:
     """The JSON Schema as text: ``machine.schema.json`` in the package is this."""
@@ -204,7 +279,7 @@ def json_schema() -> str:
         section.pop("title", None)
         for key, value in section.get("properties", {}).items():
             unit = named_unit(key, unwrap(classes[name].model_fields[key].annotation)[0])
-            words = IN_SECTION.get(name, {}).get(key, DESCRIPTIONS.get(key, ""))
+            words = "; ".join(filter(None, [meaning(name, key), of_how_many(name, key)]))
             words += "; or a table by actuator, with a default" if key in BY_ACTUATOR else ""
             _describe(value, f"{words} {unit and f'[{unit}]'}".strip())
     draft = "https://json-schema.org/draft/2020-12/schema"
