@@ -15,6 +15,7 @@ import typer
 
 from armdesign import output
 from armdesign.cli_control import control
+from armdesign.cli_draw import draw
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
@@ -205,6 +206,7 @@ def design(
 @app.command()
 def check(
     machine: MachineArgument,
+    out: OutOption = Path("out"),
     points: PointsOption = "",
     units: UnitsOption = Habit.workshop,
     allow_outside: OutsideOption = False,
@@ -212,8 +214,9 @@ def check(
     """Explain a machine file, or list its faults.
 
     Prints masses, joint ranges and what ends them, reach, moment arms, static pressures and
-    implausible values. Writes nothing.
+    implausible values; of a file without faults writes machine.png, a drawing to scale.
     """
+    from armdesign import plots
     from armdesign.frequency.workspace import Workspace
     from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
@@ -231,6 +234,8 @@ def check(
             tell(f"armdesign: {fault}", sys.stderr)
         raise typer.Exit(2)
     show(sheets)
+    with outputs(out) as folder:
+        plots.save(plots.machine_drawing(model).figure, folder / "machine.png")
 
 
 @app.command()
@@ -245,7 +250,8 @@ def compare(
     """Compare two machines, or two versions of one.
 
     Prints worst poses, percentiles, limiting cylinders, lift charts and the differences of the
-    files. Writes compare.csv, lift_chart.csv, maps and lift charts on one colour scale.
+    files. Writes compare.csv, lift_chart.csv, maps and lift charts on one colour scale, and
+    overlay.png: both over each other, moved pins as arrows.
     """
     from armdesign import plots
     from armdesign.machine.loading import load
@@ -260,6 +266,7 @@ def compare(
         write_csv(compared.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
+        output.write_overlay(compared.maps, folder)
         output.write_lift_charts(compared.lift_charts, folder)
     show(compared.sheets(units.units))
 
@@ -300,6 +307,7 @@ app.command()(calibrate)
 app.command()(pareto)
 app.command()(steps)
 app.command()(control)
+app.command()(draw)
 app.command()(move)
 app.command()(sensitivity)
 app.command("what-if")(what_if)

@@ -69,8 +69,8 @@ def read_rows(
             raise kind(str(path), f'column "{name}" is there twice', "leave one out")
     for number, fields in rows[1:]:
         if len(fields) != len(names):
-            problem = f"{len(fields)} fields in line {number}, {len(names)} names"
-            raise kind(str(path), problem, "give one field per name")
+            fault = f"{len(fields)} fields in line {number}, {len(names)} names"
+            raise kind(str(path), fault, "give one field per name")
     return names, rows[1:]
 
 

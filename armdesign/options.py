@@ -210,6 +210,29 @@ SpreadOption = Annotated[
     float,
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
+NewArgument = Annotated[
+    str, typer.Argument(help="Another machine, drawn over it; default: none.", show_default=False)
+]
+PoseOption = Annotated[
+    str,
+    typer.Option(
+        "--pose",
+        help="Joints in deg, slides in mm: boom=10,stick=-60; those not named, and by default all,"
+        " stand in the middle of their ranges.",
+        show_default=False,
+    ),
+]
+
+
+class PictureFormat(StrEnum):
+    """Formats of pictures."""
+
+    png = "png"
+    svg = "svg"
+    pdf = "pdf"
+
+
+FormatOption = Annotated[PictureFormat, typer.Option("--format", help="Of the pictures.")]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]
@@ -248,6 +271,8 @@ def pose_of(
 
     ``last``: positions of joints that are not named, if there are any.
     """
+    from armdesign.drawing.joint_arcs import drawn_ranges
+
     joints = {joint.name: joint for joint in machine.arm.joints}
     units = {
         name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
@@ -272,7 +297,7 @@ def pose_of(
             raise ArmDesignError(option, fault, remedy) from None
     if missing := [name for name in joints if name not in pose]:
         raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
-    for name, (low, high) in zip(joints, machine.ranges.tolist(), strict=True):
+    for name, (low, high) in zip(joints, drawn_ranges(machine).tolist(), strict=True):
         if (value := pose[name]) < low or value > high:
             unit, factor = units[name]
             fault = f"{name} {value / factor:g} {unit} is outside its range"
@@ -292,14 +317,14 @@ def payload_of(text: str) -> str | float | None:
 
 def spans(text: str, option: str) -> list[tuple[float, float]]:
     """Pairs of numbers as ``1.9:4.5,4:7``."""
-    found = []
+    pairs = []
     for word in listed(text):
         try:
             low, high = map(float, word.split(":"))
         except ValueError:
             raise ArmDesignError(option, f'"{word}" is no span', "give it as 1.9:4.5") from None
-        found.append((low, high))
-    return found
+        pairs.append((low, high))
+    return pairs
 
 
 def listed(text: str) -> tuple[str, ...]:

@@ -55,7 +55,7 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
             plots.holding_pressure(frequencies, ax)
         else:
             frequencies.plot(ax, plane=name)
-        fig.suptitle(frequencies.machine.section.title or frequencies.machine.name)
+        fig.suptitle(plots.title_of(frequencies.machine))
         plots.save(fig, folder / f"map_{name}.png")
 
 
@@ -93,7 +93,25 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     saved = [(text, plots.save(fig, folder / name)) for name, (text, fig) in pictures.items()]
     charts = lift_charts({"today": design.today, "new": design.machine})
     chart = write_lift_charts(charts, folder)
-    return [*saved, *([("Lift charts (ISO 10567)", chart)] if chart else [])]
+    overlay = write_overlay({"today": design.before, "new": design.after}, folder)
+    drawn = [("Both machines in today's worst pose; arrows show moved pins", overlay)]
+    more = [*drawn, ("Lift charts (ISO 10567)", chart)]
+    return [*saved, *((text, path) for text, path in more if path)]
+
+
+def write_overlay(maps: Mapping[str, FrequencyMap], folder: Path) -> Path | None:
+    """Write two machines over each other in the first one's worst pose.
+
+    Nothing if their joints differ.
+    """
+    from armdesign import plots
+
+    old, new = (frequencies.machine for frequencies in maps.values())
+    if old.joints != new.joints:
+        return None
+    worst, labels = next(iter(maps.values())).worst, tuple(maps)
+    ax = plots.machine_overlay(old, new, worst.q, labels=(labels[0], labels[1]))
+    return plots.save(ax.figure, folder / "overlay.png")
 
 
 def write_steps(answer: Steps, folder: Path) -> None:

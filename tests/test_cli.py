@@ -19,7 +19,8 @@ from tests import machines
 from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map_of, run
 
 OTHERS = {  # and what they take
-    "check": ["--points", "--units"],
+    "check": ["--out", "--points", "--units"],
+    "draw": ["--pose", "--payload", "--out", "--format"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
     "sensitivity": ["--out", "--points", "--units"],

@@ -34,6 +34,7 @@ ROOMS = (
     *("drawing", "plots", "report", "paper", "influence", "output", "options"),
     *(
         "cli_control",
+        "cli_draw",
         "cli_measured",
         "cli_tradeoffs",
         "cli_influence",

@@ -29,7 +29,7 @@ DIGITS = 2  # significant, of a deviation; the value ends where it ends
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration:
-    """What measurements say of numbers of a machine file.
+    """Numbers of a machine file as measurements determine them.
 
     Attributes:
         today: the machine before.
@@ -67,13 +67,13 @@ class Calibration:
 
         rows = []
         for one in self.unknowns:
-            found = self._found(one)
+            result = self._result(one)
             row = {"unit": one.unit, "before": one.value, "value": one.value}
-            rows.append({**row, **(found or dict.fromkeys(KEYS[1:], math.nan))})
-            rows[-1]["determined"] = found is not None
+            rows.append({**row, **(result or dict.fromkeys(KEYS[1:], math.nan))})
+            rows[-1]["determined"] = result is not None
         return pd.DataFrame(rows, index=pd.Index([one.path for one in self.unknowns], name="path"))
 
-    def _found(self, one: Unknown) -> dict[str, float] | None:
+    def _result(self, one: Unknown) -> dict[str, float] | None:
         """Value, deviation and interval of an unknown; None if it is not determined."""
         if self.fit is None or one not in self.fit.problem.unknowns:
             return None
@@ -111,9 +111,9 @@ class Calibration:
         table |= dict(zip(machine.joints, rigid.q.T, strict=True))
         table |= {"mode": measured.modes + 1, "measured_hz": measured.frequencies}
         table["deviation_hz"] = measured.deviations
-        for name, found in (("before", self.before), ("calibrated", self.after)):
-            table[f"{name}_hz"] = found.frequencies
-            table[f"{name}_error"] = found.frequencies / measured.frequencies - 1
+        for name, prediction in (("before", self.before), ("calibrated", self.after)):
+            table[f"{name}_hz"] = prediction.frequencies
+            table[f"{name}_error"] = prediction.frequencies / measured.frequencies - 1
         table["left_out_error"] = self.left_out
         loads = measured_loads(self.today, measured)
         for i, actuator in enumerate(machine.actuators):
@@ -137,9 +137,9 @@ class Calibration:
         """
         notes = {}
         for one in self.unknowns:
-            found = self._found(one)
-            if found is not None:
-                notes[one.path] = f", fitted ± {found['deviation']:.{DIGITS}g}"
+            result = self._result(one)
+            if result is not None:
+                notes[one.path] = f", fitted ± {result['deviation']:.{DIGITS}g}"
         story = (f"Command: {command}", *(f"{words.capital(line)}." for line in self.findings))
         return retold(self.machine, self.today, "calibrated", story, notes)
 

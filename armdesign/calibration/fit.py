@@ -179,10 +179,10 @@ def fitted(problem: Problem, start: Array | None = None) -> Fit:
     limits = np.array([one.limits for one in problem.unknowns]).T
     begin = problem.start() if start is None else start
     inner = np.clip(begin, limits[0] + 1e-9, limits[1] - 1e-9)
-    found = least_squares(
+    optimum = least_squares(
         problem.residuals, inner, problem.jacobian, bounds=(limits[0], limits[1]), xtol=1e-9
     )
-    return Fit(problem, found.x, found.fun, problem.jacobian(found.x))
+    return Fit(problem, optimum.x, optimum.fun, problem.jacobian(optimum.x))
 
 
 def determined(problem: Problem) -> tuple[Fit, Fit | None, dict[str, float]]:

@@ -165,10 +165,10 @@ class _Table:
         for column in joint_columns(machine):
             given = [name for name in column.all if name in self.columns]
             if len(given) != 1:
-                problem = " and ".join(given) or "no column"
-                problem += f" {'say' if given else 'says'} where joint {column.name} stands"
+                fault = " and ".join(given) or "no column"
+                fault += f" {'say' if given else 'says'} where joint {column.name} stands"
                 remedy = f"give one column: {' or '.join(column.all)}"
-                raise ArmDesignError(self.source, problem, remedy)
+                raise ArmDesignError(self.source, fault, remedy)
             values = self._numbers(given[0], blank=False)
             if given[0] == column.own:
                 joints[:, column.joint] = values * column.factor
@@ -241,8 +241,8 @@ class _Table:
             for actuator, (cap, annulus) in zip(self.machine.actuators, known, strict=True):
                 if cap != annulus and not math.isnan(deviation):
                     has, lacks = SIDES if cap else SIDES[::-1]
-                    problem = f"{actuator.name}_{has}_bar without {actuator.name}_{lacks}_bar"
-                    raise ArmDesignError(part, problem, "give both pressures, or neither")
+                    fault = f"{actuator.name}_{has}_bar without {actuator.name}_{lacks}_bar"
+                    raise ArmDesignError(part, fault, "give both pressures, or neither")
             if math.isnan(frequency) and (math.isnan(deviation) or not known.any()):
                 remedy = "give frequency_hz, or pressures with pressure_deviation_bar"
                 raise ArmDesignError(part, "holds no measurement", remedy)

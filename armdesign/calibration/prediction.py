@@ -44,11 +44,11 @@ def positions(machine: Machine, measured: Measured) -> Array:
 def _refuse_outside(machine: Machine, measured: Measured, q: Array) -> None:
     for column in joint_columns(machine):
         for n, position in enumerate(q[:, column.joint], 1):
-            problem = column.outside(machine, position)
-            if problem:
+            fault = column.outside(machine, position)
+            if fault:
                 part = f"{measured.source}: row {n}, {column.own}"
                 remedy = "strokes and limits end there: correct the pose or the machine file"
-                raise ArmDesignError(part, problem, remedy)
+                raise ArmDesignError(part, fault, remedy)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

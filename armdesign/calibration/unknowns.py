@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.machine.file import machine_file
-from armdesign.machine.file.key_paths import allowed, annotation, bounds, unit_of
+from armdesign.machine.file.numbers import Number, chosen_numbers
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import coordinates
 
@@ -21,23 +20,13 @@ LEAST = 1e-18  # stands for zero in logarithms: no key's unit makes so small a n
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unknown:
-    """A number of the machine file that is to be found.
+class Unknown(Number):
+    """A number of the machine file that a calibration fits.
 
     Attributes:
-        path: its key path.
-        value: what the file says, in the file's unit.
-        unit: that unit; empty if the key names none.
-        low: least value that the schema allows.
-        high: largest.
         prior: what is known beforehand: value and standard deviation; None: nothing.
     """
 
-    path: str
-    value: float
-    unit: str
-    low: float
-    high: float
     prior: tuple[float, float] | None = None
 
     @property
@@ -95,47 +84,24 @@ def unknowns_of(
     for path in priors:
         if path not in fit:
             raise ArmDesignError(f"prior {path}", "is not fitted", choose(path, list(fit)))
-    known = machine_file.flat(machine.section)
-    return tuple(_unknown(path, known, priors.get(path)) for path in fit)
+    return tuple(_unknown(machine, path, priors.get(path)) for path in fit)
 
 
-def _unknown(path: str, known: Mapping[str, Any], prior: Any) -> Unknown:
-    part, value = f"fit {path}", known.get(path)
-    table = path.rpartition(".")[0]
-    if value is None and any(name.rpartition(".")[0] == table for name in known):
-        limits = allowed(tuple(path.split(".")))
-        if limits:
-            raise ArmDesignError(part, "has no value in the file", f"write one first: {limits}")
-    if value is None:
-        numbers = [name for name in known if _is_number(name, known[name])]
-        near = [name for name in numbers if name.rpartition(".")[2] == path.rpartition(".")[2]]
-        remedy = choose(path, near or numbers)
-        if len(remedy) > 200:
-            remedy = "give one such as fluid.bulk_modulus_MPa"
-        raise ArmDesignError(part, "the machine file has no such key", remedy)
-    if not _is_number(path, value):
-        problem = f"{value!r:.60} is no number that can vary"
-        raise ArmDesignError(part, problem, "give a key path of one number, not a count or list")
-    low, high = bounds(tuple(path.split(".")))
-    high = math.nextafter(high, 0.0)  # the schema may exclude the end itself
+def _unknown(machine: Machine, path: str, prior: tuple[float, float] | None) -> Unknown:
+    chosen = chosen_numbers(machine.section, path, f"fit {path}")
+    if len(chosen) > 1:
+        remedy = f"name one of its numbers, such as {chosen[0].path}"
+        raise ArmDesignError(f"fit {path}", f"is a list of {len(chosen)} numbers", remedy)
+    (number,) = chosen
+    high = math.nextafter(number.high, 0.0)  # the schema may exclude the end itself
     if prior is not None:
         mean, deviation = (float(x) for x in prior)
-        if not (low <= mean <= high and 0 < deviation < math.inf and (mean > 0 or low < 0)):
-            remedy = f"give a value in [{low:g}, {high:g}] and a deviation above 0"
+        allowed = number.low <= mean <= high and (mean > 0 or number.low < 0)
+        if not (allowed and 0 < deviation < math.inf):
+            remedy = f"give a value in [{number.low:g}, {high:g}] and a deviation above 0"
             raise ArmDesignError(f"prior {path}", f"{mean:g} ± {deviation:g}", remedy)
         prior = (mean, deviation)
-    return Unknown(
-        path=path,
-        value=float(value),
-        unit=unit_of(tuple(path.split("."))).strip(),
-        low=low,
-        high=high,
-        prior=prior,
-    )
-
-
-def _is_number(path: str, value: Any) -> bool:
-    return isinstance(value, float | int) and annotation(tuple(path.split(".")))[0] is float
+    return Unknown(**vars(number) | {"high": high}, prior=prior)
 
 
 def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:
@@ -145,11 +111,11 @@ def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:
     """
     data = machine.section.model_dump()
     for path, value in changes.items():
-        *tables, leaf = path.split(".")
-        node = data
-        for key in tables:
+        *above, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        node: Any = data
+        for key in above:
             node = node[key]
-        node[leaf] = value
+        node[last] = value
     section = type(machine.section).model_validate(data)
     same = coordinates(machine.section) == coordinates(section)
     texts = machine.text, machine.urdf_text, machine.source

@@ -1,4 +1,4 @@
-"""What a calibration found, in words: what fits, what is not determined, what looks alike."""
+"""Findings of a calibration in words: what fits, is not determined, looks alike."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def findings(
         frame: measurements and answers, see ``Calibration``.
         warnings: of the measurements.
     """
-    found = [_errors(frame)] if frame["measured_hz"].notna().any() else []
+    sentences = [_errors(frame)] if frame["measured_hz"].notna().any() else []
     if fit is not None and fit.scale > POOR:
-        found.append(
+        sentences.append(
             f"the fitted values do not explain the measurements: these are missed by"
             f" {fit.scale:.1f} times their deviations"
         )
@@ -53,8 +53,8 @@ def findings(
             if math.isfinite(loose[one.path]):
                 how = f"known to a factor of {math.exp(min(loose[one.path], 9.0)):.2g} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
-            found.append(f"{one.path} is not determined by these measurements ({how}): {held}")
-    return (*found, *_implausible(fit), *_apart(of_all), *warnings)
+            sentences.append(f"{one.path} is not determined by these measurements ({how}): {held}")
+    return (*sentences, *_implausible(fit), *_apart(of_all), *warnings)
 
 
 def _implausible(fit: Fit | None) -> Iterator[str]:
@@ -82,7 +82,7 @@ def _implausible(fit: Fit | None) -> Iterator[str]:
 
 
 def _errors(frame: pd.DataFrame) -> str:
-    """How far frequencies are off before, after and left out."""
+    """Errors of frequencies before, after and left out."""
     spans = []
     for name in ("before", "calibrated", "left_out"):
         errors = frame[f"{name}_error"].dropna()
@@ -99,18 +99,20 @@ def _apart(fit: Fit) -> list[str]:
     if len(names) < 2:
         return []
     sizes = np.linalg.norm(fit.jacobian, axis=0)
-    found = []
+    sentences = []
     for i, j in itertools.combinations(np.flatnonzero(sizes > 1e-9), 2):
         cosine = float(fit.jacobian[:, i] @ fit.jacobian[:, j] / sizes[i] / sizes[j])
         verb = "look alike" if abs(cosine) >= ALIKE else "can be told apart"
-        found.append(f"{names[i]} and {names[j]} {verb} (cosine of their effects {cosine:.3f})")
+        sentences.append(
+            f"{names[i]} and {names[j]} {verb} (cosine of their effects {cosine:.3f})"
+        )
     for deviation, direction in zip(*fit.directions, strict=True):
         if not math.isfinite(deviation):
             continue
         weak = "cannot be told apart" if deviation > LOOSE else "is known least"
-        found.append(f"what {weak}: {_direction(fit, names, direction)}")
+        sentences.append(f"what {weak}: {_direction(fit, names, direction)}")
         break
-    return found
+    return sentences
 
 
 def _direction(fit: Fit, names: list[str], direction: Array) -> str:

@@ -30,7 +30,7 @@ from armdesign.design.search.infeasibility.refusal import (
     not_written,
     require_feasible,
 )
-from armdesign.design.search.multistart import Starts, formulate, multistart
+from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import CheckedMachine, rounded_machine
 from armdesign.design.search.sequential_sdp import Search
@@ -323,12 +323,10 @@ def optimize(
         InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
             gives one: that was tried.
     """
-    sizes, grid = sizes_and_grid(machine, catalogue)
-    problem = formulate(
-        machine, workspace, requirements, vary, bands=bands, objective=objective, grid=grid
-    )
-    if catalogue is None and not problem.vector.any_size_varies:
-        sizes = None  # those of the machine stay, whatever its file would choose from
+    problem, sizes = formulate_with_sizes(
+        machine, workspace, requirements, vary,
+        bands=bands, objective=objective, catalogue=catalogue,
+    )  # fmt: skip
     if start is not None and _names(start.today) != _names(machine):
         fault = f"is a design of {start.today.name}, not of {machine.name}"
         raise ArmDesignError("start", fault, "give one of it")

@@ -26,14 +26,14 @@ from armdesign.design.catalogue.alternation import (
     with_sizes,
 )
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
+from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.design import Design
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.refusal import require_feasible
-from armdesign.design.search.multistart import Starts, formulate, multistart, run_to_end
+from armdesign.design.search.multistart import Starts, formulate_with_sizes, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
 from armdesign.design.search.rounding import rounded_machine
 from armdesign.design.search.sequential_sdp import MISSED, Search
@@ -102,12 +102,10 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
-    sizes, grid = sizes_and_grid(machine, catalogue)
-    problem = formulate(
-        machine, workspace, requirements, vary, bands=bands, objective="worst", grid=grid
-    )
-    if catalogue is None and not problem.vector.any_size_varies:
-        sizes = None
+    problem, sizes = formulate_with_sizes(
+        machine, workspace, requirements, vary,
+        bands=bands, objective="worst", catalogue=catalogue,
+    )  # fmt: skip
     command = call(
         "least", frequency=frequency, of=of, vary=tuple(vary), starts=starts, seed=seed,
         bands=bands, catalogue=catalogue,

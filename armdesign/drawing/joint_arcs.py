@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SAMPLES = 33  # of a range
 RADIUS = 0.3  # of the distance to the next joint or the tool
-VISIBLE = 0.5  # least part across the picture of the axis of a hinge whose arc is drawn
+VISIBLE = 0.5  # least part across the picture of a hinge's axis, largest of a slide's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,10 +52,9 @@ def joint_arcs(
     """Arcs of all joints of poses that move in the picture."""
     arm, arcs = machine.arm, []
     for j, (joint, (lower, upper)) in enumerate(
-        zip(arm.joints, _ranges(machine).tolist(), strict=True)
+        zip(arm.joints, drawn_ranges(machine).tolist(), strict=True)
     ):
-        across = abs(float(plane.zero.axis[0, j] @ plane.across))
-        if j in arm.slewing or (joint.revolute and across < VISIBLE):
+        if not in_picture(machine, plane, j):
             continue
         q = np.zeros((SAMPLES, len(arm.joints)))
         q[:, j] = np.linspace(lower, upper, SAMPLES)
@@ -77,12 +76,25 @@ def joint_arcs(
     return tuple(arcs)
 
 
-def _ranges(machine: Machine) -> Array:
-    """Joint ranges; the URDF's limits of a machine that cannot be assembled."""
+def in_picture(machine: Machine, plane: PicturePlane, j: int) -> bool:
+    """Whether a joint moves what it carries in the picture, not across it."""
+    axis = plane.zero.axis[0, j]
+    across = abs(float(axis @ plane.across))
+    hinge = machine.arm.coordinates[j].revolute
+    return j not in machine.arm.slewing and (across >= VISIBLE) == hinge
+
+
+def drawn_ranges(machine: Machine) -> Array:
+    """Joint ranges (nq, 2) [rad, m]; the URDF's limits of a machine that cannot be assembled."""
     try:
         return machine.ranges
     except MachineFileError:
         return machine.arm.limits
+
+
+def middle_pose(machine: Machine) -> Array:
+    """The middle of all joint ranges (nq,) [rad, m]."""
+    return np.asarray(drawn_ranges(machine).mean(axis=1))
 
 
 def _mark(machine: Machine, plane: PicturePlane, j: int, link: str) -> Array:

@@ -8,7 +8,7 @@ only door to shapely.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +83,43 @@ def distance(polygons: Iterable[Array], point: Array) -> float:
     shapes = [shapely.Polygon(polygon) for polygon in polygons]
     at = shapely.Point(point)
     return min((shape.distance(at) for shape in shapes), default=np.inf)
+
+
+def area_between(lines: Iterable[Sequence[Array]], first: Iterable[Array] | None) -> Any:
+    """Area that lines (m, 2) sweep from each of their places to the next.
+
+    Args:
+        lines: each line at all its places.
+        first: rings of an area that belongs to it, too; None: none.
+    """
+    import shapely
+
+    corners = []
+    for places in lines:
+        path = np.stack(places)
+        sides = path[:-1, :-1], path[:-1, 1:], path[1:, 1:], path[1:, :-1]
+        corners.append(np.stack(sides, axis=2).reshape(-1, 4, 2))
+    cells = shapely.make_valid(shapely.polygons(np.concatenate(corners)))
+    rings = [] if first is None else [shapely.make_valid(shapely.polygons(ring)) for ring in first]
+    outer = max(rings, key=lambda ring: float(ring.area), default=shapely.Polygon())
+    for ring in rings:  # the others are holes
+        outer = outer if ring is outer else outer.difference(ring)
+    return shapely.union_all([*cells, outer])
+
+
+def simplified(shape: Any, tolerance: float) -> Any:
+    """A shape without details finer than a tolerance [m]."""
+    return shape.simplify(tolerance)
+
+
+def lines_of(shape: Any, least: float) -> list[Array]:
+    """Closed lines (m, 2) about a shape and its holes, each about at least some area [m²]."""
+    import shapely
+
+    areas = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
+    rings = [ring for part in areas for ring in (part.exterior, *part.interiors)]
+    wide = [ring for ring in rings if shapely.Polygon(ring).area >= least]
+    return [np.array(ring.coords) for ring in wide]
 
 
 def _back(plane: PicturePlane, link: str) -> Array:

@@ -84,10 +84,17 @@ class CylinderShape:
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:
-    """A bar between two points, such as ``bucket.rocker``; ``ends`` are their indices."""
+    """A bar between two points, such as ``bucket.rocker``.
+
+    Attributes:
+        name: of cylinder and bar.
+        ends: indices of its ends among the points.
+        length: of the bar [m].
+    """
 
     name: str
     ends: tuple[int, int]
+    length: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,6 +110,7 @@ class SideView(ReadOnly):
         bars: rockers and couplers.
         lengths: pin to pin, in space (n, nc) [m].
         joints: names of the coordinates, springs last.
+        coordinates: their positions (n, k) [rad, m].
         pivots: their places (n, k, 2) [m].
         turning: whether each is a hinge square to the picture (k,).
         motors: names of motors, each with the index of its joint.
@@ -121,6 +129,7 @@ class SideView(ReadOnly):
     bars: tuple[Bar, ...]
     lengths: Array
     joints: tuple[str, ...]
+    coordinates: Array
     pivots: Array
     turning: Flags
     motors: dict[str, int]
@@ -199,6 +208,7 @@ class SideView(ReadOnly):
             "bars": [vars(bar) for bar in self.bars],
             "lengths": _listed(self.lengths),
             "joints": list(self.joints),
+            "coordinates": _listed(self.coordinates, 6),
             "pivots": _listed(self.pivots),
             "turning": self.turning.tolist(),
             "motors": self.motors,
@@ -234,6 +244,7 @@ def side_view(machine: Machine, q: ArrayLike) -> SideView:
         bars=tuple(bars),
         lengths=np.stack(lengths, axis=1) if lengths else np.zeros((len(z), 0)),
         joints=tuple(joint.name for joint in arm.coordinates),
+        coordinates=arm.with_springs(z),
         pivots=plane.project(poses.translation),
         turning=np.array(
             [
@@ -294,7 +305,8 @@ def _between_pins(
         ends = (index["base"], index["rod_end"])
         cylinders.append(_shape(machine, cylinder, ends, idle))
         for leg, pin in linkage.legs:
-            bars.append(Bar(name=f"{cylinder.name}.{leg}", ends=(index[pin], index["rod_end"])))
+            ends, (length,) = (index[pin], index["rod_end"]), linkage.place(leg) or (0.0,)
+            bars.append(Bar(name=f"{cylinder.name}.{leg}", ends=ends, length=length))
     return pins, points, cylinders, bars, lengths
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from armdesign import transaction
 from armdesign.errors import MachineFileError, choose
 from armdesign.machine.file import machine_file
+from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import lines_of
 from armdesign.machine.machine import Machine
 
@@ -24,12 +25,29 @@ def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
     """
+    text, urdf_text, path, section = _texts(path_or_name, allow_outside)
+    return Machine.from_text(text, urdf_text, path, section=section)
+
+
+def load_unchecked(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
+    """Machine as of ``load`` that need not fit together, so that its faults can be drawn.
+
+    Raises:
+        MachineFileError: no such machine, or a fault in its file or URDF alone.
+    """
+    text, urdf_text, path, section = _texts(path_or_name, allow_outside)
+    with lines_of(text, path.name):
+        return Machine.unchecked(text, urdf_text, path, section=section)
+
+
+def _texts(path_or_name: str | Path, allow_outside: bool) -> tuple[str, str, Path, MachineSection]:
+    """Text of a machine file, of its URDF, its path, and the data in it."""
     path = find(path_or_name)
     text = machine_file.read_text(path)
     with lines_of(text, path.name):
         section = machine_file.parse(text, path.name)
         urdf_text = machine_file.read_urdf(path, section, allow_outside)
-    return Machine.from_text(text, urdf_text, path, section=section)
+    return text, urdf_text, path, section
 
 
 def shipped() -> dict[str, Path]:

@@ -206,6 +206,12 @@ class Machine:
         case = case_of_mass(payload, (self.payload, *self.payloads), self.name)
         return dataclasses.replace(self, payload=case, payloads=(*self._cases_of_file, case))
 
+    def plot(self, q: ArrayLike | None = None, ax: Any = None) -> Any:
+        """Side view to scale at q (nq,) [rad, m], by default mid ranges; returns the axes."""
+        from armdesign.plots.machines import machine_drawing
+
+        return machine_drawing(self, q, ax)
+
     @property
     def _cases_of_file(self) -> tuple[LoadCase, ...]:
         return tuple(case for case in self.payloads if case.name in self.section.payload)

@@ -111,9 +111,9 @@ def at_lengths(machine: Machine, cylinder: int, lengths: Array, parts: Sequence[
     values = over(machine.ranges[joint], SAMPLES)
     table = linkage.length(sweep(machine.arm, joint, values))
     order = np.argsort(table)
-    found = np.interp(lengths, table[order], values[order])
+    positions = np.interp(lengths, table[order], values[order])
     for _ in range(STEPS):
-        there = linkage.actuation(sweep(machine.arm, joint, found))
-        found = found + (lengths - there.length) / there.moment_arm[:, joint]
-        found = np.clip(found, *machine.ranges[joint])
-    return np.asarray(found)
+        there = linkage.actuation(sweep(machine.arm, joint, positions))
+        positions = positions + (lengths - there.length) / there.moment_arm[:, joint]
+        positions = np.clip(positions, *machine.ranges[joint])
+    return np.asarray(positions)

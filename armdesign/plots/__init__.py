@@ -2,9 +2,11 @@
 
 from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps
 from armdesign.plots.calibrations import calibration_figure
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save
+from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save, title_of
 from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
 from armdesign.plots.lift_charts import lift_chart, lift_charts
+from armdesign.plots.machine_overlays import machine_overlay
+from armdesign.plots.machines import machine_drawing
 from armdesign.plots.maps import (
     drawn_joints,
     frequency_map,
@@ -12,6 +14,7 @@ from armdesign.plots.maps import (
     joint_plane,
     side_by_side,
 )
+from armdesign.plots.mode_shapes import mode_shapes
 from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
 from armdesign.plots.recordings import identified_figure
 from armdesign.plots.responses import frequency_responses
@@ -36,6 +39,9 @@ __all__ = [
     "lift_chart",
     "lift_charts",
     "linear_against_exact",
+    "machine_drawing",
+    "machine_overlay",
+    "mode_shapes",
     "moment_arm_curves",
     "moment_arms",
     "move_figure",
@@ -43,6 +49,7 @@ __all__ = [
     "sensitivity_curves",
     "shaper_figure",
     "side_by_side",
+    "title_of",
     "tornado",
     "trade_off",
 ]

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.plots.canvas import COMPUTED, MARK, figure, joint_label, joint_values, literal
+from armdesign.plots.canvas import (
+    COMPUTED,
+    MARK,
+    figure,
+    joint_label,
+    joint_values,
+    literal,
+    title_of,
+)
 from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
@@ -73,7 +81,7 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
         bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
         if len(drawn_joints(bandwidths.machine)) == 1:
             ax.set_ylim(0.8 * low, 2 * high)
-    fig.suptitle(bandwidths.machine.section.title or bandwidths.machine.name)
+    fig.suptitle(title_of(bandwidths.machine))
     return fig
 
 

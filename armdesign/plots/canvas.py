@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from armdesign import user_folders
 from armdesign.arrays import Array
+from armdesign.drawing.colours import ACTUATORS
 from armdesign.errors import ArmDesignError, printable
 
 if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 
 P = ParamSpec("P")
@@ -31,10 +33,38 @@ CYLINDER = "#f5a524"
 STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # one machine each
 
 
+WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two stand together
+FORMATS = ("png", "svg", "pdf")
+STYLE = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9,
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#4b5563",
+    "axes.linewidth": 0.7,
+    "axes.unicode_minus": True,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "figure.titlesize": 11,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.6,
+    "hatch.linewidth": 0.7,
+    "svg.fonttype": "none",  # words stay words, which can be searched and copied
+    "svg.hashsalt": "armdesign",
+    "pdf.fonttype": 42,
+}
+
+
 def figure(
-    columns: int = 1, width: float = 7.0, height: float = 5.2, rows: int = 1
+    columns: int = 1, width: float = 7.0, height: float = 4.4, rows: int = 1
 ) -> tuple[Any, Any]:
-    """Figure drawn without a display, and its axes, row by row; ``width``, ``height`` are of one.
+    """Figure drawn without a display, and its axes, row by row.
+
+    It is ``WIDTH`` wide, whatever it holds; ``width`` and ``height`` are the proportions of one
+    of its parts.
 
     Raises:
         ArmDesignError: no folder can be written, and matplotlib needs one for its fonts.
@@ -43,9 +73,27 @@ def figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    fig = Figure(figsize=(width * columns, height * rows), layout="constrained")
-    FigureCanvasAgg(fig)
-    return fig, fig.subplots(rows, columns, squeeze=False).ravel()
+    size = WIDTH, height * rows * WIDTH / (width * columns)
+    with style():
+        fig = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(fig)
+        return fig, fig.subplots(rows, columns, squeeze=False).ravel()
+
+
+def style() -> Any:
+    """Context in which all that is drawn has the one style of the package."""
+    import matplotlib
+    from cycler import cycler
+
+    chosen: Any = {**STYLE, "axes.prop_cycle": cycler(color=ACTUATORS)}
+    return matplotlib.rc_context(chosen)
+
+
+def below(ax: Any, inches: float) -> Any:
+    """Transform of points that are told in shares of axes, moved down by some inches."""
+    from matplotlib.transforms import ScaledTranslation
+
+    return ax.transAxes + ScaledTranslation(0, -inches, ax.figure.dpi_scale_trans)
 
 
 def choose_font_cache() -> None:
@@ -74,20 +122,31 @@ def choose_font_cache() -> None:
 
 
 def save(fig: Any, path: Path) -> Path:
-    """Write a figure as PNG."""
+    """Write a figure as PNG, SVG or PDF, as the suffix says; the same figure, the same file.
+
+    Raises:
+        ArmDesignError: another suffix.
+    """
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in FORMATS:
+        fault = f'"{path.suffix}" is no format of pictures'
+        raise ArmDesignError(path.name, fault, f"end it with .{', .'.join(FORMATS)}")
     _make_literal(fig)
-    with warnings.catch_warnings():
+    with style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
-        fig.savefig(path, dpi=150)
+        dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+        fig.savefig(path, dpi=150, metadata=dates.get(kind))
     return path
 
 
 def literal(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorator: names in the returned axes or figure stand as they are, no controls."""
+    """Decorator: in the package's style, and names stand as they are, without controls."""
 
     @wraps(draw)
     def literally(*args: P.args, **kwargs: P.kwargs) -> T:
-        drawn = draw(*args, **kwargs)
+        choose_font_cache()
+        with style():
+            drawn = draw(*args, **kwargs)
         _make_literal(drawn)
         return drawn
 
@@ -95,15 +154,26 @@ def literal(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def _make_literal(drawn: Any) -> None:
-    """Make all texts literal except tick labels, whose powers of ten are formulas."""
-    texts = list(drawn.texts)
+    """Make all texts literal except tick labels, whose powers of ten are formulas.
+
+    Texts may have several lines: names that come from outside are put on one by ``title_of``.
+    """
+    texts, heading = list(drawn.texts), getattr(drawn, "_suptitle", None)
+    texts += [] if heading is None else [heading]
     for ax in drawn.axes if hasattr(drawn, "savefig") else [drawn]:
-        texts += [ax.title, ax.xaxis.label, ax.yaxis.label, *ax.texts]
+        titles = (ax.title, ax._left_title, ax._right_title)
+        texts += [*titles, ax.xaxis.label, ax.yaxis.label, *ax.texts]
         if legend := ax.get_legend():
             texts += legend.get_texts()
     for text in texts:
-        text.set_text(printable(text.get_text()))
+        lines = text.get_text().split("\n")
+        text.set_text("\n".join(printable(line) for line in lines))
         text.set_parse_math(False)
+
+
+def title_of(machine: Machine) -> str:
+    """What a machine is called in pictures, on one line."""
+    return printable(machine.section.title or machine.name)
 
 
 def joint_values(joint: Joint, q: Array) -> Array:

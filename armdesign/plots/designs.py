@@ -17,6 +17,7 @@ from armdesign.plots.canvas import (
     joint_label,
     joint_values,
     literal,
+    title_of,
 )
 from armdesign.plots.maps import side_by_side
 
@@ -39,7 +40,7 @@ TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today'
 def before_after(design: Design, plane: str = "joints") -> Any:
     """Figure of today's map and the new one on one colour scale."""
     fig = side_by_side({"today": design.before, "new": design.after}, plane)
-    fig.suptitle(design.today.section.title or design.today.name)
+    fig.suptitle(title_of(design.today))
     return fig
 
 
@@ -124,7 +125,7 @@ def trade_off(front: Pareto, ax: Any = None) -> Any:
         ax.plot(shares, today * np.sqrt(shares), "--", color=COMPUTED, label=equal)
     ax.set(xlabel=label, ylabel="worst natural frequency [Hz]")
     ax.margins(0.08, 0.12)
-    ax.set_title(front.today.section.title or front.today.name, fontsize=11)
+    ax.set_title(title_of(front.today), fontsize=11)
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)
     return ax

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.drawing.side_view import side_view
 from armdesign.frequency.joint_grid import nearest
-from armdesign.plots.canvas import (
-    COLOURS,
-    CYLINDER,
-    INK,
-    MARK,
-    figure,
-    joint_label,
-    joint_values,
-    literal,
-)
+from armdesign.plots.canvas import COLOURS, INK, MARK, figure, joint_label, joint_values, literal
+from armdesign.plots.machines import draw_machine
 
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
@@ -200,22 +192,8 @@ def _pressure_curves(ax: Any, frequencies: FrequencyMap, share: Array) -> None:
 
 
 def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
-    """The arm at its worst pose, seen from the side: links as lines, cylinders as bars."""
-    arm, poses = machine.arm, machine.arm.kinematics(worst.q[None])
-    azimuth = math.atan2(worst.tool[1], worst.tool[0])
-    forward = np.array([math.cos(azimuth), math.sin(azimuth)])
-    forward = forward * math.copysign(1.0, float(forward @ arm.heading(worst.q[None])[0]))
-
-    def draw(points: Sequence[Array], **style: Any) -> None:
-        places = np.array(points).reshape(-1, 3)
-        ax.plot(places[:, :2] @ forward, places[:, 2], "-", solid_capstyle="round", **style)
-
-    line = [*(poses.translation[0, j] for j in arm.chain(machine.tool.link)), worst.tool]
-    draw(line, color="white", lw=6, zorder=3)
-    draw(line, color=INK, lw=3, zorder=4)
-    for linkage in machine.linkages:
-        base, rod_end = (end[0] for end in linkage.ends(poses))
-        legs = [linkage.point(poses, getattr(linkage, pin))[0] for _, pin in linkage.legs]
-        draw([base, rod_end], color=CYLINDER, lw=4, zorder=4)
-        draw([at for pin in legs for at in (pin, rod_end)][:-1], color=INK, lw=1.5, zorder=4)
-    mark(ax, float(worst.tool[:2] @ forward), worst.tool[2], worst.frequency)
+    """The machine at its worst pose, seen from the side, and the mark of its tool."""
+    view = side_view(machine, worst.q)
+    draw_machine(ax, machine, view, 0, fc=(1, 1, 1, 0.6), ec=INK, lw=0.9)
+    x, z = view.tool[0].tolist()
+    mark(ax, x, z, worst.frequency)

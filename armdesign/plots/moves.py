@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, figure, literal, title_of
 from armdesign.units import bar, l_per_min, mm
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def move_figure(move: Move) -> Any:
     for ax in axes:
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.02))
-    name = move.machine.section.title or move.machine.name
+    name = title_of(move.machine)
     fig.suptitle(f"{name}, payload {move.machine.payload.name}: {move.shaper.words}")
     return fig
 

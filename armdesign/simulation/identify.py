@@ -99,17 +99,17 @@ def identify(
     name = signal or strongest_column(whole, excitation)
     whole.column(name)
     if name == excitation:
-        problem = f"{name} is both the signal and its excitation"
-        raise SimulationError(whole.source, problem, "name the column that answers as the signal")
+        fault = f"{name} is both the signal and its excitation"
+        raise SimulationError(whole.source, fault, "name the column that answers as the signal")
     if modes < 1:
         raise SimulationError(whole.source, f"{modes} modes", "ask for 1 or more modes")
     if band and not excitation:
         remedy = "name the column of the input too, or leave the band out"
         raise SimulationError(whole.source, "a band is of the answer to an excitation", remedy)
     if band and not 0 < band[0] < band[1] < math.inf:
-        problem = f"{band[0]:g}:{band[1]:g} is no band"
-        raise SimulationError(whole.source, problem, "give 0 < lowest < highest [Hz]")
-    found, refused = list[IdentifiedWindow](), list[ArmDesignError]()
+        fault = f"{band[0]:g}:{band[1]:g} is no band"
+        raise SimulationError(whole.source, fault, "give 0 < lowest < highest [Hz]")
+    fitted, refused = list[IdentifiedWindow](), list[ArmDesignError]()
     for begin, end in _windows_of(whole, name, windows, excitation):
         part = whole.between(begin, end)
         try:
@@ -118,15 +118,15 @@ def identify(
             else:
                 one = _rung(part, name, modes)
             one = replace(one, remarks={**one.remarks, **_missing(whole, begin, end)})
-            found.append(with_pose(one, machine) if machine else one)
+            fitted.append(with_pose(one, machine) if machine else one)
         except SimulationError as error:
             refused.append(error)
-    if not found:
+    if not fitted:
         raise_together(refused)
     return Identified(
         recording=whole,
         signal=name,
-        windows=tuple(found),
+        windows=tuple(fitted),
         refused=tuple(map(str, refused)),
         warnings=tuple(_warnings(whole)),
         machine=machine,
@@ -143,7 +143,9 @@ def _windows_of(
     try:
         return found_windows(whole.source, whole.time, whole.sampled(name))
     except SimulationError:
-        whole.signal(name)  # says what spoils it
+        values = whole.signal(name)  # says what spoils it
+        step = float((whole.time[-1] - whole.time[0]) / (len(whole.time) - 1))
+        _refuse_coarse(whole, name, step, detrended(values[:, None], TRENDS[0])[:, 0])
         raise
 
 
@@ -171,18 +173,18 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     step = length / (len(part.time) - 1)
     level = detrended(values[:, None], TRENDS[0])[:, 0]
     slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
-    _refuse_coarse(part, name, step, level, slow[1])
+    _refuse_coarse(part, name, step, level)
     too_short = "choose a longer window"
     if height == 0 or (slow[0] < PERIODS / length and slow[1] > DOMINATES * height):
-        problem = f"shorter than two periods of {name} (about {slow[0]:.2g} Hz)"
-        raise SimulationError(part.source, problem, too_short)
+        fault = f"shorter than two periods of {name} (about {slow[0]:.2g} Hz)"
+        raise SimulationError(part.source, fault, too_short)
     time, signal = _thinned(part.time, values, round(1 / (PER_PERIOD * frequency * step)))
     trend = TRENDS[frequency * length > SHORT]
     fit = identify_ringdown(time, signal, modes, f"{part.source}, {name}", trend=trend)
     first, damping = float(fit.natural_frequencies[0]), float(fit.damping_ratios[0])
     if first * length < PERIODS:
-        problem = f"shorter than two periods of {name} ({first:.2g} Hz)"
-        raise SimulationError(part.source, problem, too_short)
+        fault = f"shorter than two periods of {name} ({first:.2g} Hz)"
+        raise SimulationError(part.source, fault, too_short)
     fitted = fit.fitted[:, 0]
     pieces = swings(time, signal, signal - fitted, first, damping) if modes == 1 else None
     return IdentifiedWindow(
@@ -199,13 +201,13 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     )
 
 
-def _refuse_coarse(part: Recording, name: str, step: float, level: Array, resolved: float) -> None:
-    """Raise where a line far above the highest ``resolved`` has too few samples in a period."""
+def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> None:
+    """Raise where a line with too few samples in a period is far above those with enough."""
     fast, height = strongest_beyond(step, level)
-    if height > DOMINATES * resolved:
-        problem = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
+    if height > DOMINATES * strongest(step, level)[1]:
+        fault = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
         remedy = f"record {FEWEST_SAMPLES} in a period, at {math.ceil(FEWEST_SAMPLES * fast)} Hz"
-        raise SimulationError(part.source, f"has only {problem}", remedy)
+        raise SimulationError(part.source, f"has only {fault}", remedy)
 
 
 def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:

@@ -53,11 +53,11 @@ def _place(
         position = means[column.own] * column.factor
         outside = column.outside(machine, position)
         return position, f"{column.own}: {outside}" if outside else ""
-    problem = f"no column tells where joint {column.name} stands"
+    fault = f"no column tells where joint {column.name} stands"
     remedy = f"give {' or '.join(column.all)}"
     if column.outside(machine, 0.0):
-        return None, f"{problem}: the pose is left out; {remedy}"
-    return 0.0, f"{problem}: taken as 0 {column.unit}; {remedy}"
+        return None, f"{fault}: the pose is left out; {remedy}"
+    return 0.0, f"{fault}: taken as 0 {column.unit}; {remedy}"
 
 
 def _expected(

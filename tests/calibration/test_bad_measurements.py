@@ -81,16 +81,16 @@ def test_bad_measurements_are_one_line(text: str, csv: Path, refused: Refused) -
 OPTIONS = {
     (): "--fit: names nothing",
     ("--fit", "fluid.bulk_modulus_mpa"): (
-        'fit fluid.bulk_modulus_mpa: the machine file has no such key; did you mean "fluid.bulk_'
+        'fit fluid.bulk_modulus_mpa: the machine file has no such number; did you mean "fluid.bul'
     ),
-    ("--fit", "nonsense"): "the machine file has no such key",
+    ("--fit", "nonsense"): "the machine file has no such number",
     ("--fit", "cylinder.lift.barrel_wall_mm"): (
         "fit cylinder.lift.barrel_wall_mm: has no value in the file; write one first: a number in"
     ),
-    ("--fit", "name"): "fit name: 'loader_crane' is no number that can vary",
-    ("--fit", "cylinder.lift.count"): "1 is no number that can vary",
-    ("--fit", "cylinder.lift.base.at_mm"): "[260.0, 0.0, -1040.0] is no number that can vary",
-    ("--fit", "cylinder.lift"): "the machine file has no such key",
+    ("--fit", "name"): "fit name: is no number that can vary; name one such as",
+    ("--fit", "cylinder.lift.count"): "fit cylinder.lift.count: is no number that can vary",
+    ("--fit", "cylinder.lift.base.at_mm"): "is a list of 3 numbers; name one of its numbers",
+    ("--fit", "cylinder.lift"): "is a table; name one of its numbers, such as",
     ("--fit", f"{BETA},{BETA}"): f"fit {BETA}: is there twice; leave one out",
     ("--fit", f"{BETA},{LIFT}"): (
         "fit: 2 unknowns, but 1 measured values; fit fewer, measure more poses, or give priors"

@@ -204,7 +204,7 @@ def test_printed(
     ):
         assert words in printed
     assert max(map(len, printed.splitlines())) <= 100
-    assert not list(tmp_path.iterdir())
+    assert [path.name for path in tmp_path.rglob("*.*")] == ["machine.png"]
 
 
 @pytest.mark.parametrize(

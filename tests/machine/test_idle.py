@@ -68,6 +68,7 @@ def test_saving_keeps_its_table_and_freeing_the_joint_wakes_it(tmp_path: Path) -
 def test_check_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     path = FROZEN.save(tmp_path / "a.toml")
     assert faults(path) == []
     assert main(["check", str(path)], monkeypatch) == 0

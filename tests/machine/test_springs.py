@@ -16,7 +16,7 @@ from armdesign.inspection.file_faults import faults
 from armdesign.units import GRAVITY
 from tests.checks import assert_same, difference
 from tests.commands import Refused
-from tests.machines import CylinderSpec, Joint, build
+from tests.machines import CylinderSpec, Joint, build, named
 from tests.sprung import random_sprung, rocking, spring, two_masses, written
 
 SEEDS = range(8)
@@ -291,7 +291,7 @@ ROCK = 'joint = "rocking"\n'
 STIFF = "stiffness_N_m_per_rad = 2.5e7\n"
 BAD = {
     "one_of_joints": ('joint = "boom"\n' + STIFF, r"spring\.s\.joint: .*one of joints"),
-    "frozen": ('joint = "swing"\n' + STIFF, r"spring\.s\.joint: .*frozen"),
+    "driven": ('joint = "swing"\n' + STIFF, r"spring\.s\.joint: .*driven by motor\.swing"),
     "unknown": ('joint = "rockin"\n' + STIFF, r'is not in the URDF.*did you mean "rocking"'),
     "fixed": ('joint = "boom_foot"\n' + STIFF, "is fixed and cannot be a coordinate"),
     "unit_of_stiffness": (ROCK + "stiffness_N_per_m = 1e7\n", '"rocking" turns; give stiffness_N'),
@@ -309,7 +309,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_springs(name: str, tmp_path: Path) -> None:
-    """One line each; `check` says the same."""
+    """One line each, and one alone; `check` says the same."""
     table, words = BAD[name]
     machine = rocking()
     text = machine.text.partition("[spring.carriage]")[0] + "[spring.s]\n" + table
@@ -319,7 +319,14 @@ def test_bad_springs(name: str, tmp_path: Path) -> None:
     path = tmp_path / machine.source.name
     path.write_text(text, encoding="utf-8")
     (tmp_path / machine.section.urdf).write_text(machine.urdf_text, encoding="utf-8")
-    assert str(caught.value) in map(str, faults(path))
+    assert list(map(str, faults(path))) == [str(caught.value)]
+
+
+def test_a_frozen_joint_carries_no_spring() -> None:
+    crane = named("loader_crane")
+    text = crane.text + '\n[spring.s]\njoint = "slew"\n' + STIFF
+    with pytest.raises(ad.ArmDesignError, match=r"spring\.s\.joint: .*frozen too; take it out"):
+        ad.Machine.from_text(text, crane.urdf_text, crane.source)
 
 
 def test_a_joint_between_pins_carries_no_spring() -> None:

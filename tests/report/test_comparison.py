@@ -114,6 +114,7 @@ def test_command(
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "compare.csv",
         "compare_joints.png",
+        "overlay.png",
         "compare_reach.png",
         "lift_chart.csv",
         "lift_chart.png",

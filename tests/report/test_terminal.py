@@ -86,7 +86,7 @@ def test_commands(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     words = {
-        "check": [],
+        "check": ["--out", str(tmp_path / "b")],
         "map": ["--out", str(tmp_path / "a")],
         "compare": ["paper_1dof", "--out", str(tmp_path)],
     }

@@ -171,7 +171,7 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
         all_own = [np.flatnonzero(dynamics.rows.corner == k) for k in range(len(corners.all))]
         lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
         return upper_bound(problem, x, np.unique(np.concatenate([rows, *lowest_of])))
-    found = []
+    bounds = []
     for end in range(len(corners.ends)):
         k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
         own = np.flatnonzero(dynamics.rows.corner == k)
@@ -179,8 +179,8 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
         watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]
         if bound := upper_bound(problem.at_corner(int(k)), x, watched):
             ratio = math.sqrt(corners.weights[k])
-            found.append(replace(bound, frequency=bound.frequency / ratio))
-    return min(found, key=lambda bound: bound.frequency, default=None)
+            bounds.append(replace(bound, frequency=bound.frequency / ratio))
+    return min(bounds, key=lambda bound: bound.frequency, default=None)
 
 
 def _alike(problem: Problem) -> bool:

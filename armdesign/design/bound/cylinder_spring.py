@@ -27,7 +27,7 @@ Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulu
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Spring:
-    """What oil and structure of cells are at most.
+    """Upper bounds on oil and structure over cells.
 
     Attributes:
         stiffening: bulk moduli of cap and annulus over the modulus of oil alone (…, n).
@@ -81,7 +81,7 @@ class Structure:
     torque: Interval
 
     def shift(self, rate: Interval, stroke: Interval) -> Interval:
-        """What it adds to the piston's place (m, n): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
+        """Its share of the piston's place (m, n): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
         per_torque = rate.reciprocal() * stroke.square().reciprocal()[:, None]
         return self.torque * per_torque * self.compliance
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from armdesign import text_files
+from armdesign.csv_rows import read_rows
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
@@ -109,23 +108,19 @@ def read_sizes(path: str | Path) -> Sizes:
     Raises:
         ArmDesignError: no such file, no such columns, or a line that is no cylinder.
     """
-    try:
-        text = text_files.read(path, text_files.LARGEST_TABLE)
-    except (OSError, ValueError) as error:
-        fault = f"cannot be read ({getattr(error, 'strerror', None) or 'not a text file'})"
-        raise ArmDesignError(str(path), fault, "give a CSV file, iso or 5mm") from None
-    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    names, rows = read_rows(path)
     remedy = "give columns bore_mm and rod_mm"
-    if not {"bore_mm", "rod_mm"} <= set(rows.fieldnames or ()):
-        fault = f"has columns {', '.join(rows.fieldnames or ()) or 'none'}"
-        raise ArmDesignError(str(path), fault, remedy)
+    columns = ("bore_mm", "rod_mm")
+    if not set(columns) <= set(names):
+        raise ArmDesignError(str(path), f"has columns {', '.join(names) or 'none'}", remedy)
     pairs = []
-    for row in rows:
+    for line, fields in rows:
         try:
-            pairs.append((float(row["bore_mm"]) * mm, float(row["rod_mm"]) * mm))
-        except (TypeError, ValueError):
-            part = f"{path}: line {rows.line_num}"
+            bore, rod = (float(fields[names.index(name)]) * mm for name in columns)
+        except ValueError:
+            part = f"{path}: line {line}"
             raise ArmDesignError(part, "is not a pair of numbers", remedy) from None
+        pairs.append((bore, rod))
     return sizes_of(pairs)
 
 

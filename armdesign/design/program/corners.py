@@ -95,7 +95,7 @@ class Corners:
         return (np.array(self.frequencies) / self.nominal) ** 2
 
     def judged(self, machine: Machine) -> float:
-        """What the objective is of a machine on the workspace's poses [Hz].
+        """The objective of a machine on the workspace's poses [Hz].
 
         Its worst frequency within the bands; or its least gain times today's worst frequency.
         """

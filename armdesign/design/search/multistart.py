@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import FINE, DrawingGrid
+from armdesign.design.catalogue.sizes import FINE, DrawingGrid, Sizes, sizes_and_grid
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.places import refuse_pins_outside
@@ -78,6 +78,28 @@ def formulate(
         gain=objective == "gain" and bands != Bands(),
     )
     return replace(problem, grid=grid)
+
+
+def formulate_with_sizes(
+    machine: Machine,
+    workspace: Workspace | None,
+    requirements: Requirements | None,
+    vary: Sequence[str],
+    *,
+    bands: Bands | None,
+    objective: str,
+    catalogue: str | Iterable[Sequence[float]] | None,
+) -> tuple[Problem, Sizes | None]:
+    """The design problem on the grid of a catalogue, and its sizes; None where any may be.
+
+    Where no size varies those of the machine stay, whatever its file would choose from.
+    """
+    sizes, grid = sizes_and_grid(machine, catalogue)
+    problem = formulate(
+        machine, workspace, requirements, vary, bands=bands, objective=objective, grid=grid
+    )
+    stay = catalogue is None and not problem.vector.any_size_varies
+    return problem, None if stay else sizes
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class CheckedMachine:
 
     @cached_property
     def judged(self) -> float:
-        """What the objective is of it [Hz], see ``corners``."""
+        """The objective of the machine [Hz], see ``corners``."""
         return self.problem.dynamics.corners.judged(self.machine)
 
     @property

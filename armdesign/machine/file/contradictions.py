@@ -128,17 +128,24 @@ def _of_springs(machine: MachineSection) -> Iterator[Fault]:
             yield f"{path}.at_deg", "is of a joint that turns", "give at_mm"
         if name in machine.cylinder or name in machine.motor:
             yield path, "is the name of an actuator too", "give the spring a name of its own"
-        if joint in machine.joints:
-            fault = f'"{joint}" is one of joints, which poses move'
-            yield f"{path}.joint", fault, "take it out of joints, or choose another joint"
-        if joint in machine.frozen:
-            yield f"{path}.joint", f'"{joint}" is frozen too', "take it out of frozen"
-        for motor, table in machine.motor.items():
-            if joint == (table.joint or motor):
-                remedy = "choose another joint, or give the motor compliance_rad_per_N_m"
-                yield f"{path}.joint", f'"{joint}" is driven by motor.{motor}', remedy
+        if used := _use_of(machine, joint):
+            yield f"{path}.joint", *used
         if other := next((k for k, s in springs.items() if s.joint == joint and k < name), None):
             yield f"{path}.joint", f'"{joint}" carries spring.{other} too', "choose another joint"
+
+
+def _use_of(machine: MachineSection, joint: str) -> tuple[str, str] | None:
+    """Why a joint can carry no spring, and what to do, in one line; None where it can."""
+    for motor, table in machine.motor.items():
+        if joint == (table.joint or motor):
+            remedy = "choose another joint, or give the motor compliance_rad_per_N_m"
+            return f'"{joint}" is driven by motor.{motor}', remedy
+    if joint in machine.joints:
+        remedy = "take it out of joints, or choose another joint"
+        return f'"{joint}" is one of joints, which poses move', remedy
+    if joint in machine.frozen:
+        return f'"{joint}" is frozen too', "take it out of frozen"
+    return None
 
 
 def _of_supply(supply: SupplySection) -> Iterator[Fault]:

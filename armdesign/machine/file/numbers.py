@@ -112,16 +112,16 @@ def _unknown(path: str, known: list[str]) -> tuple[str, str]:
     if below:
         return "is a table", f"name one of its numbers, such as {below[0]}"
     table, _, leaf = path.rpartition(".")
+    location = tuple(path.split("."))
     try:
-        limits = allowed(tuple(path.split(".")))
+        limits, kind = allowed(location), annotation(location)[0]
     except (KeyError, TypeError, AttributeError):
-        limits = ""
-    if (
-        "number" in limits
-        and not leaf.isdigit()
-        and any(name.rpartition(".")[0] == table for name in known)
-    ):
-        return "has no value in the file", f"write one first: {limits}"
+        limits, kind = "", None
+    if kind is not None and not leaf.isdigit():
+        if kind is not float:
+            return "is no number that can vary", f"name one such as {_nearest(path, known)}"
+        if any(name.rpartition(".")[0] == table for name in known):
+            return "has no value in the file", f"write one first: {limits}"
     alike = [name for name in known if name.rpartition(".")[2] == leaf]
     remedy = choose(path, alike) if alike else choose(path, known)
     if len(remedy) > 200:

@@ -66,7 +66,7 @@ class DiggingSection(Section):
 
 
 class PinBoxSection(Section):
-    """How far the coordinates of a cylinder's pins may move."""
+    """Boxes within which the coordinates of a cylinder's pins may move."""
 
     base: Distance | None = None
     rod_end: Distance | None = None
@@ -122,7 +122,7 @@ BY_ACTUATOR = (  # keys whose shares may differ from actuator to actuator
 
 
 class RequirementsSection(Section):
-    """What a new design must keep, relative to today's machine."""
+    """Requirements on a new design, relative to today's machine."""
 
     end_margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.02
     holding_share: ByActuator[Share] = 0.87
@@ -346,7 +346,7 @@ ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 
 
 class BandsSection(Section):
-    """What is not known exactly: lower and upper end, as shares of this file's values.
+    """Bands of values that are not known exactly: their ends, as shares of this file's values.
 
     ``structure``: compliance in series with each actuator, over that of its oil at mid stroke;
     ``structures``: the same of single actuators.
@@ -373,7 +373,7 @@ class LiftChartSection(Section):
 
 
 class StabilitySection(Section):
-    """What stands still while the arm moves, and the lines about which the machine tips."""
+    """The part that stands still while the arm moves, and the lines about which it tips."""
 
     mass_kg: Mass
     at_mm: Point
@@ -386,7 +386,7 @@ Percent = Annotated[float, Field(gt=0, lt=100)]
 
 
 class TolerancesSection(Section):
-    """How far single machines may lie from this file's values, either way.
+    """Widths by which single machines may differ from this file's values, either way.
 
     ``keys``: of single numbers by key path, in their unit.
     """

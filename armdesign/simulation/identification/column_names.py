@@ -48,9 +48,9 @@ def strongest_column(recording: Recording, excitation: str = "") -> str:
         }
         if sizes:
             return max(sizes, key=lambda name: sizes[name])
-    problem = f"no column is a pressure, speed or acceleration ({', '.join(recording.columns)})"
+    fault = f"no column is a pressure, speed or acceleration ({', '.join(recording.columns)})"
     remedy = "name the column, or end the names in a unit as _bar, _deg_per_s, _m_per_s2"
-    raise SimulationError(recording.source, problem, remedy)
+    raise SimulationError(recording.source, fault, remedy)
 
 
 def unit_of(name: str, units: Sequence[str]) -> str:

@@ -128,8 +128,8 @@ def identify_forced_response(
     u, y = (np.fft.rfft(signal)[inside] / len(y) for signal in (u, y))
     frequency = all_lines[inside]
     if len(frequency) < LEAST_EQUATIONS * _unknowns(modes) / 2:
-        problem = f"{np.size(time) * step:.3g} s are too short"
-        raise SimulationError(part, problem, f"record {record_length(band, modes):.3g} s or more")
+        fault = f"{np.size(time) * step:.3g} s are too short"
+        raise SimulationError(part, fault, f"record {record_length(band, modes):.3g} s or more")
     if not (np.abs(u).max() > 0 and np.abs(y).max() > 0):
         raise SimulationError(
             part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode"
@@ -169,8 +169,8 @@ def identify_frequency_response(
     lines, measured = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
     sigma = np.ones(len(lines)) if deviations is None else np.asarray(deviations, dtype=float)
     if not (lines.ndim == 1 and lines.shape == measured.shape == sigma.shape):
-        problem = f"shapes {lines.shape}, {measured.shape} and {sigma.shape} differ"
-        raise SimulationError(part, problem, "give one response and deviation per line")
+        fault = f"shapes {lines.shape}, {measured.shape} and {sigma.shape} differ"
+        raise SimulationError(part, fault, "give one response and deviation per line")
     if not (np.all(np.isfinite(measured)) and np.all(lines > 0) and np.all(sigma > 0)):
         raise SimulationError(part, "holds lines without a response", "leave them out")
     degrees = (*_degrees(modes)[:2], 0)
@@ -203,8 +203,8 @@ def spectral_peak(
     lines = np.fft.rfftfreq(len(time), time[1] - time[0])
     inside = np.flatnonzero((lines >= band[0]) & (lines <= band[1]))
     if len(inside) == 0:
-        problem = f"{time[-1] - time[0]:.3g} s have no line from {band[0]:.3g} to {band[1]:.3g} Hz"
-        raise SimulationError(part, problem, f"record {1 / (band[1] - band[0]):.3g} s or more")
+        fault = f"{time[-1] - time[0]:.3g} s have no line from {band[0]:.3g} to {band[1]:.3g} Hz"
+        raise SimulationError(part, fault, f"record {1 / (band[1] - band[0]):.3g} s or more")
     heights = np.abs(np.fft.rfft(response)[inside])
     if not heights.max() > 0:
         raise SimulationError(part, "nothing moves", "raise the amplitude")

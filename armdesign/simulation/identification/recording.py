@@ -46,8 +46,8 @@ class Recording(ReadOnly):
             SimulationError: there is none of that name.
         """
         if name not in self.columns:
-            problem = f'has no column "{name}"'
-            raise SimulationError(self.source, problem, choose(name, list(self.columns)))
+            fault = f'has no column "{name}"'
+            raise SimulationError(self.source, fault, choose(name, list(self.columns)))
         return self.columns[name]
 
     def between(self, begin: float, end: float) -> Recording:
@@ -84,13 +84,13 @@ class Recording(ReadOnly):
             raise SimulationError(self.source, f"{name} is constant ({values[0]:g})", remedy)
         begin, count = _longest_run(values)
         if count > STUCK * len(values):
-            problem = f"{name} is stuck at {values[begin]:g} from {time[begin]:g} s"
-            raise SimulationError(self.source, problem, "choose another column or window")
+            fault = f"{name} is stuck at {values[begin]:g} from {time[begin]:g} s"
+            raise SimulationError(self.source, fault, "choose another column or window")
         for limit in (float(values.max()), float(values.min())):
             if _clipped(values, limit):
-                problem = f"{name} is clipped at {limit:g}"
+                fault = f"{name} is clipped at {limit:g}"
                 remedy = "choose a window of smaller swings, or a sensor of more range"
-                raise SimulationError(self.source, problem, remedy)
+                raise SimulationError(self.source, fault, remedy)
         return values
 
     def _check_time(self) -> None:
@@ -103,9 +103,9 @@ class Recording(ReadOnly):
         ):
             if bad.any():
                 k = int(np.argmax(bad))
-                problem = what.format(self.time[k], steps[k])
+                fault = what.format(self.time[k], steps[k])
                 remedy = "choose a window without it, or mend the recording"
-                raise SimulationError(self.source, problem, remedy)
+                raise SimulationError(self.source, fault, remedy)
 
 
 def _longest_run(values: Array) -> tuple[int, int]:
@@ -173,5 +173,5 @@ def _number(source: str, line: int, name: str, word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        problem = f'"{word:.40}" in line {line} is no number ({name})'
-        raise SimulationError(source, problem, "give numbers, or leave the field blank") from None
+        fault = f'"{word:.40}" in line {line} is no number ({name})'
+        raise SimulationError(source, fault, "give numbers, or leave the field blank") from None

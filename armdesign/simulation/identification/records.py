@@ -33,8 +33,8 @@ def signals_of(part: str, time: ArrayLike, *signals: ArrayLike) -> tuple[float, 
     values = [_numbers(part, signal) for signal in signals]
     for signal in values:
         if signal.ndim not in (1, 2) or len(signal) != len(instants):
-            problem = f"a signal of shape {signal.shape} does not fit {len(instants)} instants"
-            raise SimulationError(part, problem, "give one value per instant")
+            fault = f"a signal of shape {signal.shape} does not fit {len(instants)} instants"
+            raise SimulationError(part, fault, "give one value per instant")
     return step, values
 
 

@@ -205,12 +205,12 @@ def evidence(answer: Answer) -> float:
 
 
 def _coarse(
-    lines: Lines, starts: Array, neighbours: tuple[float, ...], found: list[Answer]
+    lines: Lines, starts: Array, neighbours: tuple[float, ...], known: list[Answer]
 ) -> list[Answer]:
     """Answers after a few rounds, at some λ."""
     modes, ratios = starts.shape[1], list(COARSE)
     if neighbours:
-        best = max(found, key=evidence)
+        best = max(known, key=evidence)
         extras = [np.array([[omega, zeta] for omega in neighbours]) for zeta in (0.02, 0.2)]
         starts = np.array([np.vstack([best.poles[:modes], extra]) for extra in extras])
         ratios = [best.ratio, best.ratio / 100]

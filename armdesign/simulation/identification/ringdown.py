@@ -128,8 +128,8 @@ def identify_ringdown(
         raise SimulationError(part, "nothing moves", "raise the amplitude")
     signals = signals / np.where(scale > 0, scale, 1.0)
     if len(signals) < 8 * modes:
-        problem = f"{len(signals)} records are too few"
-        raise SimulationError(part, problem, f"record {8 * modes} or more")
+        fault = f"{len(signals)} records are too few"
+        raise SimulationError(part, fault, f"record {8 * modes} or more")
     fits, singular = _answers(signals, modes, part, trend)
     weights = np.exp(
         TEMPER * (np.array(list(map(_likelihood, fits))) - max(map(_likelihood, fits)))
@@ -179,15 +179,15 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
     fits = [one for one in fits if one.rings.sum() >= modes]
     likelihoods = [max(map(_likelihood, some), default=-math.inf) for some in (fits, fewer)]
     if not fits or likelihoods[0] < likelihoods[1] + STANDS_OUT:
-        problem = f"holds {most} modes, not {modes}"
+        fault = f"holds {most} modes, not {modes}"
         if most >= modes:
-            problem = f"holds fewer than {modes} that ring for two periods or more"
-        raise SimulationError(part, problem, "ask for fewer, or record longer")
+            fault = f"holds fewer than {modes} that ring for two periods or more"
+        raise SimulationError(part, fault, "ask for fewer, or record longer")
     if not _exact(signals, fits[0]):
         likeliest = max(fits, key=_likelihood)
         if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
-            problem = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
-            raise SimulationError(part, problem, "ask for fewer, or record longer or louder")
+            fault = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
+            raise SimulationError(part, fault, "ask for fewer, or record longer or louder")
         fits += _with_hidden(signals, likeliest, modes)
     return fits, of_all
 

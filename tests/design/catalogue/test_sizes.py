@@ -51,11 +51,13 @@ def test_catalogue_file(tmp_path: Path) -> None:
     good = tmp_path / "own.csv"
     good.write_text("name, rod_mm, bore_mm\nb, 63, 100\na, 45, 80\n", encoding="utf-8")
     assert read_sizes(good) == pytest.approx(np.array([(0.08, 0.045), (0.1, 0.063)]))
+    good.write_text("# a shop's\nbore_mm;rod_mm\n\n100,5;63\n", encoding="utf-8")
+    assert read_sizes(good) == pytest.approx(np.array([(0.1005, 0.063)]))
     for text, words in (
         ("bore,rod\n1,2\n", "has columns bore, rod"),
         ("", "has columns none"),
         ("bore_mm,rod_mm\n100,63\nx,63\n", "line 3: is not a pair"),
-        ("bore_mm,rod_mm\n100\n", "line 2: is not a pair"),
+        ("bore_mm,rod_mm\n100\n", "1 fields in line 2, 2 names"),
         ("bore_mm,rod_mm\n", "is empty"),
     ):
         (tmp_path / "bad.csv").write_text(text, encoding="utf-8")

@@ -145,7 +145,7 @@ def nearest_error(
 
 
 def relaxations(conflict: Sequence[Concession]) -> str:
-    """What the requirements of a conflict give, as one line: by name and amount."""
+    """The concessions of a conflict as one line: by name and amount."""
     return ", ".join(f"{c.name} by {_amount(c)}" for c in conflict if c.together > 0)
 
 

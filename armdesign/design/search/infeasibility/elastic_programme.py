@@ -88,7 +88,7 @@ class ElasticSolution:
 
     @property
     def cost(self) -> float:
-        """What solutions are compared by."""
+        """Shares given and missed, by which solutions are compared."""
         return self.given + PENALTY * self.missed
 
 
@@ -269,7 +269,7 @@ def _constraint_per_slack(evaluation: Evaluation) -> Array:
 
 
 def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:
-    """What the groups give, and what the others miss.
+    """Shares that the groups give, and that the others miss.
 
     Groups give the sum of their largest shares, and a little of every share.
     """

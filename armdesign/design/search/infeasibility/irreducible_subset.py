@@ -87,7 +87,7 @@ class ConflictSearch(ElasticProgramme):
     def _deletion_filter(
         self, suspects: Sequence[str], missed: Collection[str], starts: int
     ) -> tuple[str, ...]:
-        """What is left when all goes without which the rest still conflicts, by so many starts.
+        """Requirements left when all go without which the rest conflicts, by so many starts.
 
         What is missed goes last.
         """

@@ -55,7 +55,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
     refusals: list[InfeasibleError] = []
     while len(refusals) < GRANTS:
         try:
-            found = design(problem.under(requirements))
+            answer = design(problem.under(requirements))
         except InfeasibleError as refusal:
             refusals.append(refusal)
             granted = requirements.granting(refusal.conflict)
@@ -64,7 +64,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
             requirements = granted
         else:
             if not refusals:
-                return found
+                return answer
             settled = True
             break
     if len(refusals) == 1:
@@ -78,31 +78,34 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
 def _all_together(
     problem: Problem, refusals: Sequence[InfeasibleError], granted: Requirements
 ) -> tuple[Concession, ...]:
-    """What several refusals ask for, each under what the ones before it grant."""
+    """The requests of several refusals, each under what the ones before it grant.
+
+    A requirement may count only under what was granted, as digging does under less torque.
+    """
     machine = problem.machine
     before, after = (
         {c.name: c for c in check(machine, machine, problem.workspace, requirements)}
         for requirements in (problem.requirements, granted)
     )
-    found: dict[str, Concession] = {}
+    joined: dict[str, Concession] = {}
     for refusal in refusals:
-        parts = len({c.part for c in found.values()})
+        parts = len({c.part for c in joined.values()})
         for c in refusal.conflict:
-            known, old = found.get(c.name), before[c.name]
+            known, old = joined.get(c.name), before.get(c.name, c)
             value = c.value
             if value is not None and c.inverse:  # factors
                 value *= known.value if known and known.value else 1.0
             elif value is not None:
                 value = granted.setting(c.setting)
-            changed = abs(after[c.name].limit - old.limit)
-            found[c.name] = Concession(
+            changed = abs(after.get(c.name, c).limit - old.limit)
+            joined[c.name] = Concession(
                 **old.identity,
                 together=old.limit * (1 / value - 1) if c.inverse and value else changed,
                 alone=None,
                 part=known.part if known else parts + c.part,
                 value=value,
             )
-    return tuple(found.values())
+    return tuple(joined.values())
 
 
 def require_feasible(search: Search) -> Search:
@@ -141,7 +144,7 @@ def _grid(problem: Problem) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Conflict:
-    """What conflicts near a search, and its least relaxation; None if none helps."""
+    """Conflicts near a search, and their least relaxation; None if none helps."""
 
     search: Search
     subsets: tuple[tuple[str, ...], ...]

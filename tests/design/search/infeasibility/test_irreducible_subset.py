@@ -421,6 +421,29 @@ def test_what_conflicts_still_after_all_grants_is_named() -> None:
     assert len(asked) == GRANTS
 
 
+def test_digging_that_counts_only_under_less_torque_joins_a_conflict() -> None:
+    """Digging says nothing until the torque gives way: its refusal ended in a KeyError before."""
+    settings: dict[str, Any] = {"torque_share": 0.99, "digging_share": 0.97, "digging": ("lift",)}
+    problem = problem_of("single", ("areas",), **settings)
+    machine, space = problem.machine, problem.workspace
+    wanted = [("torque.extending.lift", 0.9), ("digging.lift", 0.91)]
+
+    def design(problem: Problem) -> str:
+        checks = {c.name: c for c in check(machine, machine, space, problem.requirements)}
+        if not wanted:
+            return "a design"
+        name, value = wanted.pop(0)
+        one = Concession(**checks[name].identity, together=0.05, alone=None, value=value)
+        raise conflict_error("odd", [one])
+
+    with pytest.raises(InfeasibleError) as error:
+        design_or_proof(problem, design, catalogue=False)
+    torque, digging = error.value.conflict
+    assert (torque.value, digging.value) == (0.9, 0.91)
+    assert torque.together / torque.limit == pytest.approx(1 - 0.9 / 0.99)
+    assert digging.together / digging.limit == pytest.approx(1 - 0.91 / 0.97)
+
+
 def test_where_pins_close_no_linkage_nothing_is_met() -> None:
     """A four-bar that cannot be assembled is far from meeting requirements, without a word on the
     way.

@@ -1,0 +1,80 @@
+"""Labels beside a drawing: two columns, left and right of it, each with a line to its point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.plots.canvas import INK
+
+EDGE = 0.012  # of the axes' width, between its side and a column
+BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
+APART = 0.33  # [in] from label to label
+LOW, HIGH = 0.04, 0.96  # of the axes' height, between which labels are
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Label:
+    """Two lines of words for a point.
+
+    Attributes:
+        at: the point (2,); one that is NaN gets no label.
+        head: first line, in the colour.
+        below: second line.
+        colour: of the first line and the leader.
+    """
+
+    at: Array
+    head: str
+    below: str
+    colour: str
+
+
+def place_labels(ax: Any, labels: Sequence[Label]) -> None:
+    """Write labels in two columns, in the order of their points' heights, evenly apart.
+
+    The half of the points further left goes to the left.
+    """
+    shown = sorted((one for one in labels if np.isfinite(one.at).all()), key=lambda one: one.at[0])
+    half = (len(shown) + 1) // 2
+    for side, column in (("left", shown[:half]), ("right", shown[half:])):
+        column = sorted(column, key=lambda one: -one.at[1])
+        rows = _rows(ax, column)
+        for one, height in zip(column, rows, strict=True):
+            _write(ax, one, side, float(height))
+
+
+def _rows(ax: Any, column: Sequence[Label]) -> Array:
+    """Heights of labels in a column, from its top, each as near to its point as room allows."""
+    low, high = ax.get_ylim()
+    wanted = np.clip([(one.at[1] - low) / (high - low) for one in column], LOW, HIGH)
+    height = max(ax.figure.get_size_inches()[1] - BESIDES, 1.0)
+    apart = min(APART / height, (HIGH - LOW) / max(len(column) - 1, 1))
+    rows = wanted.copy()
+    for _ in range(200):  # neighbours push each other apart
+        rows = np.clip(rows, LOW, HIGH)
+        gaps = rows[:-1] - rows[1:] - apart
+        if len(gaps) == 0 or gaps.min() > -1e-4:
+            break
+        push = np.where(gaps < 0, -gaps / 2 + 1e-5, 0.0)
+        rows[:-1] += push
+        rows[1:] -= push
+    return np.asarray(rows)
+
+
+def _write(ax: Any, label: Label, side: str, height: float) -> None:
+    x = EDGE if side == "left" else 1 - EDGE
+    text = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
+    head = ax.annotate(label.head, (x, height), va="bottom", color=label.colour, **text)
+    head.set(fontsize=8, fontweight="bold")
+    below = ax.annotate(label.below, (x, height), va="top", color=INK, fontsize=7, **text)
+    wide = [one.get_window_extent().width for one in (head, below)]
+    longer, edge = (head, 0.0) if wide[0] >= wide[1] else (below, 1.0)
+    inner = (1.0 if side == "left" else 0.0, edge)
+    leader = {"arrowstyle": "-", "color": label.colour, "lw": 0.6, "shrinkA": 3, "shrinkB": 3}
+    way = {"textcoords": longer, "arrowprops": leader, "annotation_clip": False}
+    ax.annotate("", label.at, inner, **way, zorder=6)

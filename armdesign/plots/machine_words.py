@@ -1,0 +1,116 @@
+"""What is written beside a drawn machine: pins, joints, pose, faults, sizes of cylinders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.drawing.colours import actuator_colours
+from armdesign.drawing.side_view import SideView
+from armdesign.plots.canvas import INK, MARK, below, joint_values
+from armdesign.plots.labels import Label
+from armdesign.units import mm
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+
+
+def pose_words(machine: Machine, view: SideView) -> str:
+    """Positions of all joints of poses, in degrees and metres."""
+    joints = zip(machine.arm.joints, view.coordinates[0], strict=False)
+    words = []
+    for joint, value in joints:
+        drawn = float(joint_values(joint, np.array(value)))
+        shown = f"{drawn:.1f}°" if joint.revolute else f"{drawn:.3f} m"
+        words.append(f"{joint.name} {number(shown)}")
+    return ", ".join(words)
+
+
+def faults(machine: Machine, view: SideView) -> list[str]:
+    """What cannot be in a drawn pose: pins out of place, cylinders out of their stroke."""
+    words = [f"{name} lies outside the outline of its link" for name in view.stray_pins]
+    for shape, length, wrong in zip(
+        view.cylinders, view.lengths[0], view.out_of_stroke[0], strict=True
+    ):
+        if wrong and np.isnan(length):
+            words.append(f"{shape.name}: its four-bar does not close in this pose")
+        elif wrong:
+            longest = shape.closed_length + shape.stroke
+            short = length < shape.closed_length
+            by = shape.closed_length - length if short else length - longest
+            words.append(
+                f"{shape.name}: pin to pin {length / mm:.0f} mm, {by / mm:.0f} mm"
+                f" {'below its closed' if short else 'beyond its open'} length"
+            )
+    return words
+
+
+def pin_labels(machine: Machine, view: SideView) -> list[Label]:
+    """A label for every pin: its link and coordinates in the link's frame."""
+    colours, labels = actuator_colours(machine), []
+    flat = all(pin.at is None or abs(pin.at[1]) < 1e-9 for pin in view.pins)
+    for pin, at in zip(view.pins, view.points[0], strict=True):
+        colour = MARK if pin.name in view.stray_pins else colours[pin.name.rpartition(".")[0]]
+        below = "rocker meets coupler"
+        if pin.at is not None:
+            shown = (pin.at[0], pin.at[2]) if flat else pin.at
+            numbers = number(", ".join(f"{value / mm:.1f}" for value in shown))
+            below = f"{pin.link}: {numbers} mm"
+        labels.append(Label(at=at, head=pin.name, below=below, colour=colour))
+    return labels
+
+
+def joint_labels(machine: Machine, view: SideView) -> list[Label]:
+    """A label for every joint with an arc: its range."""
+    labels = []
+    for arc, line in zip(view.arcs, view.arc_lines(), strict=True):
+        index = view.joints.index(arc.joint)
+        joint = machine.arm.joints[index]
+        ends = joint_values(joint, np.array([arc.lower, arc.upper]))
+        unit, digits = ("°", 1) if arc.revolute else (" m", 3)
+        at = view.pivots[0, index] if arc.revolute else line[-1]
+        below = number(f"range {ends[0]:.{digits}f} to {ends[1]:.{digits}f}{unit}")
+        labels.append(Label(at=at, head=f"joint {arc.joint}", below=below, colour=INK))
+    return labels
+
+
+def ends(view: SideView) -> list[Label]:
+    """Labels of the tool, with its place, and of loads."""
+    x, z = view.tool[0]
+    there = {
+        name: bool(np.hypot(*(places[0] - view.tool[0])) < 1e-3)
+        for name, places in view.loads.items()
+    }
+    head = ", ".join(["tool", *(f"load {name}" for name in there if there[name])])
+    tool = Label(at=view.tool[0], head=head, below=number(f"{x:.3f}, {z:.3f} m"), colour=MARK)
+    apart = (name for name in there if not there[name])
+    places = view.loads
+    return [tool, *(Label(at=places[n][0], head=f"load {n}", below="", colour=INK) for n in apart)]
+
+
+def sizes_legend(ax: Any, machines: Sequence[Machine]) -> None:
+    """What the colours mean: actuators with their sizes, of each machine."""
+    handles = []
+    for name, colour in actuator_colours(machines[-1]).items():
+        sizes = [text for machine in machines if (text := _sizes(machine, name))]
+        distinct = list(dict.fromkeys(sizes))
+        label = f"{name}: {' → '.join(distinct)}" if distinct else name
+        handles += ax.fill([np.nan], [np.nan], fc=colour, ec=INK, lw=0.7, label=label)
+    place = {"bbox_to_anchor": (0.0, 0.0), "bbox_transform": below(ax, 0.42)}
+    ax.legend(handles=handles, ncols=2, loc="upper left", borderaxespad=0, **place)
+
+
+def _sizes(machine: Machine, name: str) -> str:
+    """Number, bore, rod and stroke of a cylinder in words; empty for what is none."""
+    table = machine.section.cylinder.get(name)
+    if table is None:
+        return "motor" if name in machine.section.motor else ""
+    count = f"{table.count} × " if table.count > 1 else ""
+    return f"{count}Ø{table.bore_mm:g}/{table.rod_mm:g} × {table.stroke_mm:g} mm"
+
+
+def number(text: str) -> str:
+    """Numbers in words with minus signs instead of hyphens."""
+    return text.replace("-", "−")

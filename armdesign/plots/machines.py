@@ -1,0 +1,195 @@
+"""Machines drawn to scale from the side, with named pins, joint ranges and the tool's range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.drawing.colours import SPRING, actuator_colours
+from armdesign.drawing.joint_arcs import middle_pose
+from armdesign.drawing.side_view import SideView, side_view
+from armdesign.drawing.tool_range import tool_range
+from armdesign.plots.canvas import COMPUTED, INK, MARK, WIDTH, figure, literal, title_of
+from armdesign.plots.labels import place_labels
+from armdesign.plots.machine_words import (
+    ends,
+    faults,
+    joint_labels,
+    pin_labels,
+    pose_words,
+    sizes_legend,
+)
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+
+BODY = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
+ROD = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
+EARTH, FAINT = "#8b7355", "#9ca3af"
+LABEL_ROOM = 0.34  # of the drawn width, on either side of the machine
+BESIDE = 0.22  # of the width: the range of the tool
+
+
+@literal
+def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Any = None) -> Any:
+    """Side view of a machine to scale, with its pins' names and coordinates; returns the axes.
+
+    Bodies, cylinders as barrel and rod between their pins, four-bars, loads, ground, the ranges of
+    the joints as arcs; beside it, in axes of its own, the range of the tool. A pin outside the
+    outline of its link and a cylinder out of its stroke are red, and said in words.
+
+    Args:
+        machine: the machine.
+        q: one pose (nq,) [rad, m]; the middle of the joint ranges if None.
+        ax: axes to draw into; new ones if None.
+    """
+    view = side_view(machine, middle_pose(machine) if q is None else q)
+    limits = extent([view])
+    if ax is None:
+        ax, beside = new_axes(limits, beside=True)
+        _tool_range(beside, machine, view)
+    draw_machine(ax, machine, view)
+    _arcs(ax, view)
+    frame(ax, limits, view)
+    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
+    place_labels(ax, labels)
+    head(ax, machine, [pose_words(machine, view), *faults(machine, view)])
+    sizes_legend(ax, [machine])
+    return ax
+
+
+def draw_machine(ax: Any, machine: Machine, view: SideView, pose: int = 0, **style: Any) -> None:
+    """Bodies, bars, cylinders, pins, joints, loads and tool of a side view at a pose.
+
+    ``style``: of the bodies' patches, instead of the usual one.
+    """
+    colours = actuator_colours(machine)
+    for body in view.polygons(pose):
+        for corners in body:
+            ax.fill(*corners.T, **{**BODY, "zorder": 2, **style})
+    for bar in view.bars:
+        ends = view.points[pose, list(bar.ends)]
+        for width, colour in ((5.0, "#4b5563"), (3.4, "#9aa3af")):
+            ax.plot(*ends.T, color=colour, lw=width, solid_capstyle="round", zorder=4)
+    wrong = view.out_of_stroke[pose]
+    for shape, pair, faulty in zip(view.cylinders, view.barrel_and_rod(pose), wrong, strict=True):
+        if np.isfinite(pair).all():
+            edge = {"ec": MARK, "lw": 1.8} if faulty else {"ec": INK, "lw": 0.7}
+            paint = FAINT if shape.idle else colours[shape.name]
+            ax.fill(*pair[1].T, **{**ROD, **edge}, zorder=5)
+            ax.fill(*pair[0].T, fc=paint, **edge, zorder=5)
+    for name, joint in view.motors.items():
+        ring = {"ms": 15, "mfc": "none", "mew": 3.5, "mec": colours[name]}
+        ax.plot(*view.pivots[pose, joint], "o", zorder=6, **ring)
+    _points(ax, view, pose)
+
+
+def _points(ax: Any, view: SideView, pose: int) -> None:
+    for pin, at in zip(view.pins, view.points[pose], strict=True):
+        ax.plot(*at, "o", ms=4.5, mfc="white", mec=INK, mew=1.0, zorder=7)
+        if pin.name in view.stray_pins:
+            ax.plot(*at, "o", ms=15, mfc="none", mec=MARK, mew=2.2, zorder=8)
+    joints = view.pivots[pose]
+    hinges = joints[: len(joints) - view.springs][view.turning[: len(joints) - view.springs]]
+    ax.plot(*hinges.T, "o", ms=6, mfc=INK, mec="white", mew=0.8, ls="", zorder=7)
+    springs = joints[len(joints) - view.springs :]
+    ax.plot(*springs.T, "D", ms=7, mfc=SPRING, mec="white", ls="", zorder=7)
+    for places in view.loads.values():
+        ax.plot(*places[pose], "s", ms=8, mfc="#fde68a", mec=INK, alpha=0.9, zorder=6)
+    ax.plot(*view.tool[pose], "*", ms=11, mfc=MARK, mec="white", mew=0.7, zorder=8)
+
+
+def _arcs(ax: Any, view: SideView) -> None:
+    """Ranges of the joints: arcs between their ends, and where the joint stands."""
+    for arc, line in zip(view.arcs, view.arc_lines(), strict=True):
+        index = view.joints.index(arc.joint)
+        ax.plot(*line.T, color=INK, lw=1.1, zorder=3)
+        share = (view.coordinates[0, index] - arc.lower) / max(arc.upper - arc.lower, 1e-12)
+        for at, marker in ((line[0], "|"), (line[-1], "|"), (_between(line, share), "o")):
+            size = {"ms": 4 if marker == "o" else 0}
+            ax.plot(*at, marker, color=INK, zorder=3, **size)
+        if arc.revolute:
+            for end in (line[0], line[-1]):
+                ends = np.array([view.pivots[0, index], end])
+                ax.plot(*ends.T, color=INK, lw=0.5, ls=":", zorder=3)
+
+
+def _between(line: Array, share: float) -> Array:
+    """Place (2,) on a line of even steps, by its share of the way."""
+    at = float(np.clip(share, 0, 1)) * (len(line) - 1)
+    return np.array([np.interp(at, np.arange(len(line)), column) for column in line.T])
+
+
+# ------------------------------------------------------------------------------- axes and words
+
+
+def extent(views: Sequence[SideView]) -> Array:
+    """Corners (2, 2) [m], lower left and upper right, of all that is drawn."""
+    drawn = [corners for view in views for body in view.polygons() for corners in body]
+    drawn += [line for view in views for line in view.arc_lines()]
+    points = [part for view in views for part in (view.points[0], view.tool[:1])]
+    every = np.concatenate([*drawn, *points])
+    grounds = [view.ground for view in views]
+    low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+    low[1] = min(low[1], *grounds)
+    margin = 0.03 * float(np.max(high - low))
+    return np.array([low - margin, high + margin])
+
+
+def new_axes(limits: Array, beside: bool = False) -> list[Any]:
+    """New axes as high as the drawing needs beside its labels; with others beside them."""
+    wide, high = limits[1] - limits[0]
+    width = WIDTH * (1 - BESIDE if beside else 1) - 0.6
+    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 2.4, 8.0)) + 1.5
+    if not beside:
+        return list(figure(1, WIDTH, height)[1])
+    fig, _ = figure(1, WIDTH, height)
+    fig.clf()
+    return list(fig.subplots(1, 2, width_ratios=[1 - BESIDE, BESIDE]))
+
+
+def frame(ax: Any, limits: Array, view: SideView, room: float = LABEL_ROOM) -> None:
+    """Limits, equal scales and ground, with room for labels on either side of the limits."""
+    (left, low), (right, high) = limits
+    space = room * (right - left)
+    left, right = left - space, right + space
+    ax.set(xlim=(left, right), ylim=(low, high), xlabel="reach [m]", ylabel="height [m]")
+    ax.set(aspect="equal", anchor="NW")
+    _earth(ax, view)
+
+
+def _earth(ax: Any, view: SideView) -> None:
+    """The ground, and a faint grid."""
+    low, high = ax.get_ylim()
+    deep = view.ground - 0.025 * (high - low)
+    ax.axhline(view.ground, color=EARTH, lw=1.4, zorder=1)
+    ax.axhspan(deep, view.ground, fc="none", ec=EARTH, alpha=0.5, hatch="////", lw=0, zorder=1)
+    ax.set_ylim(low, high)
+    ax.grid(alpha=0.15)
+
+
+def _tool_range(ax: Any, machine: Machine, view: SideView) -> None:
+    """The range of the tool about the machine."""
+    lines = tool_range(machine)
+    for line in lines:
+        ax.plot(*line.T, color=COMPUTED, lw=1.2, zorder=3)
+        if np.array_equal(line[0], line[-1]) and len(line) > 2:
+            ax.fill(*line.T, fc="#e0ecf8", ec="none", zorder=0)
+    for body in view.polygons():
+        for corners in body:
+            ax.fill(*corners.T, **{**BODY, "lw": 0.5}, zorder=2)
+    ax.plot(*view.tool[0], "*", ms=8, mfc=MARK, mec="white", mew=0.6, zorder=4)
+    ax.set(xlabel="reach [m]", aspect="equal", anchor="N")
+    ax.set_title("range of the tool", fontsize=9, loc="left")
+    ax.tick_params(labelsize=8)
+    _earth(ax, view)
+
+
+def head(ax: Any, machine: Machine, words: Sequence[str]) -> None:
+    """Title, and lines of words below it; red where something is wrong."""
+    title = title_of(machine)
+    ax.set_title("\n".join([title, *words]), fontsize=9, loc="left")

@@ -1,0 +1,174 @@
+"""Drawings of machines: what is in them, of which names and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armdesign import load, plots
+from armdesign.drawing.colours import ACTUATORS, actuator_colours
+from armdesign.drawing.moved_pins import changed_bars, moved_pins
+from armdesign.drawing.side_view import side_view
+from armdesign.errors import ArmDesignError
+from armdesign.plots import canvas
+from tests.commands import main
+from tests.machines import named
+
+MOVED = {
+    "cylinder.boom.base.at_mm": [520.0, 0.0, -650.0],
+    "cylinder.bucket.four_bar.rocker_mm": 570.0,
+}
+
+
+def words(ax) -> str:
+    texts = [*(text.get_text() for text in ax.texts), ax.get_title(loc="left")]
+    legend = ax.get_legend()
+    return "\n".join([*texts, *(text.get_text() for text in legend.get_texts())])
+
+
+def test_a_drawing_names_every_pin_with_its_coordinates() -> None:
+    """Names and numbers as in the machine file."""
+    drawn = words(named("excavator_20t").plot())
+    for name, at in (
+        ("boom.base", "chassis: 461.5, −602.5 mm"),
+        ("boom.rod_end", "boom: 2233.7, 950.5 mm"),
+        ("bucket.lug", "bucket: −80.7, 461.6 mm"),
+        ("bucket.knee", "rocker meets coupler"),
+        ("joint stick", "range −155.5 to −33.2°"),
+    ):
+        assert name in drawn
+        assert at in drawn
+    assert "boom: 2 × Ø120/85 × 1260 mm" in drawn
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [("spatial", "svg"), ("slewing", "pdf"), ("rocking", "svg"), ("rotator", "png")],
+)
+def test_any_machine_is_drawn_in_any_format(name: str, suffix: str, tmp_path: Path) -> None:
+    machine = named(name)
+    fig = machine.plot().figure
+    path = plots.save(fig, tmp_path / f"a.{suffix}")
+    assert path.stat().st_size > 5_000
+    if suffix == "svg":
+        text = path.read_text()
+        assert all(f"{cylinder.name}.base" in text for cylinder in machine.cylinders)
+
+
+def test_the_same_figure_is_the_same_file(tmp_path: Path) -> None:
+    one, other = (
+        plots.save(named("paper_1dof").plot().figure, tmp_path / f"{name}.svg") for name in "ab"
+    )
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ArmDesignError, match=r"is no format of pictures"):
+        plots.save(plots.figure()[0], tmp_path / "a.jpg")
+
+
+def test_a_misplaced_pin_is_said_in_words() -> None:
+    machine = load("excavator_20t")
+    text = machine.text.replace("[2233.7, 0, 950.5]", "[2233.7, 0, -950.5]")
+    drawn = words(type(machine).unchecked(text, machine.urdf_text, machine.source).plot())
+    assert "boom.rod_end lies outside the outline of its link" in drawn
+    low = side_view(machine, machine.ranges[:, 0] - 0.05)
+    assert low.out_of_stroke.any()
+    assert "beyond its open length" in words(machine.plot(machine.ranges[:, 0] - 0.05))
+
+
+def test_moved_pins_have_arrows_in_mm() -> None:
+    """The boom's base moves by (58.5, −47.5) mm, 75.4 mm; a rocker gets shorter."""
+    old = named("excavator_20t")
+    new = old.replace(MOVED)
+    q = old.ranges.mean(axis=1)
+    views = side_view(old, q), side_view(new, q)
+    (move,) = moved_pins(*views)
+    assert (move.name, move.link) == ("boom.base", "chassis")
+    assert move.by == pytest.approx([0.0585, 0, -0.0475])
+    assert move.distance == pytest.approx(0.075358, abs=1e-5)
+    assert move.after[0] - move.before[0] == pytest.approx([0.0585, -0.0475])
+    ((before, after),) = changed_bars(*views)
+    assert (before.length, after.length) == pytest.approx((0.5787, 0.570))
+    ax = plots.machine_overlay(old, new, q)
+    drawn = words(ax)
+    assert "boom.base: 75 mm" in drawn
+    assert "x +58.5, z −47.5 mm in chassis" in drawn
+    assert "bucket.rocker 578.7 → 570.0 mm" in drawn
+    arrows = [text.arrow_patch for text in ax.texts if text.arrow_patch is not None]
+    assert any(arrow.get_edgecolor() == (*_rgb(canvas.MARK), 1.0) for arrow in arrows)
+
+
+def _rgb(colour: str) -> tuple[float, ...]:
+    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+def test_an_actuator_keeps_its_colour() -> None:
+    """Whatever is frozen: its place in the file decides."""
+    machine = named("excavator_20t")
+    colours = actuator_colours(machine)
+    assert list(colours) == ["boom", "stick", "bucket", "swing"]
+    assert list(colours.values()) == list(ACTUATORS[:4])
+    fewer = machine.text.replace('["boom", "stick", "bucket"]', '["boom", "bucket"]')
+    fewer = fewer.replace("frozen = { swing = 0.0 }", "frozen = { swing = 0.0, stick = -1.5 }")
+    frozen = type(machine).from_text(fewer, machine.urdf_text, machine.source)
+    assert actuator_colours(frozen) == colours
+    idle = [shape.name for shape in side_view(frozen, [0.0, -0.5]).cylinders if shape.idle]
+    assert idle == ["stick"]
+
+
+def test_modes_are_drawn_with_frequency_and_amplitude() -> None:
+    fig = plots.mode_shapes(named("excavator_20t"))
+    titles = [ax.get_title(loc="left") for ax in fig.axes]
+    assert len(titles) == 3
+    assert all("± 200 mm at the tool" in title for title in titles)
+    assert titles[0].startswith("mode 1: ")
+    assert "% in boom" in titles[0]
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "paper_1dof", "patu_boom"])
+def test_the_range_of_the_tool_reaches_as_far_as_the_figures(name: str) -> None:
+    """Against reach, depth and height by optimisation (inspection), to 5 mm of chords."""
+    from armdesign.drawing.tool_range import tool_range
+    from armdesign.inspection.reach_figures import reach_figures
+
+    lines = np.concatenate(tool_range(named(name)))
+    figures = reach_figures(named(name))
+    drawn = lines[:, 0].max(), lines[:, 1].max(), -lines[:, 1].min()
+    assert drawn == pytest.approx((figures.reach, figures.height, figures.depth), abs=5e-3)
+
+
+def test_draw_writes_its_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["draw", "paper_1dof", "--pose", "boom=10", "--format", "svg"], monkeypatch) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"machine.svg", "modes.svg"}
+    assert "boom 10.0°" in (tmp_path / "out" / "machine.svg").read_text()
+    assert main(["draw", "paper_1dof", "paper_1dof", "--out", "two"], monkeypatch) == 0
+    assert (tmp_path / "two" / "overlay.png").exists()
+    assert main(["draw", "paper_1dof", "--pose", "boom=80"], monkeypatch) == 2
+    assert "outside its range" in capsys.readouterr().err
+
+
+def test_an_unusable_machine_is_drawn_and_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A base pin on the wrong side of the joint: no pose fits, and the picture shows why."""
+    machine = named("paper_1dof")
+    (tmp_path / "paper_1dof.urdf").write_text(machine.urdf_text)
+    text = machine.text.replace("at_mm = [-500, 0, 0]", "at_mm = [-500, 0, 900]")
+    assert text != machine.text
+    (tmp_path / "wrong.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert main(["draw", "wrong.toml"], monkeypatch) == 2
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"machine.png"}
+    assert "armdesign: wrong.toml" in capsys.readouterr().err
+
+
+def test_check_ends_with_a_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "paper_1dof", "--out", "drawn"], monkeypatch) == 0
+    assert (tmp_path / "drawn" / "machine.png").stat().st_size > 5_000
