@@ -89,6 +89,8 @@ if TYPE_CHECKING:
     from armdesign.simulation.simulate import simulate as simulate
     from armdesign.simulation.validation import Validation as Validation
     from armdesign.simulation.validation import validate as validate
+    from armdesign.sweeps.sweep import Sweep as Sweep
+    from armdesign.sweeps.sweep import sweep as sweep
 
 _NAMES = {  # public names by the module that has them
     "errors": "ArmDesignError InfeasibleError",
@@ -131,6 +133,7 @@ _NAMES = {  # public names by the module that has them
     "influence.sensitivity": "Sensitivity sensitivity",
     "influence.tolerances": "Tolerances tolerances",
     "influence.what_if": "WhatIf what_if",
+    "sweeps.sweep": "Sweep sweep",
     "simulation.identification.frequency_response": "FrequencyResponse frequency_response",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -26,12 +26,12 @@ ROOMS = (
         "arrays",
         "progress",
     ),
-    *("hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
+    *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "plots", "report", "paper", "influence", "output", "options"),
+    *("drawing", "plots", "report", "paper", "influence", "sweeps", "output", "options"),
     *(
         "cli_control",
         "cli_draw",
@@ -57,6 +57,8 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.sheet"},
     "control": {"simulation.linear_model"},
+    "distributed": {"sweeps.cluster"},
+    "threadpoolctl": {"sweeps.worker"},
     "numba": {"simulation.plant.compiled"},
 }
 

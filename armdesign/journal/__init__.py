@@ -1,0 +1,1 @@
+"""Journal of long runs: what is finished stays, whatever ends the program."""

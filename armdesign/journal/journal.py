@@ -1,0 +1,230 @@
+"""The journal: an SQLite file with a row for every finished case.
+
+It is written by one process, a transaction per case, synchronously to the disk, so that a case is
+there or is not. SQLite's lock on the file, which ends with its process, keeps a second run out.
+Answers are JSON, whose numbers keep every bit; nothing in it is ever run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from armdesign.errors import ArmDesignError
+from armdesign.journal.keys import canonical, digest
+
+FORMAT = 1  # of the tables
+APPLICATION = 0x61726D64  # "armd": what other programs know the file by
+PATIENCE = 1.0  # [s] for which a lock is waited for
+NEW = "begin another with --new (in Python new=True), which keeps this one beside it"
+
+_TABLES = """
+CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE cases (
+    key TEXT PRIMARY KEY, name TEXT NOT NULL, answer TEXT NOT NULL, seconds REAL NOT NULL,
+    error TEXT NOT NULL, digest TEXT NOT NULL
+);
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """The answer of a finished case.
+
+    Attributes:
+        answer: numbers, words and truth values by name; empty where it failed.
+        seconds: that it took.
+        error: why it failed; empty where it did not.
+    """
+
+    answer: Mapping[str, Any]
+    seconds: float
+    error: str = ""
+
+
+class Journal:
+    """An open journal; a context, at whose end it is closed."""
+
+    def __init__(self, path: Path, files: Mapping[str, str], version: str, new: bool) -> None:
+        """Open a journal, or begin it.
+
+        Args:
+            path: of the file.
+            files: digests of the files that all cases begin with, by name.
+            version: of the package.
+            new: whether one that exists is set aside.
+
+        Raises:
+            ArmDesignError: it cannot be used, another run writes it, it is damaged, or belongs to
+                other files or another version.
+        """
+        self.path = path
+        if new:
+            _set_aside(path)
+        _refuse_emptied(path)
+        with self._in_words():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._database = _connected(path)
+        try:
+            with self._in_words():
+                self._begin_or_check(files, version)
+        except BaseException:
+            self._database.close()
+            raise
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(sqlite3.Error):  # a full disk; all cases are in the log beside
+            self._database.close()
+
+    def entries(self) -> dict[str, Entry]:
+        """Every finished case by its key."""
+        with self._in_words():
+            rows = self._database.execute(
+                "SELECT key, name, answer, seconds, error, digest FROM cases"
+            ).fetchall()
+        for *fields, kept in rows:
+            if digest(fields) != kept:
+                raise self._damaged()
+        return {
+            key: Entry(answer=json.loads(answer), seconds=seconds, error=error)
+            for key, _, answer, seconds, error, _ in rows
+        }
+
+    def keep(self, key: str, name: str, entry: Entry) -> None:
+        """Write a finished case, which is on the disk when this returns.
+
+        Raises:
+            ArmDesignError: it cannot be written; what was written before stays.
+        """
+        answer = json.dumps(dict(entry.answer))  # in its own order, every bit of a number
+        fields = [key, name, answer, float(entry.seconds), entry.error]
+        with self._in_words():
+            self._database.execute(
+                "INSERT OR IGNORE INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*fields, digest(fields)]
+            )
+
+    def _begin_or_check(self, files: Mapping[str, str], version: str) -> None:
+        """Write the tables into an empty file; compare what others hold."""
+        about = {"version": version, "files": canonical(dict(files))}
+        execute = self._database.execute
+        known = execute("SELECT name FROM sqlite_master WHERE name = 'about'").fetchone()
+        application = execute("PRAGMA application_id").fetchone()[0]
+        if known is None:
+            if execute("SELECT count(*) FROM sqlite_master").fetchone()[0] or application:
+                raise ArmDesignError(str(self.path), "is no journal", "name another file")
+            execute("BEGIN IMMEDIATE")
+            for statement in _TABLES.split(";\n"):
+                execute(statement)
+            for name, value in about.items():
+                execute("INSERT INTO about VALUES (?, ?)", [name, value])
+            execute(f"PRAGMA application_id = {APPLICATION}")
+            execute(f"PRAGMA user_version = {FORMAT}")
+            execute("COMMIT")
+            return
+        if application != APPLICATION:
+            raise ArmDesignError(str(self.path), "is no journal", "name another file")
+        self._check(dict(execute("SELECT name, value FROM about").fetchall()), files, version)
+
+    def _check(self, about: Mapping[str, str], files: Mapping[str, str], version: str) -> None:
+        """Raise where the journal is damaged, or does not belong to the run."""
+        form = self._database.execute("PRAGMA user_version").fetchone()[0]
+        if form != FORMAT:
+            fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
+            raise ArmDesignError(str(self.path), fault, NEW)
+        if self._database.execute("PRAGMA integrity_check").fetchone()[0] != "ok":
+            raise self._damaged()
+        if about["version"] != version:
+            fault = f"was written by armdesign {about['version']}, this is {version}"
+            raise ArmDesignError(str(self.path), fault, NEW)
+        before = json.loads(about["files"])
+        changed = [name for name in files if before.get(name) != files[name]]
+        if changed or before.keys() != dict(files).keys():
+            gone = [name for name in before if name not in files]
+            names = ", ".join([*changed, *gone])
+            fault = f"belongs to another state of {names}"
+            raise ArmDesignError(str(self.path), fault, f"restore that, or {NEW}")
+
+    def _damaged(self) -> ArmDesignError:
+        return ArmDesignError(str(self.path), "is damaged", f"restore a copy, or {NEW}")
+
+    @contextlib.contextmanager
+    def _in_words(self) -> Iterator[None]:
+        """What SQLite and the system say, as errors of the package."""
+        place = str(self.path)
+        try:
+            yield
+        except OSError as error:
+            fault = f"cannot be written ({error.strerror})"
+            raise ArmDesignError(place, fault, "name another folder") from None
+        except sqlite3.Error as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+                raise self._damaged() from None
+            if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                fault, remedy = "another run writes it", "wait for that, or name another folder"
+                raise ArmDesignError(place, fault, remedy) from None
+            if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+                fault = "cannot be written, the disk may be full; what was finished before is kept"
+                raise ArmDesignError(place, fault, "make room and run it again") from None
+            fault = f"cannot be used ({error})"
+            raise ArmDesignError(place, fault, "name another folder") from None
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    """A connection that holds the file's lock until it is closed or its process ends."""
+    database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+    try:
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("PRAGMA synchronous = FULL")
+        database.execute("BEGIN IMMEDIATE")  # takes the lock
+        database.execute("COMMIT")
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _refuse_emptied(path: Path) -> None:
+    """Raise for a file without a byte beside a log: SQLite would delete the log."""
+    log = path.with_name(f"{path.name}-wal")
+    with contextlib.suppress(OSError):
+        if path.stat().st_size == 0 and log.stat().st_size > 0:
+            raise ArmDesignError(str(path), "is damaged", f"restore a copy, or {NEW}")
+
+
+def _set_aside(path: Path) -> None:
+    """Rename a journal and its log, unless another run writes it."""
+    if not path.exists():
+        return
+    try:
+        _connected(path).close()
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
+            fault, remedy = "another run writes it", "wait for that, or name another folder"
+            raise ArmDesignError(str(path), fault, remedy) from None
+    number = 1
+    while (place := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
+        number += 1
+    try:
+        for end in ("-wal", "-shm", ""):
+            if (part := path.with_name(path.name + end)).exists():
+                os.rename(part, place.with_name(place.name + end))
+    except OSError as error:
+        fault = f"cannot be set aside ({error.strerror})"
+        raise ArmDesignError(str(path), fault, "name another folder") from None

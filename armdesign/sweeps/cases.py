@@ -1,0 +1,134 @@
+"""Cases of a sweep: changes by key path, from a grid, a Sobol sequence, a list or a CSV file."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armdesign.csv_rows import read_rows
+from armdesign.errors import ArmDesignError
+
+Changes = Mapping[str, Any]
+MOST = 1_000_000  # cases of one sweep
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One case of a sweep.
+
+    Attributes:
+        key: digest of everything that decides its answer.
+        machine: name of the machine that is changed.
+        payload: the one load case that counts; None: all.
+        changes: values by key path of the machine file.
+    """
+
+    key: str
+    machine: str
+    payload: str | None
+    changes: Changes
+
+    @property
+    def name(self) -> str:
+        """The case in words, as ``boom, full, fluid.bulk_modulus_MPa=900``."""
+        changed = [f"{path}={value}" for path, value in self.changes.items()]
+        return ", ".join([self.machine, *([self.payload] if self.payload else []), *changed])
+
+
+def of_grid(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
+    """All combinations of values by key path, the last path's changing fastest.
+
+    Raises:
+        ArmDesignError: no values, or more combinations than anybody waits for.
+    """
+    for path, row in values.items():
+        if isinstance(row, str) or not isinstance(row, Iterable):
+            remedy = "give a list, such as [110, 120]"
+            raise ArmDesignError(path, f"{row!r} is no list of values", remedy)
+        if not len(row):
+            raise ArmDesignError(path, "has no values", "give some, or leave the path out")
+    _refuse_many(math.prod(len(row) for row in values.values()))
+    paths = list(values)
+    return [dict(zip(paths, row, strict=True)) for row in itertools.product(*values.values())]
+
+
+def of_sobol(ranges: Mapping[str, Sequence[float]], count: int, seed: int = 0) -> list[Changes]:
+    """Points of a scrambled Sobol sequence between two ends by key path.
+
+    Raises:
+        ArmDesignError: a count or ends that cannot be.
+    """
+    import numpy as np
+    from scipy.stats import qmc
+
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise ArmDesignError("sobol count", f"{count!r} is not allowed", "give a whole number ≥ 1")
+    _refuse_many(count)
+    for path, ends in ranges.items():
+        numbers = [x for x in ends if isinstance(x, int | float) and math.isfinite(x)]
+        if len(numbers) != 2 or len(ends) != 2 or not numbers[0] < numbers[1]:
+            fault = f"{list(ends)} is no range"
+            raise ArmDesignError(path, fault, "give two numbers, the lower one first")
+    low, high = np.array(list(ranges.values()), float).reshape(-1, 2).T
+    if not low.size:
+        raise ArmDesignError("sobol", "has no ranges", "give two ends by key path")
+    sequence = qmc.Sobol(low.size, rng=np.random.default_rng(seed))
+    points = sequence.random_base2(math.ceil(math.log2(count)))[:count]
+    return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
+
+
+def of_csv(path: str | Path) -> list[Changes]:
+    """A case for each row of a CSV file, whose columns are key paths; empty fields change nothing.
+
+    Raises:
+        ArmDesignError: a file that cannot be read or has no rows.
+    """
+    names, rows = read_rows(path)
+    if not rows:
+        raise ArmDesignError(str(path), "has no rows", "give a case per line below the key paths")
+    return [
+        {name: _value(field) for name, field in zip(names, fields, strict=True) if field}
+        for _, fields in rows
+    ]
+
+
+def of_any(
+    changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
+) -> list[Changes]:
+    """Changes of every case: a mapping is a grid, a path a CSV file, a sequence a list.
+
+    Raises:
+        ArmDesignError: changes that are none of these.
+    """
+    if changes is None:
+        return [{}]
+    if isinstance(changes, str | Path):
+        return of_csv(changes)
+    if isinstance(changes, Mapping):
+        return of_grid(changes)
+    listed = list(changes)
+    _refuse_many(len(listed))
+    for one in listed:
+        if not isinstance(one, Mapping):
+            fault, remedy = f"{one!r} is no case", "give values by key path"
+            raise ArmDesignError("changes", fault, remedy)
+    return listed
+
+
+def _refuse_many(count: int) -> None:
+    if not 0 < count <= MOST:
+        fault = f"{count} cases are not allowed"
+        raise ArmDesignError("changes", fault, f"give 1 to {MOST}")
+
+
+def _value(field: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(field)
+        except ValueError:
+            continue
+    return {"true": True, "false": False}.get(field, field)

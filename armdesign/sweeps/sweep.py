@@ -1,0 +1,284 @@
+"""``sweep``: one question asked of many machines, its answers as one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.workspace import Workspace
+from armdesign.journal.journal import Entry, Journal
+from armdesign.journal.keys import canonical, digest
+from armdesign.machine.loading import load
+from armdesign.machine.machine import Machine
+from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
+from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
+from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep:
+    """Answers of a sweep.
+
+    Attributes:
+        cases: all, in their order.
+        outcomes: one for each case.
+        kept: how many of them a journal had already.
+        retried: names of cases that were tried again because a worker died.
+    """
+
+    cases: tuple[Case, ...]
+    outcomes: tuple[Entry, ...]
+    kept: int
+    retried: tuple[str, ...]
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Why cases failed, by their names."""
+        pairs = zip(self.cases, self.outcomes, strict=True)
+        return {case.name: outcome.error for case, outcome in pairs if outcome.error}
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A row for each case: machine, payload, changed values, answers, ``seconds``, ``error``.
+
+        ``payload`` is empty where all load cases count, a changed value where the case keeps the
+        file's, an answer where the case failed.
+        """
+        import pandas as pd
+
+        paths = dict.fromkeys(path for case in self.cases for path in case.changes)
+        names = dict.fromkeys(name for one in self.outcomes for name in one.answer)
+        rows = [
+            {
+                "machine": case.machine,
+                "payload": case.payload or "",
+                **{path: case.changes.get(path) for path in paths},
+                **{name: one.answer.get(name) for name in names if name not in paths},
+                "seconds": one.seconds,
+                "error": one.error,
+            }
+            for case, one in zip(self.cases, self.outcomes, strict=True)
+        ]
+        return pd.DataFrame(rows)
+
+
+def sweep(
+    machine: Machine | str | Sequence[Machine | str],
+    changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None = None,
+    task: str | Task = "map",
+    *,
+    sobol: int = 0,
+    seed: int = 0,
+    payloads: Sequence[str] | None = None,
+    requirements: Sequence[Changes] | None = None,
+    options: Mapping[str, Any] | None = None,
+    workspace: Workspace | None = None,
+    points: int | Sequence[int] | None = None,
+    workers: int = 1,
+    scheduler: str | None = None,
+    journal: str | Path | None = None,
+    new: bool = False,
+    say: Callable[[str], None] | None = None,
+) -> Sweep:
+    """Answers of one task for every machine, load case, change and set of requirements.
+
+    The numbers are the same for any number of workers, here or on a cluster.
+
+    Args:
+        machine: a machine or several, also by name or path.
+        changes: of the machine file, by key path: a mapping of lists is a grid, all combinations;
+            a sequence of mappings is a list of cases, a path a CSV file with a column per key
+            path. None: the machine as it is.
+        task: "map", "design", "validate", "control" or "simulate"; or a function of machine,
+            workspace and options that returns numbers and words by name.
+        sobol: number of points of a Sobol sequence between the two ends that ``changes`` then has
+            for each key path.
+        seed: of that sequence.
+        payloads: names of load cases, each alone; None: all together.
+        requirements: keys of ``[requirements]`` and their values, one mapping per set.
+        options: of the task, numbers and words.
+        workspace: the poses of all cases; None: a joint grid of every changed machine.
+        points: of that grid.
+        workers: processes; 1: this one.
+        scheduler: address of a dask scheduler, as ``tcp://host:8786``, in place of ``workers``.
+        journal: file in which every finished case stays; what is in it is not computed again.
+        new: set a journal that exists aside.
+        say: told after every case how many have an answer.
+
+    Raises:
+        ArmDesignError: anything that keeps all cases from an answer. What is wrong with one case
+            is in the frame.
+    """
+    chosen = of_sobol(changes, sobol, seed) if sobol and isinstance(changes, Mapping) else (
+        of_any(changes)
+    )  # fmt: skip
+    if sobol and not isinstance(changes, Mapping):
+        raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
+    study = _study(_machines(machine), task, options or {}, workspace, points)
+    cases = list(_cases(study, _with_requirements(chosen, requirements), payloads))
+    if workers < 1:
+        raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
+    run = _Run(study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None))
+    place = None if journal is None else Path(journal)
+    with (
+        nullcontext()
+        if place is None
+        else Journal(place, files_of(study.machines.values()), study.version, new) as kept
+    ):
+        return run.all(cases, kept)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Run:
+    """How cases get their answers."""
+
+    study: Study
+    workers: int
+    scheduler: str | None
+    say: Callable[[str], None]
+    retried: list[str] = field(default_factory=list)
+
+    def all(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
+        """The cases with the answers that a journal has, and those that are computed."""
+        entries = journal.entries() if journal else {}
+        answers: dict[str, Entry] = {
+            case.key: entries[case.key] for case in cases if case.key in entries
+        }
+        kept = sum(case.key in answers for case in cases)
+        missing = {case.key: case for case in cases if case.key not in answers}
+        for case, outcome in self._outcomes(list(missing.values())):
+            if journal and outcome.final:
+                journal.keep(case.key, case.name, outcome)
+            answers[case.key] = outcome
+            self.say(f"{len(answers)} of {len(cases)} cases")
+        outcomes = tuple(answers[case.key] for case in cases)
+        retried = tuple(self.retried)
+        return Sweep(cases=tuple(cases), outcomes=outcomes, kept=kept, retried=retried)
+
+    def _outcomes(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
+        """Cases and outcomes as they come, by the means that were chosen."""
+        if not cases:
+            return
+        if self.scheduler is not None:
+            from armdesign.sweeps.cluster import on_cluster
+
+            yield from on_cluster(self.study, cases, self.scheduler)
+        elif self.workers > 1:
+            from armdesign.sweeps.processes import on_processes
+
+            yield from on_processes(self.study, cases, self.workers, self._died)
+        else:
+            prepare(self.study)
+            try:
+                yield from ((case, answer(self.study.name, case)) for case in cases)
+            finally:
+                forget(self.study)
+
+    def _died(self, case: Case) -> None:
+        self.retried.append(case.name)
+        self.say(f"a worker died; again: {case.name}")
+
+
+def _machines(machine: Machine | str | Sequence[Machine | str]) -> dict[str, Machine]:
+    """Machines by their names.
+
+    Raises:
+        ArmDesignError: none, or two of one name.
+    """
+    several = [machine] if isinstance(machine, Machine | str) else list(machine)
+    loaded = [one if isinstance(one, Machine) else load(one) for one in several]
+    named = {one.name: one for one in loaded}
+    if not named or len(named) < len(loaded):
+        fault = "two have one name" if named else "there is none"
+        raise ArmDesignError("machines", fault, "give machines of different names")
+    return named
+
+
+def _study(
+    machines: Mapping[str, Machine],
+    task: str | Task,
+    options: Mapping[str, Any],
+    workspace: Workspace | None,
+    points: Any,
+) -> Study:
+    """What all cases share, with its digest as name."""
+    refuse_options(task, options)
+    if not isinstance(points, int | None):
+        points = [int(count) for count in points]
+    poses = [] if workspace is None else [workspace.q.tolist(), workspace.weights.tolist()]
+    if workspace is not None:
+        poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
+    try:
+        shared = canonical([version("armdesign"), identity_of(task), dict(options), poses, points])
+    except TypeError as error:
+        fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
+        raise ArmDesignError("options", fault, remedy) from None
+    return Study(
+        name=digest([shared, [_identity(one) for one in machines.values()]]),
+        version=version("armdesign"),
+        machines=machines,
+        task=task,
+        options=options,
+        workspace=workspace,
+        points=points,
+    )
+
+
+def _identity(machine: Machine) -> list[str]:
+    """Everything in which two machines can differ: texts, load cases and the one at work."""
+    return [machine.text, machine.urdf_text, repr(machine.payloads), repr(machine.payload)]
+
+
+def files_of(machines: Iterable[Machine]) -> dict[str, str]:
+    """Digests of all files of machines, by names that tell them apart."""
+    files = {}
+    for machine in machines:
+        files[f"{machine.name}: {machine.source.name}"] = digest(machine.text)
+        if machine.section.urdf:
+            files[f"{machine.name}: {machine.section.urdf}"] = digest(machine.urdf_text)
+    return files
+
+
+def _with_requirements(
+    chosen: Sequence[Changes], requirements: Sequence[Changes] | None
+) -> list[Changes]:
+    """Every change with every set of requirements, whose keys are those of ``[requirements]``."""
+    sets = [
+        {f"requirements.{name}": value for name, value in rules.items()}
+        for rules in requirements or [{}]
+    ]
+    return [{**changes, **rules} for changes in chosen for rules in sets]
+
+
+def _cases(
+    study: Study, chosen: Sequence[Changes], payloads: Sequence[str] | None
+) -> Iterator[Case]:
+    """The cases with their keys.
+
+    Raises:
+        ArmDesignError: load cases that do not exist or that the task cannot take alone.
+    """
+    if payloads is not None and study.task in WHOLE_FILE:
+        fault = f"{study.task} counts all load cases together"
+        raise ArmDesignError("payloads", fault, "leave payloads out")
+    for name, machine in study.machines.items():
+        identity = digest([study.name, _identity(machine)])
+        for payload in payloads or (None,):
+            if payload is not None:
+                machine.with_payload(payload)  # refused before anything is computed
+            for changes in chosen:
+                try:
+                    key = digest([identity, payload, dict(changes)])
+                except TypeError as error:
+                    fault = f"cannot be written down ({error})"
+                    raise ArmDesignError("changes", fault, "give numbers and texts") from None
+                yield Case(key=key, machine=name, payload=payload, changes=changes)

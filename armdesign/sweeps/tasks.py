@@ -1,0 +1,184 @@
+"""What a sweep can ask of every machine, each answered by numbers and words by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from armdesign.errors import ArmDesignError, choose
+from armdesign.frequency.maps import frequency_map
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+from armdesign.units import bar
+
+Answer = Mapping[str, Any]
+Task = Callable[..., Answer]
+
+
+def map_(machine: Machine, workspace: Workspace) -> Answer:
+    """Worst frequency with its pose, and the median [Hz]."""
+    found = frequency_map(machine, workspace)
+    worst = found.worst
+    pose = zip(worst.joints, worst.q.tolist(), strict=True)
+    return {
+        "worst_hz": worst.frequency,
+        "payload_at_worst": worst.payload,
+        "cylinder_at_worst": worst.cylinder,
+        **{f"{joint}_at_worst": value for joint, value in pose},
+        "median_hz": float(found.percentiles()["50 %"]["all"]),
+        "most_often_limits": str(found.limiting_shares.idxmax()),
+    }
+
+
+def design(
+    machine: Machine,
+    workspace: Workspace,
+    vary: tuple[str, ...] = ("areas", "pins"),
+    starts: int | None = None,
+    seed: int = 0,
+    objective: str = "gain",
+    catalogue: str | None = None,
+) -> Answer:
+    """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
+    from armdesign.design.design import optimize, size_cylinders
+    from armdesign.influence.changes import numeric_changes
+
+    if tuple(vary) == ("areas",):
+        best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
+    else:
+        best = optimize(
+            machine, workspace, vary=tuple(vary), starts=starts, seed=seed, objective=objective,
+            catalogue=catalogue,
+        )  # fmt: skip
+    before, after = best.before.worst.frequency, best.after.worst.frequency
+    changed = numeric_changes(best.today, best.machine)
+    return {
+        "before_hz": before,
+        "after_hz": after,
+        "gain": after / before - 1,
+        "least_gain": best.least_gain,
+        "unrounded_hz": best.unrounded,
+        "lift_share": best.lift_share,
+        "binding": best.binding[0].name if best.binding else "",
+        **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
+    }
+
+
+def validate(machine: Machine, workspace: Workspace) -> Answer:
+    """Largest deviation of identified from linear frequencies, and of the lowest mode its run."""
+    from armdesign.simulation import validation
+
+    runs = validation.validate(machine, workspace=workspace)
+    lowest = min(runs.limiting.runs, key=lambda run: run.linear_frequency, default=None)
+    of_lowest = {} if lowest is None else {
+        "linear_hz": lowest.linear_frequency,
+        "identified_hz": lowest.identified_frequency,
+        "linear_damping": lowest.linear_damping,
+        "identified_damping": lowest.identified_damping,
+    }  # fmt: skip
+    return {
+        "worst_deviation": runs.worst_deviation,
+        "runs": len(runs.runs),
+        "failures": len(runs.failures),
+        **of_lowest,
+    }
+
+
+def control(
+    machine: Machine, workspace: Workspace, damping: float | None = None, delay: float = 0.0
+) -> Answer:
+    """Least bandwidth of each kind of position loop [Hz], and the lowest frequency beside it."""
+    from armdesign.control.bandwidth_map import SCHEMES, bandwidth_map
+
+    bandwidths = bandwidth_map(machine, workspace, damping=damping, delay=delay)
+    softest = bandwidths.softest
+    return {
+        **{f"{scheme}_hz": float(bandwidths.worst(scheme)[f"{scheme}_hz"]) for scheme in SCHEMES},
+        "softest_hz": float(softest["f1_hz"]),
+        "softest_payload": str(softest["payload"]),
+    }
+
+
+def simulate(
+    machine: Machine,
+    workspace: Workspace,
+    cylinder: str = "",
+    opening: float = 0.2,
+    pulse: float = 0.5,
+    duration: float = 2.0,
+) -> Answer:
+    """Largest pressures [bar] and events of a pulse of one valve at the worst pose of the map.
+
+    ``cylinder``: whose valve opens, by default the first; by ``opening`` (−1…1) for ``pulse`` [s].
+    """
+    from armdesign.simulation.excitation import Step
+    from armdesign.simulation.simulate import simulate as simulated
+
+    worst, names = frequency_map(machine, workspace).worst, [a.name for a in machine.actuators]
+    name = cylinder or names[0]
+    if name not in names:
+        raise ArmDesignError("cylinder", f'there is no "{name}"', choose(name, names))
+    command = {name: Step(size=opening, end=pulse)}
+    run = simulated(machine, worst.q, command=command, duration=duration, payload=worst.payload)
+    largest = (run.pressures.max(axis=(0, 2)) / bar).tolist()
+    return {
+        "frequency_hz": worst.frequency,
+        **{f"{actuator}_bar": p for actuator, p in zip(run.cylinders, largest, strict=True)},
+        **{f"tool_{a}_m": x for a, x in zip("xyz", run.tool[-1].tolist(), strict=True)},
+        "events": "; ".join(run.events),
+    }
+
+
+TASKS: dict[str, Task] = {
+    "map": map_,
+    "design": design,
+    "validate": validate,
+    "control": control,
+    "simulate": simulate,
+}
+WHOLE_FILE = ("design",)  # tasks that read new machines back from their files: all load cases
+
+
+def task_named(name: str) -> Task:
+    """The task of a name.
+
+    Raises:
+        ArmDesignError: there is none.
+    """
+    if name not in TASKS:
+        raise ArmDesignError("task", f'"{name}" is none', choose(name, TASKS))
+    return TASKS[name]
+
+
+def identity_of(task: str | Task) -> str:
+    """What a task is known by: its name, or a function's name and source.
+
+    Raises:
+        ArmDesignError: a function whose source does not say all that it does.
+    """
+    if isinstance(task, str):
+        task_named(task)
+        return task
+    name = getattr(task, "__qualname__", "task")
+    if getattr(task, "__closure__", None) or not inspect.isfunction(task):
+        fault = "holds values that its source does not show"
+        raise ArmDesignError(name, fault, "give a plain function, and values as options")
+    try:
+        return f"{task.__module__}.{name}\n{inspect.getsource(task)}"
+    except (OSError, TypeError):
+        fault = "has no source by which its answers could be known again"
+        raise ArmDesignError(name, fault, "define it in a file") from None
+
+
+def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
+    """Raise for options that a task does not have."""
+    function = task_named(task) if isinstance(task, str) else task
+    parameters = inspect.signature(function).parameters
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        return
+    known = list(parameters)[2:]
+    for name in options:
+        if name not in known:
+            remedy = choose(name, known) if known else "leave it out"
+            raise ArmDesignError(f"options.{name}", "is no option of the task", remedy)

@@ -1,0 +1,152 @@
+"""What a worker does: it is given a study once, then answers its cases one by one."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.workspace import Workspace
+from armdesign.influence.changes import changed_machine
+from armdesign.journal.journal import Entry
+from armdesign.machine.machine import Machine
+from armdesign.sweeps.cases import Case
+from armdesign.sweeps.tasks import Task, task_named
+
+ONE_THREAD = {  # environment of processes whose libraries shall not share out the processors
+    name: "1"
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+}
+WATCH = 1.0  # [s] between two looks at whether the parent lives
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Study:
+    """What all cases of a sweep share; it travels once to each worker.
+
+    Attributes:
+        name: digest of it.
+        version: of the package that made it.
+        machines: machines that are changed, by name.
+        task: name of a task, or a function of machine, workspace and options.
+        options: of the task.
+        workspace: the poses; None: a joint grid of every changed machine.
+        points: of that grid.
+    """
+
+    name: str
+    version: str
+    machines: Mapping[str, Machine]
+    task: str | Task
+    options: Mapping[str, Any]
+    workspace: Workspace | None
+    points: Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Entry):
+    """What became of a case.
+
+    Attributes:
+        final: whether the same would come out again.
+    """
+
+    final: bool = True
+
+
+_studies: dict[str, Study] = {}
+_one_at_a_time = threading.Lock()  # threads of one worker process
+
+
+def prepare(study: Study) -> None:
+    """Keep a study for the cases to come.
+
+    Raises:
+        ArmDesignError: it was made by another version of the package.
+    """
+    own = version("armdesign")
+    if study.version != own:
+        fault = f"has armdesign {own}, the study comes from {study.version}"
+        raise ArmDesignError("worker", fault, "install the same version on all machines")
+    _studies[study.name] = study
+
+
+def prepare_process(study: Study) -> None:
+    """As ``prepare``, in a process that leaves Ctrl-C to its parent and ends with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    prepare(study)
+
+
+def forget(study: Study) -> None:
+    """Drop a study."""
+    _studies.pop(study.name, None)
+
+
+def answer(name: str, case: Case) -> Outcome:
+    """The outcome of a case of the study of a name.
+
+    Whatever goes wrong in the case is in the outcome: one case does not end the others.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with _one_at_a_time, threadpool_limits(1):
+        start = time.perf_counter()
+        try:
+            found = _answer(_studies[name], case)
+        except ArmDesignError as error:
+            return Outcome(answer={}, seconds=time.perf_counter() - start, error=str(error))
+        except Exception as error:
+            words = f"{type(error).__name__}: {error}"
+            return Outcome(
+                answer={}, seconds=time.perf_counter() - start, error=words, final=False
+            )
+        return Outcome(answer=found, seconds=time.perf_counter() - start)
+
+
+def _answer(study: Study, case: Case) -> dict[str, Any]:
+    machine = study.machines[case.machine]
+    if case.changes:
+        machine = changed_machine(machine, case.changes).loaded_like(machine)
+    if case.payload is not None:
+        machine = machine.with_payload(case.payload)
+        machine = replace(machine, payloads=(machine.payload,))
+    workspace = study.workspace or Workspace.grid(machine, study.points)
+    task = task_named(study.task) if isinstance(study.task, str) else study.task
+    return _plain(task(machine, workspace, **study.options))
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    """The answer as Python's own numbers, words and truth values."""
+    if not isinstance(found, Mapping):
+        fault = f"answers with {type(found).__name__}"
+        raise ArmDesignError("task", fault, "return numbers and words by name, in a dict")
+    plain = {
+        str(name): getattr(value, "item", lambda v=value: v)() for name, value in found.items()
+    }
+    for name, value in plain.items():
+        if value is not None and not isinstance(value, str | int | float | bool):
+            fault = f"is {type(value).__name__}"
+            raise ArmDesignError(f"answer {name}", fault, "give a number, a text or a truth value")
+    return plain
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process when its parent has ended, which a killed one cannot ask for."""
+    while os.getppid() == parent:
+        time.sleep(WATCH)
+    os._exit(1)
+
+
+def died(times: int) -> Outcome:
+    """The outcome of a case whose worker died again and again."""
+    return Outcome(
+        answer={}, seconds=math.nan, error=f"its worker died {times} times", final=False
+    )

@@ -1,0 +1,154 @@
+"""The journal: what is in it stays, and what it cannot be used for is said in words."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armdesign import ArmDesignError
+from armdesign.journal.journal import Entry, Journal
+from armdesign.journal.keys import digest
+
+FILES = {"a.toml": "1", "a.urdf": "2"}
+HOLD = """
+import sys, time
+from pathlib import Path
+from armdesign.journal.journal import Entry, Journal
+with Journal(Path(sys.argv[1]), {"a.toml": "1", "a.urdf": "2"}, "1.0", False) as journal:
+    journal.keep("k", "case", Entry(answer={"x": 1.5}, seconds=0.1))
+    print("open", flush=True)
+    time.sleep(60)
+"""
+
+
+def opened(path: Path, new: bool = False, version: str = "1.0", **files: str) -> Journal:
+    return Journal(
+        path, {**FILES, **{f"a.{end}": text for end, text in files.items()}}, version, new
+    )
+
+
+def filled(path: Path, count: int = 40) -> dict[str, Entry]:
+    with opened(path) as journal:
+        for number in range(count):
+            answer = {"f_hz": math.sqrt(number), "word": "ä" * 50, "list": number}
+            journal.keep(digest(number), f"case {number}", Entry(answer=answer, seconds=0.1))
+        return journal.entries()
+
+
+def test_numbers_come_back_with_every_bit(tmp_path: Path) -> None:
+    numbers = np.random.default_rng(0).standard_normal(200) * 10.0 ** np.arange(-100, 100)
+    answer = {str(n): float(x) for n, x in enumerate(numbers)}
+    answer |= {"inf": math.inf, "tiny": 5e-324, "zero": -0.0}
+    with opened(tmp_path / "j.sqlite") as journal:
+        journal.keep("k", "case", Entry(answer=answer, seconds=0.1, error=""))
+    with opened(tmp_path / "j.sqlite") as journal:
+        back = journal.entries()["k"].answer
+    assert {name: repr(x) for name, x in back.items()} == {n: repr(x) for n, x in answer.items()}
+
+
+def test_a_second_run_is_refused_and_a_killed_one_leaves_no_lock(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    words = [sys.executable, "-c", HOLD, str(path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout
+        assert other.stdout.readline() == "open\n"
+        for new in (False, True):
+            with pytest.raises(ArmDesignError, match="another run writes it"):
+                opened(path, new)
+        other.send_signal(signal.SIGKILL)
+    with opened(path) as journal:
+        assert journal.entries()["k"].answer == {"x": 1.5}
+
+
+def test_other_files_and_versions_are_named_and_set_aside(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    filled(path, 2)
+    with pytest.raises(ArmDesignError, match=r"another state of a\.urdf; .*--new"):
+        opened(path, urdf="changed")
+    with pytest.raises(ArmDesignError, match=r"written by armdesign 1\.0, this is 2\.0; .*--new"):
+        opened(path, version="2.0")
+    with opened(path, new=True, urdf="changed") as journal:
+        assert not journal.entries()
+    with opened(tmp_path / "j.1.sqlite") as journal:
+        assert len(journal.entries()) == 2
+
+
+def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    path.write_text("text " * 300)
+    with pytest.raises(ArmDesignError, match="is damaged"):
+        opened(path)
+    path.unlink()
+    with sqlite3.connect(path) as other:
+        other.execute("CREATE TABLE t (x)")
+    other.close()
+    with pytest.raises(ArmDesignError, match="is no journal"):
+        opened(path)
+    with pytest.raises(ArmDesignError, match="cannot be"):
+        opened(tmp_path)
+
+
+@pytest.mark.parametrize("part", ["j.sqlite", "j.sqlite-wal"])
+def test_a_journal_that_is_cut_off_is_refused_or_right(tmp_path: Path, part: str) -> None:
+    """Cut at 20 places, as a whole file and as one with its log: no answer is ever wrong."""
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    if part.endswith("wal"):
+        code = "import os; from tests.journal.test_journal import *\n"
+        code += "journal = opened(Path(sys.argv[1]))\nfor n in range(40):\n"
+        code += "    journal.keep(digest(n), f'case {n}', Entry(answer={'n': n}, seconds=0.1))\n"
+        code += "os.kill(os.getpid(), signal.SIGKILL)"
+        subprocess.run([sys.executable, "-c", code, str(whole / "j.sqlite")], check=False)
+        answers = {digest(n): {"n": n} for n in range(40)}
+    else:
+        answers = {key: dict(e.answer) for key, e in filled(whole / "j.sqlite").items()}
+    size, rng = (whole / part).stat().st_size, np.random.default_rng(1)
+    for number, place in enumerate([0, *rng.integers(1, size, 19).tolist()]):
+        folder = tmp_path / str(number)
+        shutil.copytree(whole, folder)
+        os.truncate(folder / part, place)
+        try:
+            with opened(folder / "j.sqlite") as journal:
+                kept = journal.entries()
+        except ArmDesignError as error:
+            if error.fault != "is damaged":
+                raise
+            with opened(folder / "j.sqlite", new=True) as journal:
+                assert not journal.entries()
+            assert (folder / f"j.1.{part.partition('.')[2]}").stat().st_size == place
+            continue
+        assert all(answers[key] == entry.answer for key, entry in kept.items())
+
+
+def test_a_full_disk_loses_nothing_that_was_kept(tmp_path: Path) -> None:
+    """The size of files is limited in a process of its own."""
+    path = tmp_path / "j.sqlite"
+    code = "import resource; from tests.journal.test_journal import *\n"
+    code += "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+    code += (
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))\nfilled(Path(sys.argv[1]))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False
+    )
+    assert "the disk may be full; what was finished before is kept" in run.stderr
+    with opened(path) as journal:
+        kept = journal.entries()
+    assert 0 < len(kept) < 40
+    assert set(kept) == {digest(number) for number in range(len(kept))}
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_is_read_only_is_named(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(ArmDesignError, match="name another folder"):
+        opened(tmp_path / "j.sqlite")

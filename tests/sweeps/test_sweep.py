@@ -1,0 +1,132 @@
+"""Sweeps: the same frame in this process and in several, whatever ends them."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign.journal.journal import Journal
+from armdesign.sweeps.cases import of_csv, of_grid, of_sobol
+from armdesign.sweeps.sweep import files_of
+
+MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
+WRONG = {**MODULI, "cylinder.lift.stroke_mm": [200.0, -5.0]}
+
+
+def modulus(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+    """A quick task."""
+    return {"modulus": machine.fluid.bulk_modulus, "pid": "same"}
+
+
+def kills_once(machine: ad.Machine, _: ad.Workspace, place: str = "") -> Mapping[str, Any]:
+    """A task whose worker dies at one case: the first time, or always where ``place`` is empty."""
+    if machine.section.fluid.bulk_modulus_MPa == 1000.0:
+        mark = Path(place) / "died"
+        if not place or not mark.exists():
+            if place:
+                mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    return {"modulus": machine.fluid.bulk_modulus}
+
+
+def without_seconds(sweep: ad.Sweep) -> pd.DataFrame:
+    return sweep.frame.drop(columns="seconds")
+
+
+def test_a_sweep_answers_as_the_map_of_each_machine() -> None:
+    sweep = ad.sweep("paper_1dof", WRONG, points=5)
+    assert len(sweep.frame) == 8
+    for row in sweep.frame.to_dict("records"):
+        if row["cylinder.lift.stroke_mm"] < 0:
+            assert "-5.0 is not allowed" in row["error"]
+            continue
+        path = "fluid.bulk_modulus_MPa"
+        machine = ad.load("paper_1dof").replace({path: row[path]})
+        found = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
+        assert row["worst_hz"] == found.worst.frequency
+        assert row["error"] == ""
+
+
+def test_two_processes_and_a_journal_answer_to_the_last_digit(tmp_path: Path) -> None:
+    journal = tmp_path / "j.sqlite"
+    alone = ad.sweep("paper_1dof", WRONG, points=5)
+    both = ad.sweep("paper_1dof", WRONG, points=5, workers=2, journal=journal)
+    again = ad.sweep("paper_1dof", WRONG, points=5, journal=journal)
+    assert (both.kept, again.kept) == (0, 8)
+    pd.testing.assert_frame_equal(without_seconds(both), without_seconds(alone), check_exact=True)
+    pd.testing.assert_frame_equal(again.frame, both.frame, check_exact=True)
+    more = {"fluid.bulk_modulus_MPa": [900.0, 1100.0]}
+    assert ad.sweep("paper_1dof", more, points=7, journal=journal).kept == 0  # other poses
+
+
+@pytest.mark.slow
+def test_a_case_that_kills_its_worker_is_tried_again_by_name(tmp_path: Path) -> None:
+    path = "fluid.bulk_modulus_MPa"
+    once = ad.sweep("paper_1dof", MODULI, kills_once, options={"place": str(tmp_path)}, workers=2)
+    assert once.frame["error"].tolist() == [""] * 4
+    assert f"paper_1dof, {path}=1000.0" in once.retried
+    always = ad.sweep("paper_1dof", MODULI, kills_once, workers=2, journal=tmp_path / "j")
+    assert always.failures == {f"paper_1dof, {path}=1000.0": "its worker died 3 times"}
+    assert always.frame["modulus"].notna().tolist() == [True, False, True, True]
+    with Journal(
+        tmp_path / "j", files_of([ad.load("paper_1dof")]), version("armdesign"), False
+    ) as journal:
+        assert len(journal.entries()) == 3  # the next run tries it again
+
+
+def test_load_cases_and_requirements_multiply() -> None:
+    rules = [{"lift_share": 0.9}, {"lift_share": 0.5}]
+    frame = ad.sweep("paper_1dof", MODULI, modulus, payloads=["load"], requirements=rules).frame
+    assert len(frame) == 8
+    assert set(frame["requirements.lift_share"]) == {0.9, 0.5}
+    assert set(frame["payload"]) == {"load"}
+
+
+def test_cases_of_each_kind(tmp_path: Path) -> None:
+    assert of_grid({"a": [1, 2], "b": [3, 4]}) == [
+        {"a": a, "b": b} for a in (1, 2) for b in (3, 4)
+    ]
+    points = of_sobol({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
+    assert points == of_sobol({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
+    for digits in range(8):  # each eighth of both ranges has one point
+        assert sum(int(8 * p["a"]) == digits for p in points) == 1
+        assert sum(int(8 * (p["b"] - 10) / 10) == digits for p in points) == 1
+    (tmp_path / "c.csv").write_text("a;b;c\n1,5;x;true\n2;;false\n")
+    assert of_csv(tmp_path / "c.csv") == [{"a": 1.5, "b": "x", "c": True}, {"a": 2, "c": False}]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"task": "maps"}, 'did you mean "map"'),
+        ({"changes": {"fluid.bulk_modulus_MPa": []}}, "has no values"),
+        ({"changes": {"fluid.bulk_modulus_MPa": 5}}, "no list of values"),
+        ({"changes": [5]}, "is no case"),
+        ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
+        ({"sobol": 4}, "has no ranges"),
+        ({"payloads": ["nothing"]}, "nothing"),
+        ({"task": "design", "payloads": ["load"]}, "counts all load cases"),
+        ({"options": {"start": 1}}, "no option of the task"),
+        ({"workers": 0}, "whole number"),
+        ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),
+        ({"task": lambda machine, workspace: {}}, "file"),
+    ],
+)
+def test_what_keeps_all_cases_from_an_answer_is_one_line(
+    arguments: dict[str, Any], message: str
+) -> None:
+    if message == "file":
+        value = 1.0
+        arguments = {"task": lambda machine, workspace: {"x": value}}
+        message = "holds values"
+    with pytest.raises(ad.ArmDesignError, match=message) as caught:
+        ad.sweep(**{"machine": "paper_1dof", **arguments})
+    assert "\n" not in str(caught.value)
