@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from armdesign.design.steps import steps as steps
     from armdesign.errors import ArmDesignError as ArmDesignError
     from armdesign.errors import InfeasibleError as InfeasibleError
+    from armdesign.exchange.files import export as export
+    from armdesign.exchange.pin_table import pin_table as pin_table
+    from armdesign.exchange.urdf import robot_positions as robot_positions
     from armdesign.frequency.bands import Bands as Bands
     from armdesign.frequency.bands import FrequencyBand as FrequencyBand
     from armdesign.frequency.bands import frequency_band as frequency_band
@@ -130,6 +133,9 @@ _NAMES = {  # public names by the module that has them
     "motion.move": "Move",
     "motion.outcome": "MoveRun",
     "calibration.calibrate": "Calibration calibrate",
+    "exchange.files": "export",
+    "exchange.pin_table": "pin_table",
+    "exchange.urdf": "robot_positions",
     "influence.sensitivity": "Sensitivity sensitivity",
     "influence.tolerances": "Tolerances tolerances",
     "influence.what_if": "WhatIf what_if",

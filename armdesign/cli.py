@@ -16,9 +16,11 @@ import typer
 from armdesign import output
 from armdesign.cli_control import control
 from armdesign.cli_draw import draw
+from armdesign.cli_export import export
 from armdesign.cli_influence import sensitivity, tolerances, what_if
 from armdesign.cli_measured import calibrate, identify
 from armdesign.cli_motion import move
+from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
@@ -274,22 +276,36 @@ def compare(
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(help="Name of the new machine and of its files.")],
-    links: Annotated[int, typer.Option("--links", help="Number of moving links, 1 to 6.")] = 2,
+    links: Annotated[
+        int | None,
+        typer.Option(
+            "--links", help="Number of moving links, 1 to 6; default: 2.", show_default=False
+        ),
+    ] = None,
+    like: Annotated[
+        str,
+        typer.Option("--like", help="A machine to begin with, as excavator_20t, loader_crane."),
+    ] = "",
+    four_bar: Annotated[
+        bool, typer.Option("--four-bar", help="Move the last joint through a four-bar.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the files; default: one named NAME.")
     ] = None,
 ) -> None:
-    """Write a commented starting machine file and URDF.
+    """Write a commented starting machine file.
 
-    They can be mapped at once. Every number in them is a placeholder, to be replaced.
+    It can be mapped at once. Every number in it is a placeholder, to be replaced.
     """
-    from armdesign.machine import scaffold
+    from armdesign.machine import template
     from armdesign.machine.file.json_schema import json_schema
 
-    text, urdf = scaffold.new(name, links)
+    if like and links is not None:
+        raise ArmDesignError("--links", "contradicts --like", "give one of them")
+    text = template.new(name, links=2 if links is None else links, like=like, four_bar=four_bar)
     folder = Path(name) if out is None else out
     output.check_out(folder)
-    files = {f"{name}.toml": text, f"{name}.urdf": urdf}
+    files = {f"{name}.toml": text}
     for file in files:
         if (folder / file).exists():
             remedy = "give another name or --out another folder"
@@ -299,7 +315,7 @@ def new(
     with outputs(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
-    tell(f"next: armdesign map {folder / f'{name}.toml'}")
+    tell(f"next: armdesign check {folder / f'{name}.toml'}")
 
 
 app.command()(identify)
@@ -309,9 +325,11 @@ app.command()(steps)
 app.command()(control)
 app.command()(draw)
 app.command()(move)
+app.command()(export)
 app.command()(sensitivity)
 app.command("what-if")(what_if)
 app.command()(tolerances)
+app.command()(sweep)
 
 
 @app.command()

@@ -210,6 +210,9 @@ SpreadOption = Annotated[
     float,
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
+ExportFormatOption = Annotated[
+    str, typer.Option("--format", help="csv, dxf, urdf, sdf; several by commas.")
+]
 NewArgument = Annotated[
     str, typer.Argument(help="Another machine, drawn over it; default: none.", show_default=False)
 ]
@@ -233,6 +236,22 @@ class PictureFormat(StrEnum):
 
 
 FormatOption = Annotated[PictureFormat, typer.Option("--format", help="Of the pictures.")]
+StudyArgument = Annotated[
+    Path, typer.Argument(help="A .toml file: machines, what changes in them, and the task.")
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option("--workers", help="Processes; default: one per processor.", show_default=False),
+]
+SchedulerOption = Annotated[
+    str,
+    typer.Option(
+        "--scheduler", help="Address of a dask scheduler, as tcp://host:8786: work on its cluster."
+    ),
+]
+FreshOption = Annotated[
+    bool, typer.Option("--new", help="Set an earlier journal aside and begin another.")
+]
 UnitsOption = Annotated[
     Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
 ]

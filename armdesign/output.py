@@ -49,14 +49,8 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
     """Pictures of the lowest frequency, over joints and by place of the tool, and of pressures."""
     from armdesign import plots
 
-    for name, size in (("joints", (7.0, 5.2)), ("reach", (6.4, 7.0)), ("holding", (7.0, 5.2))):
-        fig, (ax,) = plots.figure(1, *size)
-        if name == "holding":
-            plots.holding_pressure(frequencies, ax)
-        else:
-            frequencies.plot(ax, plane=name)
-        fig.suptitle(plots.title_of(frequencies.machine))
-        plots.save(fig, folder / f"map_{name}.png")
+    for plane in ("joints", "reach", "holding"):
+        plots.save(plots.map_figure(frequencies, plane), folder / f"map_{plane}.png")
 
 
 def write_lift_charts(charts: Mapping[str, LiftChart], folder: Path) -> Path | None:

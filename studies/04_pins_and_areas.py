@@ -69,7 +69,9 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "gains.csv")
     plots.save(plots.before_after(designs["both"]), OUT / "maps.png")
-    plots.save(plots.moment_arms(designs["both"]), OUT / "moment_arms.png")
+    three = {case: designs[case].machine for case in ("sizes", "pins", "both")}
+    today = {"today": designs["both"].today}
+    plots.save(plots.moment_arm_curves(today | three), OUT / "moment_arms.png")
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def _visual(
     )
     mesh = None
     if shape.tag == "mesh":
-        size, mesh = numbers(shape, "scale", "1 1 1"), _mesh(shape.get("filename", ""), folder)
+        size, mesh = numbers(shape, "scale", "1 1 1"), mesh_file(shape.get("filename", ""), folder)
     rotation, translation = origin(element)
     numbers_there = len(size) == COUNTS.get(shape.tag, 3) and translation.shape == (3,)
     if not numbers_there or not np.all(np.isfinite(np.concatenate([size, translation]))):
@@ -99,7 +99,7 @@ def _visual(
     )
 
 
-def _mesh(name: str, folder: Path) -> Path | None:
+def mesh_file(name: str, folder: Path) -> Path | None:
     """File of a mesh, from beside the URDF or the folders above it; None without one.
 
     Of ``package://<package>/<path>`` the path counts with the package's name and without.

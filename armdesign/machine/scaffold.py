@@ -1,6 +1,6 @@
-"""A starting machine file and URDF for a boom with one to six links, with plausible numbers.
+"""Data of a starting machine file for a boom with one to six links, with plausible numbers.
 
-Every number is to be replaced. The texts are in the templates ``scaffold_….txt`` beside this file.
+Every number is to be replaced.
 
 The links form a chain that folds downwards; each joint has one pin-to-pin cylinder, whose stroke
 covers the joint's range. The proportions are of small loader booms: the arms of the triangle
@@ -11,13 +11,10 @@ than four links have larger ones before the boom of four, as concrete pumps do.
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from armdesign.errors import ArmDesignError
-from armdesign.machine.file.section import DEVICE, NAME_LENGTH, NAME_PATTERN
 from armdesign.units import deg, mm
 
 NAMES = {
@@ -37,6 +34,22 @@ MOST = 4 + len(LARGER)
 FOOT = 1.0  # height of the boom-foot pin [m]
 PAYLOADS = {1: 1500, 2: 500, 3: 250, 4: 150}  # [kg]
 LIGHT = 100  # payload of a boom with more links [kg]
+FLUID = {"bulk_modulus_MPa": 1200, "entrained_air_percent": 0.0, "density_kg_per_m3": 870}
+SUPPLY = {"pressure_bar": 250, "return_pressure_bar": 5, "flow_l_per_min": 60}
+VALVE = {
+    "rated_flow_l_per_min": 60,
+    "rated_drop_bar": 14,
+    "natural_frequency_hz": 10,
+    "damping_ratio": 0.8,
+}
+REQUIREMENTS = {
+    "end_margin": 0.02,
+    "holding_share": 0.87,
+    "lift_share": 0.9,
+    "torque_share": 0.95,
+    "end_torque_share": 0.8,
+    "catalogue": "5mm",
+}
 
 
 @dataclass(frozen=True)
@@ -102,62 +115,66 @@ def _polar(radius: float, degrees: float) -> tuple[int, int]:
     return round(radius * math.cos(angle) / mm), round(radius * math.sin(angle) / mm)
 
 
-def new(name: str, links: int) -> tuple[str, str]:
-    """Texts of the machine file and its URDF.
+def data_of(name: str, links: int) -> dict[str, Any]:
+    """Data of a starting machine file, by the keys of its tables.
 
     Args:
-        name: of the machine and its files.
+        name: of the machine.
         links: 1 to 6.
 
     Raises:
-        ArmDesignError: a name that no machine can have, or another number of links.
+        ArmDesignError: another number of links.
     """
-    if DEVICE.fullmatch(name):
-        fault = f'"{name}" is a device of Windows, not a file'
-        raise ArmDesignError("name", fault, "give another name")
-    if not re.match(NAME_PATTERN, name) or len(name) > NAME_LENGTH or name.endswith("\n"):
-        remedy = f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}"
-        raise ArmDesignError("name", f'"{name:.70}" is not allowed', remedy)
     if not 1 <= links <= MOST:
         remedy = f"give a whole number from 1 to {MOST}"
         raise ArmDesignError("--links", f"{links} is not allowed", remedy)
     stages = _stages(links)
-    return _aligned(_machine_file(name, stages)), _urdf(name, stages)
+    last, tip = stages[-1].name, [round(stages[-1].length / mm), 0, 0]
+    load = {"mass_kg": PAYLOADS.get(links, LIGHT), "link": last, "at_mm": tip}
+    return {
+        "name": name,
+        "title": name,
+        "joints": [stage.name for stage in stages],
+        "tool": {"link": last, "at_mm": tip},
+        "payload": {"empty": {"mass_kg": 0}, "full": load},
+        "fluid": dict(FLUID),
+        "supply": dict(SUPPLY),
+        "links": {
+            "ground": {},
+            "base": {"parent": "ground", "type": "fixed", "at_mm": [0, 0, round(FOOT / mm)]},
+            **{stage.name: _link(stage) for stage in stages},
+        },
+        "cylinder": {stage.name: _cylinder(stage) for stage in stages},
+        "requirements": dict(REQUIREMENTS),
+        "bands": {"structure": [0.0, 1.0]},
+    }
 
 
-def _aligned(text: str) -> str:
-    """The text with the comments behind its values in one column."""
-    return re.sub(r"(?m)^(\S.*?) {2,}(# .*)$", lambda line: f"{line[1]:<54}  {line[2]}", text)
+def _link(stage: _BoomStage) -> dict[str, Any]:
+    length, height = round(stage.length / mm), round(stage.height / mm)
+    return {
+        "parent": stage.carrier,
+        "limits_deg": [round(stage.lower / deg, 6), round(stage.upper / deg, 6)],
+        "length_mm": length,
+        "mass_kg": round(stage.mass, 6),
+        "box_mm": [length, height, height],
+    }
 
 
-def _filled(template: str, **values: Any) -> str:
-    """The text of a template beside this file, with its fields filled in."""
-    path = Path(__file__).with_name(f"scaffold_{template}.txt")
-    return path.read_text(encoding="utf-8").format(**values)
-
-
-def _machine_file(name: str, stages: list[_BoomStage]) -> str:
-    joints = ", ".join(f'"{stage.name}"' for stage in stages)
-    payload, tip = PAYLOADS.get(len(stages), LIGHT), stages[-1].length / mm
-    values = {"last": stages[-1], "tip": tip, "payload": payload, "joints": joints}
-    return _filled(
-        "machine.toml", name=name, cylinders="\n".join(map(_cylinder, stages)), **values
-    )
-
-
-def _cylinder(stage: _BoomStage) -> str:
+def _cylinder(stage: _BoomStage) -> dict[str, Any]:
     closed, opened = stage.ends
     litres = 0.1 * math.pi / 4 * stage.bore**2 * (opened - closed) / 1e6  # a tenth of the cap side
-    values = {"closed": closed, "stroke": opened - closed, "litres": litres}
-    return _filled("cylinder.toml", stage=stage, **values)
-
-
-def _urdf(name: str, stages: list[_BoomStage]) -> str:
-    links = "".join(map(_link, stages))
-    return _filled("robot.urdf", name=name, foot=FOOT, middle=FOOT / 2, links=links)
-
-
-def _link(stage: _BoomStage) -> str:
-    m, length, side = stage.mass, stage.length, stage.height
-    inertia = {"along": m * 2 * side**2 / 12, "across": m * (side**2 + length**2) / 12}
-    return _filled("link.urdf", stage=stage, middle=length / 2, **inertia)
+    pins = {"base": (stage.carrier, stage.base), "rod_end": (stage.name, stage.rod_end)}
+    return {
+        "count": 1,
+        "bore_mm": stage.bore,
+        "rod_mm": stage.rod,
+        "stroke_mm": opened - closed,
+        "closed_length_mm": closed,
+        "dead_volume_l": {"cap": round(litres, 2), "annulus": round(litres, 2)},
+        **{key: {"link": link, "at_mm": [x, 0, z]} for key, (link, (x, z)) in pins.items()},
+        "barrel_kg": 0,
+        "rod_kg": 0,
+        "compliance_m_per_N": 0.0,
+        "valve": dict(VALVE),
+    }

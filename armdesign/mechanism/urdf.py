@@ -104,6 +104,14 @@ def rotations(axis: Array, angle: Array, before: Array | None = None) -> Array:
     return np.asarray(factors @ parts).reshape(-1, 3, 3)
 
 
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Angles (3,) [rad] about x, then y, then z, of a rotation matrix (3, 3), as in ``rpy``."""
+    roll = math.atan2(rotation[2, 1], rotation[2, 2])
+    pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    return np.array([roll, pitch, yaw])
+
+
 def turned(rotation: Array, vector: Array) -> Array:
     """A vector (3,), or one for each row (n, 3), turned by rotation matrices (n, 3, 3): (n, 3)."""
     if vector.ndim > 1:
@@ -145,13 +153,10 @@ def _fix(joint: ET.Element, value: float) -> None:
         translation = translation + rotation @ _axis(joint) * value
     else:
         rotation = rotation @ rotations(_axis(joint), np.array([value]))[0]
-    roll = math.atan2(rotation[2, 1], rotation[2, 2])
-    pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
-    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     for tag in ("origin", "axis", "limit"):
         for element in joint.findall(tag):
             joint.remove(element)
-    turn = _words(np.array([roll, pitch, yaw]))
+    turn = _words(roll_pitch_yaw(rotation))
     ET.SubElement(joint, "origin", xyz=_words(translation), rpy=turn)
     joint.set("type", "fixed")
 

@@ -12,6 +12,7 @@ from armdesign.plots.maps import (
     frequency_map,
     holding_pressure,
     joint_plane,
+    map_figure,
     side_by_side,
 )
 from armdesign.plots.mode_shapes import mode_shapes
@@ -41,6 +42,7 @@ __all__ = [
     "linear_against_exact",
     "machine_drawing",
     "machine_overlay",
+    "map_figure",
     "mode_shapes",
     "moment_arm_curves",
     "moment_arms",

@@ -16,6 +16,7 @@ from armdesign.plots.canvas import (
     literal,
     title_of,
 )
+from armdesign.plots.colour_bars import hide_colour_bar
 from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
@@ -81,6 +82,9 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
         bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
         if len(drawn_joints(bandwidths.machine)) == 1:
             ax.set_ylim(0.8 * low, 2 * high)
+    for ax in axes[:-1]:
+        if ax.child_axes:
+            hide_colour_bar(ax)
     fig.suptitle(title_of(bandwidths.machine))
     return fig
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from armdesign.design.requirements.performance import Performance
     from armdesign.machine.machine import Machine
 
+ACROSS = 3  # actuators in a row
 TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today's value
     "oil": ("allowed oil volume / today's (joint speed falls with it)", 1.0, 1.0),
     "thrust": ("allowed thrust / today's", 1.0, 1.0),
@@ -60,8 +62,12 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
     curves = {label: _curves(machine) for label, machine in machines.items()}
     first = next(iter(machines.values()))
     spans = list(next(iter(curves.values())))
-    fig, axes = figure(len(spans), 4.4, 3.2, rows=2)
-    for (name, joint), arms, torques in zip(spans, axes, axes[len(spans) :], strict=False):
+    across = min(len(spans), ACROSS)
+    fig, axes = figure(across, 4.4, 3.2, rows=2 * math.ceil(len(spans) / across))
+    pairs = axes.reshape(-1, 2, across).swapaxes(1, 2).reshape(-1, 2)  # torque below moment arm
+    for unused in pairs[len(spans) :].ravel():
+        unused.set_visible(False)
+    for (name, joint), (arms, torques) in zip(spans, pairs, strict=False):
         styles = cycle(STYLES) if len(machines) > 1 else [("-", INK)]
         known = first.arm.joints[first.joints.index(joint)]
         for (label, of), (style, colour) in zip(curves.items(), styles, strict=False):
@@ -125,6 +131,10 @@ def trade_off(front: Pareto, ax: Any = None) -> Any:
         ax.plot(shares, today * np.sqrt(shares), "--", color=COMPUTED, label=equal)
     ax.set(xlabel=label, ylabel="worst natural frequency [Hz]")
     ax.margins(0.08, 0.12)
+    shown = np.concatenate([front.frame[column].to_numpy() for column, *_ in lines])
+    known = np.append(shown[np.isfinite(shown) & (shown > 0)], [start for *_, start in lines])
+    room = 0.15 * (float(np.ptp(known)) or 0.1 * today)
+    ax.set_ylim(known.min() - room, known.max() + room)
     ax.set_title(title_of(front.today), fontsize=11)
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.plots.canvas import COLOURS, INK, figure, literal
+from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 
 if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
@@ -46,6 +47,7 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
         lift_chart(chart, ax, vmin=0.0, vmax=most)
         ax.set_title(label, fontsize=11)
     if len(charts) > 1:
+        hide_colour_bar(axes[0])  # the second chart has the same
         places = [
             {(x, z): mass for x, z, mass in zip(c.reach, c.height, c.capacity, strict=True)}
             for c in charts.values()
@@ -70,9 +72,7 @@ def _points(
 ) -> None:
     """Coloured points with lines of words below them."""
     drawn = ax.scatter(*at, c=values, s=260, cmap=colours, edgecolors=INK, zorder=3, **limits)
-    bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
-    bar.set_label(label)
-    bar.outline.set_visible(False)
+    colour_bar(ax, drawn, label)
     style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
     for x, z, lines in zip(*at, words, strict=True):
         for k, line in enumerate(lines):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from armdesign.units import mm
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
+SEEN = 0.06  # of the drawn size: how long an arrow may be made
 GHOST = {"fc": "none", "ec": "#6b7280", "lw": 0.8, "ls": (0, (4, 2))}
 
 
@@ -55,19 +56,29 @@ def machine_overlay(
     frame(ax, limits, after)
     moves = moved_pins(before, after)
     colours = actuator_colours(new)
+    times = _magnification(moves, after.size)
     for move in moves:
+        end = move.before[0] + times * (move.after[0] - move.before[0])
         arrow = {"arrowstyle": "-|>", "color": MARK, "lw": 1.5, "shrinkA": 0, "shrinkB": 0}
         arrow |= {"mutation_scale": 7}
-        ax.annotate("", move.after[0], move.before[0], arrowprops=arrow, zorder=9)
+        ax.annotate("", end, move.before[0], arrowprops=arrow, zorder=9)
     place_labels(ax, [_move_label(move, colours) for move in moves])
     bars = [
         f"{one.name} {one.length / mm:.1f} → {other.length / mm:.1f} mm"
         for one, other in changed_bars(before, after)
     ]
-    words = f"solid: {labels[1]}, dashed: {labels[0]}" + ("" if moves else "; no pin moved")
+    long = "" if times == 1 else f", drawn {times} times as long"
+    words = f"solid: {labels[1]}, dashed: {labels[0]}"
+    words += f"; arrows: moved pins{long}" if moves else "; no pin moved"
     head(ax, new, [words, pose_words(new, after), *bars, *faults(new, after)])
     sizes_legend(ax, [old, new])
     return ax
+
+
+def _magnification(moves: Sequence[PinMove], size: float) -> int:
+    """Times that arrows are longer than the ways, so that the longest one is seen."""
+    longest = max((move.distance for move in moves), default=size)
+    return next((n for n in (10, 5, 2) if n * longest <= SEEN * size), 1)
 
 
 def _alike(one: SideView, other: SideView) -> bool:

@@ -8,9 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
 from armdesign.frequency.joint_grid import nearest
-from armdesign.plots.canvas import COLOURS, INK, MARK, figure, joint_label, joint_values, literal
+from armdesign.plots.canvas import (
+    COLOURS,
+    INK,
+    MARK,
+    figure,
+    joint_label,
+    joint_values,
+    literal,
+    title_of,
+)
+from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 from armdesign.plots.machines import draw_machine
 
 if TYPE_CHECKING:
@@ -20,6 +31,7 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"
+TALLEST = 8.5  # [in] of a figure
 PRESSURE = "largest static pressure / supply pressure"
 
 
@@ -47,16 +59,30 @@ def frequency_map(
         heatmap(ax, reach_map.reach, reach_map.height, reach_map.frequency, limits)
         silhouette(ax, machine, worst)
         ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
-        ax.set_title("lowest over all poses that bring the tool there", fontsize=10)
+        ax.set_title("lowest over all poses that bring the tool there")
     elif len(drawn) == 1:
         _frequency_curves(ax, frequencies)
-        ax.set_title("natural frequencies over the joint", fontsize=10)
+        ax.set_title("natural frequencies over the joint")
     else:
         heatmap(ax, *_labelled_plane(ax, frequencies), limits)
-        ax.set_title(f"lowest over {_others(machine)}", fontsize=10)
+        ax.set_title(f"lowest over {_others(machine)}{_steps(machine)}")
         x, y = (float(joint_values(machine.arm.joints[j], worst.q[j])) for j in drawn)
         mark(ax, x, y, worst.frequency)
     return ax
+
+
+@literal
+def map_figure(frequencies: FrequencyMap, plane: str) -> Any:
+    """Figure of one map with its machine's title: "joints", "reach", or "holding" pressures."""
+    fig, (ax,) = figure()
+    if plane == "holding":
+        holding_pressure(frequencies, ax)
+    else:
+        frequency_map(frequencies, ax, plane)
+    if plane == "reach":
+        _fit_height(fig, float(np.ptp(ax.get_xlim()) / np.ptp(ax.get_ylim())), 1)
+    ax.set_title(f"{title_of(frequencies.machine)}\n{ax.get_title()}")
+    return fig
 
 
 @literal
@@ -65,17 +91,29 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
     fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
     for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):
         frequencies.plot(ax, plane=plane)
-        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz", fontsize=11)
+        steps = _steps(frequencies.machine) if plane == "joints" else ""
+        ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz{steps}")
     meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
     ends = [mesh.get_clim() for mesh in meshes]
-    if plane == "reach":  # to one scale, and so of one size
-        spans = [(*ax.get_xlim(), *ax.get_ylim()) for ax in axes]
+    if plane == "reach" or len({(ax.get_xlabel(), ax.get_ylabel()) for ax in axes}) == 1:
+        spans = [(*ax.get_xlim(), *ax.get_ylim()) for ax in axes]  # to one scale, of one size
         (left, _, low, _), (_, right, _, high) = np.min(spans, axis=0), np.max(spans, axis=0)
         for ax in axes:
             ax.set(xlim=(left, right), ylim=(low, high))
+        if plane == "reach":
+            _fit_height(fig, (right - left) / (high - low), len(axes))
     for mesh in meshes:  # a machine with one joint has curves instead
         mesh.set_clim(min(low for low, _ in ends), max(high for _, high in ends))
+    if len(meshes) == len(axes):  # one colour bar says it for all
+        for ax in axes[:-1]:
+            hide_colour_bar(ax)
     return fig
+
+
+def _fit_height(fig: Any, proportion: float, count: int) -> None:
+    """Height of a figure whose axes in a row have equal scales: no room above and below them."""
+    width = (fig.get_size_inches()[0] - 1.2) / count - 0.7
+    fig.set_size_inches(fig.get_size_inches()[0], min(width / proportion + 1.4, TALLEST))
 
 
 @literal
@@ -91,10 +129,11 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
         _pressure_curves(ax, frequencies, share)
         return ax
     x, y, negative = _labelled_plane(ax, frequencies, -share)
-    heatmap(ax, x, y, -negative, {"vmin": 0.0, "cmap": "YlOrRd"}, PRESSURE)
+    top = max(1.0, float(np.nanmax(-negative)))  # dark red is where the pump is at its end
+    heatmap(ax, x, y, -negative, {"vmin": 0.0, "vmax": top, "cmap": "YlOrRd"}, PRESSURE)
     if np.nanmax(-negative) > 1:
         ax.contour(x, y, -negative.T, levels=[1.0], colors=[MARK])
-    ax.set_title(f"largest over {_others(frequencies.machine)}", fontsize=10)
+    ax.set_title(f"largest over {_others(frequencies.machine)}{_steps(frequencies.machine)}")
     return ax
 
 
@@ -103,22 +142,20 @@ def heatmap(
 ) -> None:
     """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
     style = {"cmap": COLOURS, "shading": "nearest", "rasterized": True, **style}
-    bar = ax.figure.colorbar(ax.pcolormesh(x, y, values.T, **style), ax=ax, pad=0.02)
-    bar.set_label(label)
-    bar.outline.set_visible(False)
-    ax.set_facecolor("white")
+    colour_bar(ax, ax.pcolormesh(x, y, values.T, **style), label)
 
 
 def mark(ax: Any, x: float, y: float, frequency: float) -> None:
     """Mark the worst pose: a ring and its frequency, written on the side where there is room."""
-    ax.plot(x, y, "o", ms=10, mfc="none", mec="white", mew=3.5, zorder=5)
-    ax.plot(x, y, "o", ms=10, mfc="none", mec=MARK, mew=2, zorder=6)
+    for edge, width, order in (("white", 3.5, 9), (MARK, 2, 10)):  # whole at the axes' edge, too
+        ring = {"ms": 10, "mfc": "none", "mec": edge, "mew": width}
+        ax.plot(x, y, "o", **ring, zorder=order, clip_on=False)
     right, top = x > sum(ax.get_xlim()) / 2, y > sum(ax.get_ylim()) / 2
     sides = {"ha": "right" if right else "left", "va": "top" if top else "bottom"}
     place = {"xytext": (-12 if right else 12, -12 if top else 12), "textcoords": "offset points"}
     box = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": MARK, "alpha": 0.9}
     words = f"{frequency:.3f} Hz"
-    ax.annotate(words, (x, y), **place, **sides, color=INK, bbox=box, zorder=7)
+    ax.annotate(words, (x, y), **place, **sides, color=INK, bbox=box, zorder=11)
 
 
 def joint_plane(
@@ -160,10 +197,19 @@ def _others(machine: Machine) -> str:
     return "all loads" if len(machine.joints) == shown else "all other joints and loads"
 
 
+def _steps(machine: Machine) -> str:
+    """Words on staircases in a map: ends of load cases that exist within a pitch range only."""
+    tilting = [case for case in machine.payloads if case.pitch is not None and case.mass > 0]
+    names = " and ".join(case.name for case in tilting)
+    links = " and ".join(dict.fromkeys(str(case.link) for case in tilting))
+    return f"\nsteps: where the pitch of {links} ends load case {names}" if tilting else ""
+
+
 def _frequency_curves(ax: Any, frequencies: FrequencyMap) -> None:
     """Coupled and rigid-load frequency per load case of a machine with one joint."""
     (index,) = drawn_joints(frequencies.machine)
     joint, worst, top = frequencies.machine.arm.joints[index], frequencies.worst, 0.0
+    colours = actuator_colours(frequencies.machine)
     for payload, rows in frequencies.frame.groupby("payload", sort=False):
         rows = rows.sort_values(joint.name)
         q = joint_values(joint, rows[joint.name].to_numpy())
@@ -171,7 +217,8 @@ def _frequency_curves(ax: Any, frequencies: FrequencyMap) -> None:
         top = max(top, 2.5 * rows["f1_hz"].max())
         for actuator in frequencies.machine.actuators:
             label = f"{payload}: {actuator.name}, rigid load"
-            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], "--", lw=1, label=label)
+            style = {"color": colours[actuator.name], "lw": 1, "label": label}
+            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], "--", **style)
     ax.set(xlabel=joint_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
     mark(ax, float(joint_values(joint, worst.q[index])), worst.frequency, worst.frequency)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, figure, literal, title_of
 from armdesign.units import bar, l_per_min, mm
 
@@ -95,9 +96,9 @@ def _moving(move: Move) -> list[int]:
 
 
 def _commands(ax: Any, move: Move) -> None:
-    names = list(move.commands)
-    for k, i in enumerate(_moving(move)):
-        colour, pair = COLOURS[k % len(COLOURS)], (move.commands, move.unshaped_commands)
+    names, colours = list(move.commands), actuator_colours(move.machine)
+    for i in _moving(move):
+        colour, pair = colours[names[i]], (move.commands, move.unshaped_commands)
         for commands, style in zip(pair, ({"lw": 1.6}, FAINT), strict=True):
             table = commands[names[i]]
             label = names[i] if commands is move.commands else f"{names[i]}, unshaped"
@@ -120,14 +121,15 @@ def _flow(ax: Any, move: Move) -> None:
 
 def _pressures(ax: Any, move: Move) -> None:
     supply, relief = move.machine.supply, 0.0
-    for k, i in enumerate(_moving(move)):
+    colours = actuator_colours(move.machine)
+    for i in _moving(move):
         actuator = move.machine.actuators[i]
         relief = max(relief, actuator.relief(supply) / bar)
         for side, line in ((0, "-"), (1, "--")):
             label = f"{actuator.name}, {('cap', 'annulus')[side]}"
             for run, style in ((move.shaped, {"lw": 1.4, "label": label}), (move.unshaped, FAINT)):
                 values = run.simulation.pressures[:, i, side] / bar
-                colour = COLOURS[k % len(COLOURS)]
+                colour = colours[actuator.name]
                 ax.plot(run.simulation.time, values, color=colour, ls=line, **style)
     tank = supply.return_pressure / bar
     for level, words, line in ((relief, "relief", "-."), (tank, "tank", ":")):

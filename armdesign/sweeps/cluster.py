@@ -44,7 +44,7 @@ def on_cluster(
             client.submit(answer, study.name, case, key=name, pure=False)
             for name, case in named.items()
         ]
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=client.loop):
             yield named[str(future.key)], _outcome(future, address)
             future.release()
         client.unregister_worker_plugin(f"{PREFIX}{study.name}")

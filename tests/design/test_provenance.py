@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import armdesign as ad
-from armdesign.machine import scaffold
+from armdesign.machine import template
 from armdesign.machine.file.machine_file import flat
 from tests import machines
 
@@ -26,11 +26,10 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> ad.Machine:
     Here with cylinders of any size.
     """
     folder = tmp_path_factory.mktemp("crane")
-    text, urdf = scaffold.new("crane", 2)
+    text = template.new("crane")
     assert "EVERY NUMBER IS A PLACEHOLDER" in text
     text = re.sub(r"(?m)^catalogue = .*\n", "", text)
     (folder / "crane.toml").write_text(text, encoding="utf-8")
-    (folder / "crane.urdf").write_text(urdf, encoding="utf-8")
     return ad.load(folder / "crane.toml")
 
 

@@ -18,7 +18,7 @@ import pytest
 import armdesign as ad
 from armdesign.inspection.inspection import inspect
 from armdesign.inspection.yardstick import Finding
-from armdesign.machine import scaffold
+from armdesign.machine import template
 from armdesign.machine.file import machine_file, toml_writing
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
@@ -316,7 +316,7 @@ def test_no_sound_machine_is_suspected(machine: Machine) -> None:
 
 @pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
 def test_no_new_machine_is_suspected(links: int) -> None:
-    assert suspected(Machine.from_text(*scaffold.new("x", links), Path("x.toml"))) == []
+    assert suspected(Machine.from_text(template.new("x", links=links), "", Path("x.toml"))) == []
 
 
 @pytest.mark.parametrize("length", [0.1, 0.3, 4.0])

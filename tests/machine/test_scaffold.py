@@ -1,12 +1,10 @@
-"""`armdesign new`: files that load and map at once; and the schema for editors that lies beside
-them.
-"""
+"""`armdesign new`: a file that loads and maps at once; and the schema for editors beside it."""
 
 from __future__ import annotations
 
 import json
+import re
 import tomllib
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +14,18 @@ import pytest
 import armdesign as ad
 from armdesign.inspection.file_faults import faults
 from armdesign.inspection.inspection import inspect
-from armdesign.machine import scaffold
+from armdesign.machine import template
+from armdesign.machine.file import machine_file
 from armdesign.machine.file.json_schema import DESCRIPTIONS, json_schema
+from armdesign.machine.parallelogram import with_four_bar
 from tests import machines
 from tests.commands import Refused, assert_one_line, main
 
 SHIPPED = Path(ad.__file__).with_name("machine.schema.json")
+
+
+def made(name: str, **options: Any) -> ad.Machine:
+    return ad.Machine.from_text(template.new(name, **options), "", Path(f"{name}.toml"))
 
 
 @pytest.mark.slow
@@ -33,7 +37,6 @@ def test_it_loads_maps_and_looks_sound(
     assert main(["new", "my_boom", "--links", str(links)], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "my_boom").iterdir()} == {
         "my_boom.toml",
-        "my_boom.urdf",
         "machine.schema.json",
     }
     assert faults("my_boom") == []
@@ -50,7 +53,7 @@ def test_it_loads_maps_and_looks_sound(
 @pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
 def test_it_has_a_design(links: int) -> None:
     """Its requirements as they stand: cylinders of the catalogue that it names meet them all."""
-    machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
+    machine = made("x", links=links)
     assert machine.section.requirements.catalogue == "5mm"
     kept = {"lift_share": 0.9, "torque_share": 0.95, "end_torque_share": 0.8}
     assert {key: getattr(ad.Requirements.of(machine), key) for key in kept} == kept
@@ -65,59 +68,131 @@ def test_it_has_a_design(links: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("links", [1, 2])
 def test_its_pins_can_be_moved_for_more(links: int) -> None:
-    machine = ad.Machine.from_text(*scaffold.new("x", links), Path("x.toml"))
+    machine = made("x", links=links)
     design = ad.optimize(machine, ad.Workspace.grid(machine, 4), starts=1)
     assert min(design.slacks.values()) >= -1e-9
     assert design.after.worst.frequency > 1.02 * design.before.worst.frequency
 
 
 @pytest.mark.parametrize("links", [1, 4, 6])
-def test_strokes_cover_the_ranges_of_the_urdf(links: int) -> None:
-    text, urdf = scaffold.new("x", links)
-    machine = ad.Machine.from_text(text, urdf, Path("x.toml"))
+def test_strokes_cover_the_limits(links: int) -> None:
+    machine = made("x", links=links)
     assert machine.ranges == pytest.approx(machine.arm.limits, abs=1e-6)
     assert np.ptp(machine.ranges, axis=1).min() > 1
 
 
-def test_the_files_explain_themselves() -> None:
-    text, urdf = scaffold.new("x", 3)
+OFFERED = ("boom", "loader_crane", "excavator_20t", "mini_excavator_2t", "patu_boom", "paper_1dof")
+LIKE = OFFERED[1:]
+
+
+@pytest.mark.parametrize("like", LIKE)
+@pytest.mark.parametrize("four_bar", [False, True])
+def test_like_a_machine_that_there_is(like: str, four_bar: bool) -> None:
+    """Its own numbers, to what is left out by rounding; a four-bar keeps strokes and torques."""
+    today, machine = machines.named(like), made("x", like=like, four_bar=four_bar)
+    assert machine.section.urdf is None
+    q = machines.inner_poses(today, 10)
+    one, other = today.at(q), machine.at(q)
+    assert other.mass_matrix == pytest.approx(one.mass_matrix, rel=1e-6)
+    assert other.moment_arms == pytest.approx(one.moment_arms, rel=1e-4, abs=1e-6)
+    assert machine.ranges == pytest.approx(today.ranges, abs=1e-4)
+    frequencies = [ad.natural_modes(poses).frequencies for poses in (one, other)]
+    assert frequencies[1] == pytest.approx(frequencies[0], rel=1e-4)
+    has = any(table.four_bar is not None for table in machine.section.cylinder.values())
+    assert has == (four_bar or "excavator" in like or like == "loader_crane")
+
+
+@pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
+def test_a_four_bar_keeps_ranges_and_moment_arms(links: int) -> None:
+    """A parallelogram: the knee goes the way of the old rod end."""
+    direct, geared = (made("x", links=links, four_bar=four_bar) for four_bar in (False, True))
+    assert geared.section.cylinder[geared.joints[-1]].four_bar is not None
+    assert geared.ranges == pytest.approx(direct.ranges, abs=1e-5)
+    q = machines.inner_poses(direct, 5)
+    arms = [machine.at(q).moment_arms for machine in (direct, geared)]
+    assert arms[1] == pytest.approx(arms[0], abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("like", OFFERED)
+@pytest.mark.parametrize("four_bar", [False, True])
+def test_every_combination_maps(
+    like: str, four_bar: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["--links", "3"] if like == "boom" else ["--like", like]
+    assert main(["new", "x", *words, *(["--four-bar"] if four_bar else [])], monkeypatch) == 0
+    assert faults("x") == []
+    assert main(["map", "x", "--points", "3"], monkeypatch) == 0
+
+
+def test_the_file_explains_itself() -> None:
+    """Each or together is said of every number that could be either, in every table of it."""
+    text = template.new("x", links=3, four_bar=True)
     assert text.startswith("#:schema ./machine.schema.json\n")
     assert "EVERY NUMBER IS A PLACEHOLDER" in text
-    assert "EVERY NUMBER IS A PLACEHOLDER" in urdf
-    for key in ("bore_mm", "rod_mm", "stroke_mm", "closed_length_mm", "mass_kg", "pressure_bar"):
-        assert any(key in line and "# replace" in line for line in text.splitlines()), key
-    assert max(map(len, text.splitlines())) <= 120
-    links = ET.fromstring(urdf).findall("link")
-    assert all(
-        link.find("visual/geometry/box") is not None
-        for link in links
-        if link.find("inertial") is not None
-    )
+    assert max(map(len, text.splitlines())) <= 99
+    either = ("count", "bore_mm", "rod_mm", "barrel_kg", "rod_kg", "compliance_m_per_N")
+    either += ("dead_volume_l", "rated_flow_l_per_min", "rocker_kg", "coupler_kg")
+    lines = text.splitlines()
+    for key in either:
+        at = [k for k, line in enumerate(lines) if line.startswith(f"{key} = ")]
+        assert at, key
+        for k in at[: 1 if key == "count" else None]:
+            said = f"{lines[k - 1] if lines[k - 1].startswith('#') else ''} {lines[k]}"
+            assert re.search(r"\b(each|together|in parallel)\b", said), (key, said)
+    assert text.count("[links.") == 5
 
 
-def test_the_spring_in_its_comments_is_one(tmp_path: Path) -> None:
-    """Without its comment signs only the joint, which the URDF lacks, is wrong."""
-    text, urdf = scaffold.new("crane", 2)
-    assert "\n# [spring.carriage]" in text
-    head, spring = text.split("# [spring.carriage]")
-    text = head + "[spring.carriage]" + spring.replace("\n# ", "\n")
-    (tmp_path / "crane.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "crane.urdf").write_text(urdf, encoding="utf-8")
-    (fault,) = faults(tmp_path / "crane.toml")
-    assert "joint rocking: is not in the URDF (named in spring)" in str(fault)
+@pytest.mark.parametrize("like", ["", *LIKE])
+def test_tables_in_its_comments_are_tables(like: str) -> None:
+    """Without its comment sign each of them is read, but for joints that the machine has not."""
+    text = template.new("x", like=like)
+    head, _, further = text.partition("# ----- what a machine may have besides")
+    blocks = further.split("\n\n")[1:]
+    assert blocks
+    for block in blocks:
+        table = "\n".join(line.removeprefix("# ") for line in block.splitlines())
+        _, wrong, _ = machine_file.faults(f"{head}\n{table}\n", "x.toml")
+        known = {"x.toml: spring.carriage.joint", "x.toml: motor.slew"}
+        assert not [fault for fault in wrong if fault.part not in known], table
+    names = {block.splitlines()[0].split("]")[0] for block in blocks}
+    assert ("# [tolerances" in names) == (like in ("", "patu_boom", "paper_1dof"))
+
+
+def test_it_says_why_there_is_no_four_bar() -> None:
+    telescope = """
+[links.root]
+[links.slide]
+parent = "root"
+type = "prismatic"
+limits_mm = [0, 400]
+mass_kg = 10
+length_mm = 500
+"""
+    text = template.new("x", links=1)
+    head, tail = text.split("# links:")[0], text[text.index("# payload:") :]
+    text = head.replace('"boom"', '"slide"') + telescope + tail.replace('"boom"', '"slide"')
+    text = re.sub(r'"base", at_mm = \[.*?\]', '"root", at_mm = [-600, 0, 0]', text)
+    text = re.sub(r"rod_end = .*", 'rod_end = { link = "slide", at_mm = [0, 0, 0] }', text)
+    text = re.sub(r"(?m)^stroke_mm = .*", "stroke_mm = 400", text)
+    text = re.sub(r"(?m)^closed_length_mm = .*", "closed_length_mm = 600", text)
+    machine = ad.Machine.from_text(text, "", Path("x.toml"))
+    with pytest.raises(ad.ArmDesignError, match="--four-bar: there is no joint that one pin-to"):
+        with_four_bar(tomllib.loads(text), machine)
 
 
 def test_it_does_not_overwrite(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.urdf").write_text("mine")
+    (tmp_path / "a.toml").write_text("mine")
     assert main(["new", "a", "--out", "."], monkeypatch) == 2
     assert_one_line(
-        capfd.readouterr().err, "a.urdf: exists already; give another name or --out another folder"
+        capfd.readouterr().err, "a.toml: exists already; give another name or --out another folder"
     )
-    assert [path.name for path in tmp_path.iterdir()] == ["a.urdf"]
-    assert (tmp_path / "a.urdf").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
+    assert (tmp_path / "a.toml").read_text() == "mine"
 
 
 def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,6 +216,8 @@ def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (["x\n"], "is not allowed"),
         (["x", "--links", "0"], "--links: 0 is not allowed; give a whole number from 1 to 6"),
         (["x", "--links", "7"], "--links: 7 is not allowed"),
+        (["x", "--links", "3", "--like", "paper_1dof"], "--links: contradicts --like"),
+        (["x", "--like", "excavator"], "excavator: no such machine; did you mean"),
         (["x", "--links", "two"], "--links': Input should be a valid integer"),
         (["x", "--out", "/proc/none"], "--out /proc/none"),
     ],

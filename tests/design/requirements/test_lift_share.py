@@ -17,7 +17,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.search.prices import prices
-from armdesign.machine import scaffold
+from armdesign.machine import template
 from armdesign.machine.lifting import liftable_masses
 from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, problem_of, solved, some_x, workspace_of
@@ -82,8 +82,7 @@ def test_the_new_machine_may_take_its_own_best_pose() -> None:
 
 def test_an_actuator_that_the_load_leaves_alone_at_a_place() -> None:
     """There it lifts anything, so other places limit it; derivatives by central differences."""
-    text, robot = scaffold.new("crane", 2)
-    machine = Machine.from_text(text, robot, Path("crane.toml"))
+    machine = Machine.from_text(template.new("crane"), "", Path("crane.toml"))
     poses = ad.lift_chart(machine).poses
     masses = liftable_masses(machine, poses.rigid, poses.torque, 0.87)
     idle = np.isinf(masses).sum(axis=0)

@@ -1,0 +1,75 @@
+"""The command ``armdesign sweep``."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+from armdesign import output
+from armdesign.options import (
+    FreshOption,
+    OutOption,
+    OutsideOption,
+    SchedulerOption,
+    StudyArgument,
+    WorkersOption,
+)
+from armdesign.output import command_line, outputs, show, tell
+from armdesign.progress import progress
+
+JOURNAL = "sweep.sqlite"
+
+
+def sweep(
+    study: StudyArgument,
+    out: OutOption = Path("out"),
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = "",
+    new: FreshOption = False,
+    allow_outside: OutsideOption = False,
+) -> None:
+    """Answer one question for many machines.
+
+    STUDY.toml names machines, what changes in them (grid, sobol, case, csv), load cases,
+    requirements and the task: map, design, validate, control or simulate. Every finished case
+    stays in sweep.sqlite: interrupted, the same command goes on where it was. Writes sweep.csv,
+    and sweep.parquet where pyarrow is installed.
+    """
+    from armdesign.report.sweeps import sweep_sheet
+    from armdesign.sweeps.study_file import read_study
+    from armdesign.sweeps.sweep import sweep as swept
+
+    output.check_out(out)
+    try:
+        with progress("reading the study") as say:
+            answers = swept(
+                **read_study(study, allow_outside=allow_outside),
+                workers=_processors() if workers is None else workers,
+                scheduler=scheduler or None,
+                journal=out / JOURNAL,
+                new=new,
+                say=say,
+            )
+            table = answers.frame
+    except KeyboardInterrupt:
+        journal = out / JOURNAL
+        if journal.exists():
+            words = f"{command_line()}".replace(" --new", "")
+            tell(
+                f"armdesign: finished cases are kept in {journal}; go on with: {words}", sys.stderr
+            )
+        raise
+    with outputs(out) as folder:
+        table.to_csv(folder / "sweep.csv", index=False)  # every digit
+        if importlib.util.find_spec("pyarrow"):
+            table.to_parquet(folder / "sweep.parquet", index=False)
+    again = [f"A worker died; done again: {name}." for name in answers.retried]
+    show([sweep_sheet(table, answers.kept), *again])
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    counted = getattr(os, "sched_getaffinity", None)
+    return len(counted(0)) if counted else os.cpu_count() or 1

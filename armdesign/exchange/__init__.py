@@ -1,0 +1,1 @@
+"""The machine for other programs: pin tables, drawings and robot descriptions."""

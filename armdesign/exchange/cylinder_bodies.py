@@ -1,0 +1,253 @@
+"""Cylinders and four-bars as bodies of their own, on joints that nothing drives.
+
+A robot description knows rigid bodies and joints, not lengths between pins. So a barrel turns
+about its base pin, a rod slides in it, a rocker turns about its pivot and a coupler about the
+knee. Each hangs on the body before it; ``closes`` is the link or body on whose pin it ends. All
+joints are 0 at a reference pose.
+
+In the plane of its link a barrel needs one hinge, about −y as the joints of the arm; where it
+leaves the plane, another before it, about z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.cylinder_build import barrel_outer
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.linkage.four_bar import FourBar
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+
+APART = 1.5  # between the middles of parallel cylinders, over their diameter, as drawn
+PARTS = ("swivel", "barrel", "rod", "rocker", "coupler")
+PLANE = 1e-9  # share of its length by which a cylinder may leave the plane of its link
+ROD, BARREL, BAR = (0.75, 0.77, 0.80, 1), (0.25, 0.27, 0.30, 1), (0.45, 0.46, 0.48, 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body:
+    """A barrel, rod, rocker or coupler, or a swivel without extent before a barrel.
+
+    Attributes:
+        name: of the body and of its joint, such as ``boom_barrel``.
+        parent: the link or body that carries it.
+        kind: of its joint: continuous or prismatic.
+        axis: of its joint.
+        place: origin of its joint in the parent's frame [m].
+        turn: roll, pitch, yaw of its frame there, joint at 0 [rad].
+        limits: of a prismatic joint [m].
+        span: from where to where it is drawn along x [m].
+        diameter: its drawn diameter [m].
+        offsets: where it is drawn along y [m], one for each parallel cylinder.
+        colour: red, green, blue, opacity.
+        mass: of all parallel ones, a slender bar along ``bar`` [kg]; 0: within the links.
+        bar: where the bar begins and ends along x [m].
+        closes: the link or body on whose pin it ends; None where others end it.
+        end: that pin, in the body's own frame [m].
+        pin: that pin in the frame of ``closes`` [m].
+        positions: of its joint at the poses asked for (n,) [rad, m].
+    """
+
+    name: str
+    parent: str
+    kind: str
+    axis: tuple[float, float, float]
+    place: tuple[float, float, float]
+    turn: tuple[float, float, float]
+    limits: tuple[float, float] | None = None
+    span: tuple[float, float] = (0.0, 0.0)
+    diameter: float = 0.0
+    offsets: tuple[float, ...] = ()
+    colour: tuple[float, ...] = BARREL
+    mass: float = 0.0
+    bar: tuple[float, float] = (0.0, 0.0)
+    closes: str | None = None
+    end: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    positions: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Angles and length of a line from a pin, in its link's frame (n + 1,), the reference last."""
+
+    pan: Array
+    raise_: Array
+    length: Array
+
+    @classmethod
+    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Lines:
+        rotation = linkage.arm.link_rotation(rigid, link)
+        x, y, z = np.moveaxis((np.swapaxes(rotation, 1, 2) @ ends[:, :, None])[..., 0], 1, 0)
+        length = np.sqrt(x**2 + y**2 + z**2)
+        if np.all(np.abs(y) <= PLANE * length):
+            return cls(np.zeros_like(x), np.arctan2(z, x), length)
+        return cls(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), length)
+
+
+def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body, ...]:
+    """Bodies of all cylinders that move a joint, with the positions of their joints at q (n, nq).
+
+    Args:
+        machine: the machine.
+        q: poses (n, nq) [rad, m].
+        reference: the pose (nq,) at which all their joints are 0.
+    """
+    rigid = machine.arm.kinematics(np.concatenate([q, reference[None]]))
+    bodies: list[Body] = []
+    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+        name = _stem(machine, cylinder.name)
+        if isinstance(linkage, FourBar):
+            bodies += _four_bar(name, cylinder, linkage, rigid)
+        bodies += _cylinder(machine, name, cylinder, linkage, rigid)
+    return tuple(bodies)
+
+
+def _stem(machine: Machine, name: str) -> str:
+    """Beginning of the names of a cylinder's bodies, which no link and joint has."""
+    taken = {*machine.arm.links, *machine.arm.all_joints}
+    while taken & {f"{name}_{part}" for part in PARTS}:
+        name += "_"
+    return name
+
+
+def _rod_end(name: str, linkage: Linkage) -> tuple[str, tuple[float, float, float]]:
+    """Link or body that the rod ends on, and the pin in its frame [m]."""
+    if isinstance(linkage, FourBar):
+        return f"{name}_rocker", (linkage.rocker, 0.0, 0.0)
+    pin: Pin = getattr(linkage, linkage.key)
+    return pin.link, pin.at
+
+
+def _cylinder(
+    machine: Machine, name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
+) -> Iterator[Body]:
+    """Swivel if needed, barrel and rod."""
+    base, end = linkage.ends(rigid)
+    lines = _Lines.between(linkage, rigid, linkage.base.link, end - base)
+    outer = float(barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure))
+    eye = max(min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length), 0.0)
+    middle = (cylinder.count - 1) / 2
+    offsets = tuple(APART * outer * (k - middle) for k in range(cylinder.count))
+    parent, place = linkage.base.link, linkage.base.at
+    if np.any(lines.pan):
+        pan = float(lines.pan[-1])
+        yield Body(
+            name=f"{name}_swivel",
+            parent=parent,
+            kind="continuous",
+            axis=(0.0, 0.0, 1.0),
+            place=place,
+            turn=(0.0, 0.0, pan),
+            positions=lines.pan[:-1] - pan,
+        )
+        parent, place = f"{name}_swivel", (0.0, 0.0, 0.0)
+    yield Body(
+        name=f"{name}_barrel",
+        parent=parent,
+        kind="continuous",
+        axis=(0.0, -1.0, 0.0),
+        place=place,
+        turn=(0.0, -float(lines.raise_[-1]), 0.0),
+        span=(eye, cylinder.closed_length - eye),
+        diameter=outer,
+        offsets=offsets,
+        mass=cylinder.moving_masses.get("barrel", 0.0),
+        bar=(0.0, cylinder.closed_length),
+        positions=_turns(lines.raise_),
+    )
+    yield _rod(name, cylinder, linkage, lines.length, (eye, offsets))
+
+
+def _rod(
+    name: str,
+    cylinder: Cylinder,
+    linkage: Linkage,
+    lengths: Array,
+    drawn: tuple[float, tuple[float, ...]],
+) -> Body:
+    """The rod in its barrel; ``drawn``: the length of an eye, and offsets along y [m]."""
+    (eye, offsets), first, closed = drawn, float(lengths[-1]), cylinder.closed_length
+    target, pin = _rod_end(name, linkage)
+    return Body(
+        name=f"{name}_rod",
+        parent=f"{name}_barrel",
+        kind="prismatic",
+        axis=(1.0, 0.0, 0.0),
+        place=(first, 0.0, 0.0),
+        turn=(0.0, 0.0, 0.0),
+        limits=(closed - first, closed + cylinder.stroke - first),
+        span=(eye - closed, 0.0),
+        diameter=cylinder.rod,
+        offsets=offsets,
+        colour=ROD,
+        mass=cylinder.moving_masses.get("rod", 0.0),
+        bar=(-closed, 0.0),
+        closes=target,
+        pin=pin,
+        positions=lengths[:-1] - first,
+    )
+
+
+def _four_bar(
+    name: str, cylinder: Cylinder, linkage: FourBar, rigid: RigidPoses
+) -> Iterator[Body]:
+    link, knee = linkage.pivot.link, linkage.ends(rigid)[1]
+    pivot, lug = (linkage.point(rigid, pin) for pin in (linkage.pivot, linkage.lug))
+    rocker = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, knee - pivot))
+    coupler = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, lug - knee))
+    bend, masses = coupler.raise_ - rocker.raise_, cylinder.moving_masses
+    yield Body(
+        name=f"{name}_rocker",
+        parent=link,
+        kind="continuous",
+        axis=(0.0, -1.0, 0.0),
+        place=linkage.pivot.at,
+        turn=(0.0, -float(rocker.raise_[-1]), 0.0),
+        span=(0.0, linkage.rocker),
+        diameter=0.6 * cylinder.bore,
+        offsets=(0.0,),
+        colour=BAR,
+        mass=masses.get("rocker", 0.0),
+        bar=(0.0, linkage.rocker),
+        positions=_turns(rocker.raise_),
+    )
+    yield Body(
+        name=f"{name}_coupler",
+        parent=f"{name}_rocker",
+        kind="continuous",
+        axis=(0.0, -1.0, 0.0),
+        place=(linkage.rocker, 0.0, 0.0),
+        turn=(0.0, -float(bend[-1]), 0.0),
+        span=(0.0, linkage.coupler),
+        diameter=0.6 * cylinder.bore,
+        offsets=(0.0,),
+        colour=BAR,
+        mass=masses.get("coupler", 0.0),
+        bar=(0.0, linkage.coupler),
+        closes=linkage.lug.link,
+        end=(linkage.coupler, 0.0, 0.0),
+        pin=linkage.lug.at,
+        positions=_turns(bend),
+    )
+
+
+def _in_plane(linkage: FourBar, rigid: RigidPoses, vector: Array) -> Array:
+    """The part of vectors (n, 3) in the plane of a four-bar."""
+    normal = linkage.arm.link_rotation(rigid, linkage.pivot.link)[:, :, 1]
+    return np.asarray(vector - np.einsum("ni,ni->n", vector, normal)[:, None] * normal)
+
+
+def _turns(angles: Array) -> Array:
+    """Angles from the last one, which is the reference, within half a turn of it."""
+    away = angles[:-1] - angles[-1]
+    return np.asarray(np.arctan2(np.sin(away), np.cos(away)))

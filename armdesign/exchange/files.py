@@ -1,0 +1,62 @@
+"""Files for other programs: a machine's pins and bodies, in the format that a name ends in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from armdesign.errors import ArmDesignError
+from armdesign.exchange.dxf import write_dxf
+from armdesign.exchange.pin_table import pin_table
+from armdesign.exchange.sdf import sdf
+from armdesign.exchange.urdf import urdf
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+
+FORMATS = {  # what each ends in: what is left of a file's name when the machine's is taken away
+    "csv": "_pins.csv",
+    "dxf": "_pins.dxf",
+    "urdf": "_with_cylinders.urdf",
+    "sdf": "_with_cylinders.sdf",
+}
+
+
+def export(machine: Machine, path: str | Path, pose: ArrayLike | None = None) -> Path:
+    """Write a machine for other programs, in the format that the file's name ends in.
+
+    ``.csv``: the pin table; ``.dxf``: side view and a sheet of pins for each link, in mm;
+    ``.urdf`` and ``.sdf``: the links with barrels, rods and four-bars as bodies.
+
+    Args:
+        machine: the machine.
+        path: of the file, which is replaced.
+        pose: q (nq,) [rad, m] of pin table, drawing and SDF; default: the middle of the joint
+            ranges. A URDF holds no pose.
+
+    Returns:
+        The path.
+
+    Raises:
+        ArmDesignError: another ending, a pose that is none, a place that cannot be written, or
+            no ezdxf for DXF.
+    """
+    file = Path(path)
+    kind = file.suffix.lower().removeprefix(".")
+    try:
+        if kind == "csv":
+            pin_table(machine, pose).to_csv(file, index=False)
+        elif kind == "dxf":
+            write_dxf(machine, file, pose)
+        elif kind in FORMATS:
+            text = urdf(machine) if kind == "urdf" else sdf(machine, pose)
+            file.write_text(text, encoding="utf-8")
+        else:
+            remedy = f"end the name in .{', .'.join(FORMATS)}"
+            raise ArmDesignError(str(file), "is of no format that can be written", remedy)
+    except OSError as error:
+        fault = f"cannot be written ({error.strerror})"
+        raise ArmDesignError(str(file), fault, "name another place") from None
+    return file

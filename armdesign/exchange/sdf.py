@@ -1,0 +1,207 @@
+"""A machine as SDF at one pose, with cylinders and four-bars whose loops are closed.
+
+SDF allows joints that close loops, so that rods end on their pins by joints of their own. Joints
+are 0 at the pose, and limits are told from there. Frozen joints are fixed. Loads are left out, as
+in a URDF.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdesign.arrays import Array
+from armdesign.drawing.joint_arcs import middle_pose
+from armdesign.drawing.visuals import Visual, visuals
+from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
+from armdesign.exchange.urdf import centre, folder_of, urdf, words
+from armdesign.machine.poses import joint_positions
+from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.urdf import roll_pitch_yaw, rotations
+from armdesign.mechanism.urdf_faults import numbers
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+
+VERSION = "1.7"  # the first with relative_to
+# of bodies whose mass is within the links, and of frames: simulators refuse none at all
+LIGHT, LIGHT_INERTIA = 0.1, 1e-3  # [kg], [kg m²]
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
+    """Text of the SDF at a pose q (nq,) [rad, m]; default: the middle of the joint ranges.
+
+    Raises:
+        PoseError: not one number per joint.
+    """
+    q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
+    rigid = machine.arm.kinematics(q)
+    document = ET.Element("sdf", version=VERSION)
+    model = ET.SubElement(document, "model", name=machine.name)
+    _add_links(machine, model, rigid)
+    _add_joints(machine, model, rigid)
+    for body in cylinder_bodies(machine, q, q[0]):
+        _add_body(model, body)
+    ET.indent(document)
+    text = ET.tostring(document, encoding="unicode")
+    remark = (
+        f"{machine.name}, exported by armdesign. Units: m, kg, rad; joints are 0 at this pose."
+        f" Bodies of {LIGHT:g} kg have their mass within the links, or are frames."
+    )
+    return f'<?xml version="1.0"?>\n<!-- {remark} -->\n{text}\n'
+
+
+# ------------------------------------------------------------------------------------------- links
+
+
+def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
+    robot = ET.fromstring(urdf(machine))
+    own = {str(link.get("name")): link for link in robot.findall("link")}
+    drawn = visuals(ET.tostring(robot, encoding="unicode"), folder_of(machine))
+    for name in machine.arm.links:
+        link = ET.SubElement(model, "link", name=name)
+        place = machine.arm.point(rigid, name, np.zeros(3))[0]
+        _add_pose(link, place, machine.arm.link_rotation(rigid, name)[0])
+        inertial = own[name].find("inertial")
+        if inertial is None:
+            _add_inertial(link, LIGHT, np.zeros(6), [LIGHT_INERTIA] * 3 + [0.0] * 3)
+        else:
+            origin, inertia = inertial.find("origin"), inertial.find("inertia")
+            frame = np.concatenate(
+                [numbers(origin, "xyz", "0 0 0"), numbers(origin, "rpy", "0 0 0")]
+            )
+            moments = [float(numbers(inertia, key, "0")[0]) for key in MOMENTS]
+            mass = float(numbers(inertial.find("mass"), "value", "0")[0])
+            _add_inertial(link, mass, frame, moments)
+        for index, visual in enumerate(drawn[name]):
+            _add_visual(link, f"visual_{index}", visual)
+
+
+def _add_inertial(link: ET.Element, mass: float, frame: Array, moments: list[float]) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "pose").text = words(frame)
+    ET.SubElement(inertial, "mass").text = repr(mass)
+    inertia = ET.SubElement(inertial, "inertia")
+    for key, value in zip(MOMENTS, moments, strict=True):
+        ET.SubElement(inertia, key).text = repr(float(value))
+
+
+def _add_visual(link: ET.Element, name: str, visual: Visual) -> None:
+    element = ET.SubElement(link, "visual", name=name)
+    _add_pose(element, visual.translation, visual.rotation)
+    shape = ET.SubElement(ET.SubElement(element, "geometry"), visual.kind)
+    if visual.kind == "box":
+        ET.SubElement(shape, "size").text = words(visual.size)
+    elif visual.kind == "mesh":
+        ET.SubElement(shape, "uri").text = str(visual.mesh)
+        ET.SubElement(shape, "scale").text = words(visual.size)
+    else:
+        for key, value in zip(("radius", "length"), visual.size, strict=False):
+            ET.SubElement(shape, key).text = repr(float(value))
+    if visual.colour:
+        _add_colour(element, visual.colour)
+
+
+def _add_colour(element: ET.Element, colour: tuple[float, ...]) -> None:
+    material = ET.SubElement(element, "material")
+    for key in ("ambient", "diffuse"):
+        ET.SubElement(material, key).text = " ".join(f"{x:g}" for x in colour)
+
+
+def _add_pose(element: ET.Element, place: Array, rotation: Array, relative_to: str = "") -> None:
+    attributes = {"relative_to": relative_to} if relative_to else {}
+    pose = ET.SubElement(element, "pose", attributes)
+    pose.text = words([*place, *roll_pitch_yaw(rotation)])
+
+
+# ------------------------------------------------------------------------------------------ joints
+
+
+def _add_joints(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
+    """Joints of the arm, and one that fixes the root to the world."""
+    root = _joint(model, "world", "fixed", "world", machine.arm.root)
+    ET.SubElement(root, "pose").text = "0 0 0 0 0 0"
+    positions = dict(
+        zip(
+            (joint.name for joint in machine.arm.coordinates),
+            machine.arm.with_springs(rigid.q)[0],
+            strict=True,
+        )
+    )
+    coordinates = {joint.name: joint for joint in machine.arm.coordinates}
+    for element in ET.fromstring(machine.arm.xml).findall("joint"):
+        name = str(element.get("name"))
+        ends = (element.find(tag) for tag in ("parent", "child"))
+        parent, child = ("" if end is None else end.get("link", "") for end in ends)
+        moving = coordinates.get(name)
+        kind = "fixed" if moving is None else "revolute" if moving.revolute else "prismatic"
+        joint = _joint(model, name, kind, parent, child)
+        if moving is not None:
+            limits = moving.lower - positions[name], moving.upper - positions[name]
+            _add_axis(joint, moving.axis, limits)
+
+
+def _joint(model: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+    links = {link.get("name") for link in model.findall("link")}
+    name = f"{name}_joint"  # links and joints share one space of names
+    while name in links:
+        name += "_"
+    joint = ET.SubElement(model, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent").text = parent
+    ET.SubElement(joint, "child").text = child
+    return joint
+
+
+def _add_axis(
+    joint: ET.Element, axis: ArrayLike, limits: tuple[float, float] | None = None
+) -> None:
+    """Axis of a joint in its own frame, which stands at the child's, with its limits."""
+    element = ET.SubElement(joint, "axis")
+    ET.SubElement(element, "xyz").text = words(np.asarray(axis, dtype=float))
+    if limits is not None:
+        limit = ET.SubElement(element, "limit")
+        for key, value in zip(("lower", "upper"), limits, strict=True):
+            ET.SubElement(limit, key).text = repr(float(value))
+
+
+# --------------------------------------------------------------------------------------- cylinders
+
+
+def _add_body(model: ET.Element, body: Body) -> None:
+    """A body of a cylinder or four-bar, its joint, and the joint that closes its loop."""
+    link = ET.SubElement(model, "link", name=body.name)
+    roll, pitch, yaw = body.turn
+    _add_pose(link, np.array(body.place), _rotation(roll, pitch, yaw), body.parent)
+    length = body.bar[1] - body.bar[0]
+    mass = body.mass or LIGHT
+    across = max(mass * length**2 / 12, LIGHT_INERTIA)
+    frame = np.array([*centre(body), 0.0, 0.0, 0.0])
+    _add_inertial(link, mass, frame, [LIGHT_INERTIA, across, across, 0.0, 0.0, 0.0])
+    span = body.span[1] - body.span[0]
+    for index, offset in enumerate(body.offsets if span > 0 else ()):
+        shape = Visual(
+            kind="cylinder",
+            size=np.array([body.diameter / 2, span]),
+            rotation=_rotation(0.0, np.pi / 2, 0.0),
+            translation=np.array([sum(body.span) / 2, offset, 0.0]),
+            colour=body.colour,
+        )
+        _add_visual(link, f"visual_{index}", shape)
+    kind = "prismatic" if body.kind == "prismatic" else "revolute"
+    _add_axis(_joint(model, body.name, kind, body.parent, body.name), body.axis, body.limits)
+    if body.closes is not None:
+        # a ball: a hinge more in a loop that is closed already would hold it twice
+        joint = _joint(model, f"{body.name}_end", "ball", body.closes, body.name)
+        ET.SubElement(joint, "pose").text = words([*body.end, 0.0, 0.0, 0.0])
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation matrix (3, 3) of roll, pitch and yaw [rad]."""
+    matrix = np.eye(3)
+    for axis, angle in zip(np.eye(3), (roll, pitch, yaw), strict=True):
+        matrix = rotations(axis, np.array([angle]))[0] @ matrix
+    return matrix

@@ -1,0 +1,21 @@
+"""Colour bars beside axes, exactly as high as they are; one where several have the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def colour_bar(ax: Any, mesh: Any, label: str) -> Any:
+    """Colour bar beside axes, exactly as high as they are, whatever their aspect."""
+    place = ax.inset_axes([1.02, 0.0, 0.035, 1.0])
+    bar = ax.figure.colorbar(mesh, cax=place)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    return bar
+
+
+def hide_colour_bar(ax: Any) -> None:
+    """Take away the colour bar of axes whose neighbours have the same one."""
+    bar = ax.child_axes[0]
+    bar.set_visible(False)
+    bar.set_in_layout(False)

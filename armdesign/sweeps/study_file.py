@@ -1,0 +1,108 @@
+"""STUDY.toml: a sweep as data. Nothing in it is ever run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.file import machine_file
+from armdesign.machine.file.toml_reading import read_toml
+from armdesign.machine.loading import load, shipped
+from armdesign.machine.machine import Machine
+from armdesign.sweeps.tasks import task_named
+
+WAYS = {"grid": dict, "case": list, "csv": str, "sobol": dict}  # of saying what changes: one
+KEYS = {
+    "machine": (str, list),
+    "task": (str,),
+    "payloads": (list,),
+    "points": (int, list),
+    "requirements": (list,),
+    "options": (dict,),
+    **{way: (kind,) for way, kind in WAYS.items()},
+}
+WORDS = {str: "a text", list: "a list", dict: "a table", int: "a whole number"}
+
+
+def read_study(path: Path, *, allow_outside: bool = False) -> dict[str, Any]:
+    """Arguments of ``sweep`` that a study file states.
+
+    Args:
+        path: of the file; its machines and CSV file are relative to it.
+        allow_outside: as of ``load``.
+
+    Raises:
+        ArmDesignError: a file that cannot be read, or a key or value that no study has.
+    """
+    data = read_toml(machine_file.read_text(path), path.name)
+    _check(data, path.name)
+    task_named(data.get("task", "map"))
+    names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
+    machines = [_machine(name, path, allow_outside) for name in names]
+    plain = ("task", "payloads", "points", "requirements", "options")
+    return {
+        "machine": machines,
+        **_changes(data, path),
+        **{key: data[key] for key in plain if key in data},
+    }
+
+
+def _check(data: Mapping[str, Any], name: str) -> None:
+    """Raise for keys that no study has, values of another kind, and changes said twice."""
+    for key, value in data.items():
+        if key not in KEYS:
+            raise ArmDesignError(f"{name}: {key}", "no study has this key", choose(key, KEYS))
+        if not isinstance(value, KEYS[key]) or isinstance(value, bool):
+            kinds = " or ".join(WORDS[kind] for kind in KEYS[key])
+            raise ArmDesignError(f"{name}: {key}", f"{value!r} is not allowed", f"give {kinds}")
+    if "machine" not in data:
+        remedy = 'give machine = "excavator_20t", or a list of machines'
+        raise ArmDesignError(name, "names no machine", remedy)
+    if len(ways := [way for way in WAYS if way in data]) > 1:
+        fault = f"has {' and '.join(ways)}"
+        raise ArmDesignError(name, fault, "leave all but one out")
+
+
+def _machine(name: Any, path: Path, allow_outside: bool) -> Machine:
+    """A machine by its name, or by its path from the folder of the study."""
+    if not isinstance(name, str):
+        remedy = "give names or paths"
+        raise ArmDesignError(f"{path.name}: machine", f"{name!r} is no machine", remedy)
+    beside = path.parent / name
+    known = name in shipped() and not beside.is_file()
+    return load(name if known else beside, allow_outside=allow_outside)
+
+
+def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """What changes, as arguments of ``sweep``."""
+    if "csv" in data:
+        return {"changes": path.parent / data["csv"]}
+    if "case" in data:
+        return {"changes": [_flat(c) if isinstance(c, dict) else c for c in data["case"]]}
+    if "sobol" not in data:
+        return {"changes": _flat(data["grid"])} if "grid" in data else {}
+    sequence = dict(data["sobol"])
+    for key in sequence:
+        if key not in ("count", "seed", "ranges"):
+            remedy = choose(key, ("count", "seed", "ranges"))
+            raise ArmDesignError(f"{path.name}: sobol.{key}", "there is no such key", remedy)
+    count, seed, ranges = (sequence.get(key) for key in ("count", "seed", "ranges"))
+    seed = 0 if seed is None else seed
+    for key, value in (("count", count), ("seed", seed)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < (key == "count"):
+            fault = f"{value!r} is not allowed" if value is not None else "is missing"
+            raise ArmDesignError(f"{path.name}: sobol.{key}", fault, "give a whole number")
+    if not isinstance(ranges, dict):
+        remedy = 'give a table [sobol.ranges] with lines as "cylinder.boom.bore_mm" = [100, 130]'
+        raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)
+    return {"changes": _flat(ranges), "sobol": count, "seed": seed}
+
+
+def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Values of nested tables by key path, so that paths need no quotes."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+    return flat

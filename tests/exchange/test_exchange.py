@@ -1,0 +1,231 @@
+"""Pin tables, drawings and robot descriptions, read back by other programs than those that wrote
+them.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pandas as pd
+import pinocchio
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armdesign as ad
+from armdesign.machine import template
+from tests import machines
+from tests.commands import Refused, main
+from tests.machine.as_links import with_links
+
+NAMES = ("excavator_20t", "loader_crane", "paper_1dof")
+ODD = ("spatial", "slewing", "crossing")
+
+
+def machine_of(name: str) -> ad.Machine:
+    return ad.load(name) if name in NAMES else getattr(machines, name)()
+
+
+# -------------------------------------------------------------------------------------- pin table
+
+
+def test_the_pin_table_has_every_pin_in_its_link_and_at_the_pose(tmp_path: Path) -> None:
+    machine = ad.load("excavator_20t")
+    q = np.deg2rad([20.0, -80.0, -30.0])
+    table = pd.read_csv(ad.export(machine, tmp_path / "pins.csv", q)).set_index(["link", "pin"])
+    own = table.loc[("boom", "boom.rod_end")]
+    assert own[["x_mm", "y_mm", "z_mm"]].tolist() == [2233.7, 0, 950.5]
+    # by hand: the foot of the boom, and the pin turned by 20 deg
+    c, s = np.cos(q[0]), np.sin(q[0])
+    at = (227.7 + c * 2233.7 - s * 950.5, 1957.3 + s * 2233.7 + c * 950.5)
+    assert own[["root_x_mm", "root_z_mm"]].tolist() == pytest.approx(at, abs=1e-3)
+    knee = table[table.index.get_level_values("pin") == "bucket.knee"].iloc[0]
+    pivot = table.loc[("stick", "bucket.pivot")]
+    apart = [knee[key] - pivot[key] for key in ("root_x_mm", "root_z_mm")]
+    assert np.hypot(*apart) == pytest.approx(578.7, abs=1e-3)
+    assert {"joint", "cylinder", "four_bar", "tool", "load"} == set(table["kind"])
+
+
+# -------------------------------------------------------------------------------------------- DXF
+
+
+@pytest.mark.parametrize("name", [*NAMES, *ODD])
+def test_ezdxf_reads_the_drawing(name: str, tmp_path: Path) -> None:
+    """Circles at all pins of the pose, centre lines through them, names, mm; a block per link."""
+    machine = machine_of(name)
+    document = ezdxf.readfile(ad.export(machine, tmp_path / "m.dxf"))
+    assert not document.audit().errors
+    assert document.header["$INSUNITS"] == 4
+    circles = document.modelspace().query('CIRCLE[layer=="PINS"]')
+    assert len(circles) >= 2 * len(machine.cylinders)
+    for link in {row.link for row in ad.pin_table(machine).itertuples() if row.link}:
+        rows = ad.pin_table(machine).query("link == @link")
+        if len(rows[["x_mm", "z_mm"]].drop_duplicates()) < 2:
+            continue
+        block = document.blocks[f"link_{link}"]
+        centres = [circle.dxf.center for circle in block.query("CIRCLE")]
+        drawn = {(round(at.x, 3), round(at.y, 3)) for at in centres}
+        assert drawn == {(round(r.x_mm, 3), round(r.z_mm, 3)) for r in rows.itertuples()}
+        texts = " ".join(text.dxf.text for text in block.query("TEXT"))
+        assert all(pin in texts for pin in rows["pin"])
+        assert len(block.query('LWPOLYLINE[layer=="CENTRE_LINES"]')) == 2 * len(drawn)
+
+
+def test_the_drawing_stands_at_the_pose(tmp_path: Path) -> None:
+    machine = ad.load("excavator_20t")
+    q = np.deg2rad([20.0, -80.0, -30.0])
+    document = ezdxf.readfile(ad.export(machine, tmp_path / "m.dxf", q))
+    centres = [c.dxf.center for c in document.modelspace().query("CIRCLE")]
+    table = ad.pin_table(machine, q)
+    for row in table[table["kind"].isin(["cylinder", "four_bar", "joint"])].itertuples():
+        away = [np.hypot(c.x - row.root_x_mm, c.y - row.root_z_mm) for c in centres]
+        assert min(away) < 0.1, row.pin
+    title = [text.dxf.text for text in document.modelspace().query("TEXT")]
+    assert any("boom 20.0 deg, stick -80.0 deg, bucket -30.0 deg" in text for text in title)
+
+
+# ------------------------------------------------------------------------------------- URDF, SDF
+
+
+def placed(text: str, positions: dict[str, float]) -> tuple[pinocchio.Model, pinocchio.Data]:
+    """Pinocchio's model of a URDF with joints at positions, all its frames placed."""
+    model = pinocchio.buildModelFromXML(text)
+    q = pinocchio.neutral(model)
+    for name, value in positions.items():
+        joint = model.joints[model.getJointId(name)]
+        turns = joint.nq == 2  # a continuous joint: cosine and sine
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            [np.cos(value), np.sin(value)] if turns else [value]
+        )
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, q)
+    return model, data
+
+
+def point(model: pinocchio.Model, data: pinocchio.Data, link: str, at: list[float]) -> np.ndarray:
+    frame = model.getFrameId(link, pinocchio.FrameType.BODY)
+    return np.asarray(data.oMf[frame].act(np.array(at)))
+
+
+@pytest.mark.parametrize("name", [*NAMES, *ODD])
+def test_rods_end_on_their_pins_in_pinocchio(name: str, tmp_path: Path) -> None:
+    """At many poses, with the positions that robot_positions gives."""
+    machine = machine_of(name)
+    text = ad.export(machine, tmp_path / "m.urdf").read_text(encoding="utf-8")
+    q = machines.inner_poses(machine, 5)
+    rigid = machine.arm.kinematics(q)
+    table = ad.robot_positions(machine, q)
+    for k, row in enumerate(table.to_dict("records")):
+        model, data = placed(text, row)
+        for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+            end = linkage.ends(rigid)[1][k]
+            rod = point(model, data, f"{cylinder.name}_rod", [0, 0, 0])
+            assert rod == pytest.approx(end, abs=1e-9)
+            extension = linkage.length(rigid)[k] - cylinder.closed_length
+            joint = ET.fromstring(text).find(f"joint[@name='{cylinder.name}_rod']")
+            lower = float(joint.find("limit").get("lower"))  # type: ignore[union-attr, arg-type]
+            assert row[f"{cylinder.name}_rod"] - lower == pytest.approx(extension, abs=1e-9)
+            if f"{cylinder.name}_coupler" in row:
+                tip = point(model, data, f"{cylinder.name}_coupler", [linkage.coupler, 0, 0])
+                lug = linkage.point(rigid, linkage.lug)[k]
+                assert tip == pytest.approx(lug, abs=1e-9)
+
+
+def test_the_links_weigh_what_they_weighed(tmp_path: Path) -> None:
+    machine = ad.load("loader_crane")
+    for one in (machine, with_links(machine)):
+        model = pinocchio.buildModelFromXML(ad.export(one, tmp_path / "m.urdf").read_text())
+        masses = sum(inertia.mass for inertia in model.inertias)
+        rocker = 11.524  # the only bar with a mass of its own
+        bare = pinocchio.buildModelFromXML(machine.urdf_text)
+        assert masses == pytest.approx(sum(i.mass for i in bare.inertias) + rocker)
+
+
+def pose_of(element: ET.Element) -> tuple[np.ndarray, np.ndarray]:
+    words = (element.findtext("pose") or "0 0 0 0 0 0").split()
+    x = np.array([float(word) for word in words])
+    return Rotation.from_euler("xyz", x[3:]).as_matrix(), x[:3]
+
+
+@pytest.mark.parametrize("name", [*NAMES, *ODD])
+def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
+    """Every link has its place in the model; every rod and coupler ends where its joint holds it,
+    and every joint of the arm has the rest of its limits.
+    """
+    machine = machine_of(name)
+    q = machines.inner_poses(machine, 1)[0]
+    model = ET.parse(ad.export(machine, tmp_path / "m.sdf", q)).getroot().find("model")
+    assert model is not None
+    names = [str(child.get("name")) for child in model]
+    assert len(set(names)) == len(names), "SDF: names of links and joints share one space"
+    frames: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for link in model.findall("link"):
+        rotation, place = pose_of(link)
+        base = link.find("pose").get("relative_to")  # type: ignore[union-attr]
+        if base:
+            turn, foot = frames[base]
+            rotation, place = turn @ rotation, foot + turn @ place
+        frames[str(link.get("name"))] = rotation, place
+        assert float(link.findtext("inertial/mass") or 0) > 0
+    ends = {f"{cylinder.name}_rod": k for k, cylinder in enumerate(machine.cylinders)}
+    rigid = machine.arm.kinematics(q[None])
+    for body, k in ends.items():
+        assert frames[body][1] == pytest.approx(machine.linkages[k].ends(rigid)[1][0], abs=1e-9)
+    closing = [joint for joint in model.findall("joint") if joint.get("type") == "ball"]
+    assert {j.findtext("child") for j in closing} >= set(ends)
+    for joint, limits in zip(machine.joints, machine.arm.limits, strict=True):
+        found = model.find(f"joint[@name='{joint}_joint']/axis/limit")
+        assert found is not None
+        rest = [float(found.findtext(end) or "nan") for end in ("lower", "upper")]
+        at = q[machine.joints.index(joint)]
+        assert np.array(rest) + at == pytest.approx(limits, abs=1e-12)
+
+
+def test_links_of_the_file_are_drawn_and_have_limits_of_their_actuators(tmp_path: Path) -> None:
+    machine = ad.Machine.from_text(template.new("x"), "", Path("x.toml"))
+    robot = ET.parse(ad.export(machine, tmp_path / "m.urdf")).getroot()
+    assert robot.find("link[@name='boom']/visual/geometry/box") is not None
+    limit = robot.find("joint[@name='boom']/limit")
+    assert limit is not None
+    assert float(limit.get("effort", "0")) > 1e4
+    assert 0.05 < float(limit.get("velocity", "0")) < 5
+
+
+# ---------------------------------------------------------------------------------------- command
+
+
+def test_the_command_writes_what_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["export", "paper_1dof", "--format", "csv,dxf,urdf,sdf", "--pose", "boom=10"]
+    assert main([*words, "--out", str(tmp_path)], monkeypatch) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "paper_1dof_pins.csv",
+        "paper_1dof_pins.dxf",
+        "paper_1dof_with_cylinders.urdf",
+        "paper_1dof_with_cylinders.sdf",
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--format", "step"], '--format: "step" is not known; choose from: csv, dxf, urdf, sdf'),
+        (["--format", ","], "--format: names no format"),
+        (["--pose", "boom=99"], "--pose: boom 99 deg is outside its range"),
+    ],
+)
+def test_bad_options(words: list[str], message: str, refused: Refused) -> None:
+    refused(["export", "paper_1dof", *words], message)
+
+
+def test_bad_files(tmp_path: Path) -> None:
+    machine = ad.load("paper_1dof")
+    with pytest.raises(ad.ArmDesignError, match=r"end the name in \.csv, \.dxf, \.urdf, \.sdf"):
+        ad.export(machine, tmp_path / "m.step")
+    with pytest.raises(ad.ArmDesignError, match="cannot be written"):
+        ad.export(machine, tmp_path / "none" / "m.csv")
+    with pytest.raises(ad.ArmDesignError, match="q"):
+        ad.export(machine, tmp_path / "m.csv", [0.0, 1.0])

@@ -1,0 +1,135 @@
+"""``armdesign sweep STUDY.toml``: interrupted or killed, it goes on where it was."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.commands import ARMDESIGN, assert_one_line, main
+
+STUDY = """
+machine = "paper_1dof"
+points = 3
+[grid]
+fluid.bulk_modulus_MPa = [900, 1000, 1200]
+"cylinder.lift.stroke_mm" = [200, 190, -5]
+"""
+
+
+def written(folder: Path, text: str = STUDY) -> str:
+    (folder / "study.toml").write_text(text)
+    return str(folder / "study.toml")
+
+
+def read(out: Path) -> pd.DataFrame:
+    return pd.read_csv(out / "sweep.csv").drop(columns="seconds")
+
+
+def test_a_study_is_answered_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["sweep", written(tmp_path), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    first = (tmp_path / "out" / "sweep.csv").read_bytes()
+    text = capsys.readouterr().out
+    assert "3 cases failed; sweep.csv says why." in text
+    assert main(words, monkeypatch) == 0
+    assert "9 cases, 9 of them from the journal." in capsys.readouterr().out
+    assert (tmp_path / "out" / "sweep.csv").read_bytes() == first
+    frame = pd.read_parquet(tmp_path / "out" / "sweep.parquet").drop(columns="seconds")
+    assert frame["worst_hz"].tolist()[:2] == read(tmp_path / "out")["worst_hz"].tolist()[:2]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("points = 3", "names no machine"),
+        ('machine = "paper_1dof"\nmashine = 1', 'did you mean "machine"?'),
+        ('machine = "paper_1dof"\ntask = "os.remove"', '"os.remove" is none'),
+        ('machine = "paper_1dof"\ncsv = "c.csv"\n[grid]', "has grid and csv"),
+        ('machine = "paper_1dof"\ncsv = "c.csv"', "cannot be read"),
+        ('machine = "paper_1dof"\npoints = true', "give a whole number or a list"),
+        ('machine = "paper_1dof"\n[sobol]\ncount = 0', "sobol.count: 0 is not allowed"),
+        ('machine = "paper_1dof"\n[sobol]\ncount = 4', "sobol.ranges: is missing"),
+        ('machine = "paper_1dof"\ncase = [3]', "is no case"),
+        ("machine = [", "study.toml"),
+    ],
+)
+def test_a_wrong_study_is_one_line(
+    text: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["sweep", written(tmp_path, text), "--out", str(tmp_path / "out")]
+    assert main(words, monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, message)
+
+
+def started(study: str, out: Path) -> subprocess.Popen[str]:
+    words = [*ARMDESIGN, "sweep", study, "--out", str(out), "--workers", "1"]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.slow
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(tmp_path: Path) -> None:
+    moduli = ", ".join(str(900 + n) for n in range(400))
+    study = written(tmp_path, STUDY.replace("900, 1000, 1200", moduli))
+    run = started(study, tmp_path / "out")
+    while not (tmp_path / "out" / "sweep.sqlite").exists():
+        time.sleep(0.05)
+    time.sleep(1.0)
+    run.send_signal(signal.SIGINT)
+    _, words = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert re.search(r"finished cases are kept in \S+sweep\.sqlite; go on with: armdesign", words)
+    assert "Traceback" not in words
+
+
+KILLED = """
+import os, sys, time, threading
+from pathlib import Path
+import armdesign as ad
+from armdesign.sweeps.sweep import sweep
+moments = [float(word) for word in sys.argv[2:]]
+machine = ad.load("paper_1dof")
+changes = {"fluid.bulk_modulus_MPa": [900.0 + n for n in range(60)]}
+sweep(machine, points=3)  # loads what the children then have
+for moment in moments:
+    child = os.fork()
+    if child == 0:
+        try:
+            sweep(machine, changes, points=3, journal=Path(sys.argv[1]))
+        finally:
+            os._exit(0)
+    time.sleep(moment)
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+"""
+
+
+@pytest.mark.slow
+def test_fifty_kills_at_random_moments_lose_and_double_nothing(tmp_path: Path) -> None:
+    """Each run is killed within a few cases, also during a write; the last one ends the rest."""
+    import armdesign as ad
+
+    journal = tmp_path / "j.sqlite"
+    moments = np.random.default_rng(0).uniform(0.0, 0.3, 50)
+    words = [sys.executable, "-c", KILLED, str(journal), *map(str, moments)]
+    subprocess.run(words, check=True, timeout=120, env=os.environ)
+    changes = {"fluid.bulk_modulus_MPa": [900.0 + n for n in range(60)]}
+    resumed = ad.sweep("paper_1dof", changes, points=3, journal=journal)
+    undisturbed = ad.sweep("paper_1dof", changes, points=3)
+    assert resumed.kept > 0
+    one, other = (each.frame.drop(columns="seconds") for each in (resumed, undisturbed))
+    pd.testing.assert_frame_equal(one, other, check_exact=True)
