@@ -14,7 +14,7 @@ from armdesign.plots.canvas import INK
 EDGE = 0.012  # of the axes' width, between its side and a column
 BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
 APART = 0.33  # [in] from label to label
-LOW, HIGH = 0.04, 0.96  # of the axes' height, between which labels are
+LOW, HIGH = 0.05, 0.91  # of the axes' height, between which labels are
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -21,6 +21,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
     for ax, (label, run) in zip(axes, runs.items(), strict=bool(runs)):
         size = np.abs(run.fit.response)
         ax.semilogy(run.fit.frequency, size, ".", color=INK, ms=5, label="nonlinear simulation")
+        ax.semilogy(*run.on_resonance, ".", color=INK, ms=5)
         ax.semilogy(*run.fit.curve, "-", color=MARK, lw=1.5, label="fit")
         linear = {"color": COMPUTED, "label": "linear natural frequency"}
         ax.axvline(run.linear_frequency, ls="--", lw=1.2, **linear)

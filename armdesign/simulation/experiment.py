@@ -186,6 +186,26 @@ class Experiment:
         Raises:
             SimulationError: the spool opened nothing, or see ``identify_forced_response``.
         """
+        return self._fit(motion, len(motion.time))
+
+    def on_resonance(self, motion: Simulation, frequency: float) -> Array:
+        """Response at a natural frequency and the lines beside it (2, m): [Hz] and magnitude.
+
+        Lines of the whole record may all lie beside a sharp peak; cut to a whole number of the
+        mode's periods it has a line there. None (2, 0) where the shorter record cannot be fitted.
+        """
+        step = float(motion.time[1] - motion.time[0])
+        periods = math.floor(len(motion.time) * step * frequency)
+        count = round(periods / (frequency * step))
+        try:
+            fit = self._fit(motion, min(count, len(motion.time)))
+        except SimulationError:
+            return np.zeros((2, 0))
+        near = np.abs(fit.frequency - frequency) < 1.5 / (count * step)
+        return np.stack([fit.frequency, np.abs(fit.response)])[:, near]
+
+    def _fit(self, motion: Simulation, count: int) -> ModalFit:
+        """The modes in the first ``count`` instants of a motion."""
         excitation = np.asarray(self.valve.speed * self.valve.opening(motion.spool[:, self.index]))
         part = f"{self.machine.name}: sweep of {self.cylinder}"
         if not np.any(excitation):
@@ -193,9 +213,8 @@ class Experiment:
             fault = f"the spool stays within its overlap of {overlap:g} %"
             raise SimulationError(part, fault, "raise the amplitude, or give a faster spool")
         speed = motion.speeds[:, self.index]
-        return identify_forced_response(
-            motion.time, excitation, speed, self.band, self.modes, part
-        )
+        record = motion.time[:count], excitation[:count], speed[:count]
+        return identify_forced_response(*record, self.band, self.modes, part)
 
     def peak(self, motion: Simulation) -> float:
         """Frequency near the mode at which the spectrum of the piston's speed peaks [Hz]."""

@@ -54,6 +54,8 @@ class Run(Sweep):
     Attributes:
         fit: the response, measured and fitted.
         fitted_mode: index of this mode among the modes of the fit.
+        on_resonance: measured response at the identified frequency and the lines beside it (2, m),
+            [Hz] and magnitude; to draw.
         peak: where the plain spectrum of the speed is highest near the mode [Hz]. For comparison
             only: short sweeps (see ``sweep_bias``) and neighbouring modes bias it.
         mean: mean pose during the sweep (nq,).
@@ -71,6 +73,7 @@ class Run(Sweep):
 
     fit: ModalFit
     fitted_mode: int
+    on_resonance: Array
     peak: float
     mean: Array
     span: Array

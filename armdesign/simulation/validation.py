@@ -268,10 +268,13 @@ class PlannedSweep:
             fit, peak = self.experiment.fit(motion), self.experiment.peak(motion)
         except SimulationError as error:
             return Failure(**sweep, error=error)
+        mode = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
+        frequency = float(fit.natural_frequencies[mode])
         return Run(
             **sweep,
             fit=fit,
-            fitted_mode=int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target))),
+            fitted_mode=mode,
+            on_resonance=self.experiment.on_resonance(motion, frequency),
             peak=peak,
             mean=motion.q.mean(axis=0),
             span=np.ptp(motion.q, axis=0),

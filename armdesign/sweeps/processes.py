@@ -6,6 +6,7 @@ again in a new one, one by one, so that the one that kills its worker is known b
 
 from __future__ import annotations
 
+import os
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -96,7 +97,7 @@ def _pool(study: Study, workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
     return ProcessPoolExecutor(
-        workers, initializer=prepare_process, initargs=(study,), env=ONE_THREAD
+        workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
     )
 
 

@@ -78,10 +78,10 @@ def prepare(study: Study) -> None:
     _studies[study.name] = study
 
 
-def prepare_process(study: Study) -> None:
+def prepare_process(study: Study, parent: int) -> None:
     """As ``prepare``, in a process that leaves Ctrl-C to its parent and ends with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
     prepare(study)
 
 

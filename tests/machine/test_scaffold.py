@@ -157,7 +157,7 @@ def test_tables_in_its_comments_are_tables(like: str) -> None:
         known = {"x.toml: spring.carriage.joint", "x.toml: motor.slew"}
         assert not [fault for fault in wrong if fault.part not in known], table
     names = {block.splitlines()[0].split("]")[0] for block in blocks}
-    assert ("# [tolerances" in names) == (like in ("", "patu_boom", "paper_1dof"))
+    assert ("# [tolerances" in names) == (like in ("", "paper_1dof"))
 
 
 def test_it_says_why_there_is_no_four_bar() -> None:

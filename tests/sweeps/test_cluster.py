@@ -1,0 +1,82 @@
+"""A scheduler and two workers, each a process of its own, on loopback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign.sweeps.sweep import sweep
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+MODULI = {"fluid.bulk_modulus_MPa": [900.0 + 10 * n for n in range(30)]}
+Start = Callable[..., "subprocess.Popen[bytes]"]
+
+
+@contextmanager
+def dask(folder: Path) -> Iterator[tuple[str, Start]]:
+    """Address of a scheduler, and a function that starts a worker."""
+    with socket.socket() as free, ExitStack() as stack:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+        address = f"tcp://127.0.0.1:{port}"
+
+        def start(*words: str) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-m", "distributed.cli." + words[0], *words[1:]]
+            log = stack.enter_context((folder / f"{words[0]}-{time.time_ns()}.log").open("wb"))
+            process = subprocess.Popen(command, stdout=log, stderr=log, cwd=folder)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        def worker() -> subprocess.Popen[bytes]:
+            loopback = ("--host", "127.0.0.1", "--no-dashboard", "--no-nanny")
+            return start("dask_worker", address, *loopback, "--nthreads", "1")
+
+        free.close()
+        loopback = ("--host", "127.0.0.1", "--port", str(port))
+        start("dask_scheduler", *loopback, "--no-dashboard", "--no-show")
+        yield address, worker
+
+
+def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: Path) -> None:
+    journal = tmp_path / "j.sqlite"
+    with dask(tmp_path) as (address, worker):
+        first, told = worker(), list[str]()
+        worker()
+
+        def say(text: str) -> None:
+            told.append(text)
+            if len(told) == 6:
+                os.kill(first.pid, signal.SIGKILL)
+                worker()
+
+        on_cluster = sweep(
+            "paper_1dof", MODULI, points=5, scheduler=address, journal=journal, say=say
+        )
+    assert told == [f"{n} of 30 cases" for n in range(1, 31)]
+    here = ad.sweep("paper_1dof", MODULI, points=5)
+    kept = ad.sweep("paper_1dof", MODULI, points=5, journal=journal)
+    assert kept.kept == 30
+    one, other = (each.frame.drop(columns="seconds") for each in (on_cluster, here))
+    pd.testing.assert_frame_equal(one, other, check_exact=True)
+
+
+def test_a_scheduler_that_is_not_there_is_named() -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"tcp://127\.0\.0\.1:9 cannot be reached"):
+        ad.sweep("paper_1dof", MODULI, scheduler="tcp://127.0.0.1:9")
