@@ -16,6 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from armdesign import units as units
     from armdesign.calibration.calibrate import Calibration as Calibration
     from armdesign.calibration.calibrate import calibrate as calibrate
     from armdesign.control.bandwidth_map import BandwidthMap as BandwidthMap
@@ -144,7 +145,7 @@ _NAMES = {  # public names by the module that has them
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-__all__ = [*_HOME, "formulas"]
+__all__ = [*_HOME, "formulas", "units"]
 __version__ = "0.1.0"
 
 
@@ -153,6 +154,8 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(f"armdesign.{_HOME[name]}"), name)
     if name == "formulas":
         return importlib.import_module("armdesign.paper.formulas")
+    if name == "units":
+        return importlib.import_module("armdesign.units")
     raise AttributeError(f"module 'armdesign' has no attribute {name!r}")
 
 

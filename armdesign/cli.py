@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armdesign import output
+from armdesign import __version__, output
 from armdesign.cli_control import control
 from armdesign.cli_draw import draw
 from armdesign.cli_export import export
@@ -24,26 +24,16 @@ from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
-    CatalogueOption,
-    FreeOption,
     FrequencyOption,
-    Habit,
     LeastOption,
     MachineArgument,
-    NominalOption,
-    OutOption,
-    OutsideOption,
     PointsOption,
-    UnitsOption,
     VaryOption,
-    bands_to_use,
     grid_points,
     listed,
-    offered_sizes,
-    open_workspace,
 )
-from armdesign.output import outputs, show, tell, write_csv
-from armdesign.progress import progress
+from armdesign.output import tell, write_csv
+from armdesign.runs import DrawnSearch, OfMachines, OverWorkspace, Run, Shown, command
 from armdesign.streams import printing
 from armdesign.transaction import as_interrupt
 
@@ -59,25 +49,33 @@ INTERRUPTED = 130  # exit code, 128 + SIGINT
 app = typer.Typer(
     help="Natural frequencies of hydraulic booms, and the cylinders and pins that raise them.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
 
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        tell(f"armdesign {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_tell_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
     pass
 
 
 @app.command("map")
-def map_command(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def map_command(run: OverWorkspace) -> None:
     """Find the worst pose of a machine.
 
     Prints the lowest natural frequency and its pose, percentiles, the limiting cylinder, and the
@@ -89,31 +87,26 @@ def map_command(
     from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
 
-    with progress("mapping the workspace"):
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("mapping the workspace"):
+        model, workspace, out = run.open_workspace()
         frequencies = frequency_map(model, workspace)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
-    show(map_sheets(frequencies, units.units))
+    run.show(map_sheets(frequencies, run.units.units))
 
 
 @app.command()
+@command
 def optimize(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
+    run: OverWorkspace,
+    search: DrawnSearch,
     vary: VaryOption = "areas,pins",
-    catalogue: CatalogueOption = "",
-    free: FreeOption = False,
     least: LeastOption = "",
     frequency: FrequencyOption = 0.0,
-    nominal: NominalOption = False,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Find better cylinder sizes and pins.
 
@@ -121,33 +114,26 @@ def optimize(
     <name>_optimized.toml with its URDF, and maps and moment arms before and after.
     """
     from armdesign.report.designs import design_sheets
+    from armdesign.report.least import least_sentence
 
     if bool(least) != bool(frequency):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
-    with progress("mapping the workspace") as say:
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("mapping the workspace") as say:
+        model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
-        options: dict[str, Any] = {
-            "vary": listed(vary),
-            "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue, free),
-        }
+        options: dict[str, Any] = {"vary": listed(vary), **search.settings}
         if least:
             options |= {"of": least, "frequency": frequency}
         design = _design(model, workspace, options, say)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         output.write_design(design, folder)
-    show(design_sheets(design, units.units))
+    leads = [least_sentence(design, least, run.units.units)] if least else []
+    run.show([*leads, *design_sheets(design, run.units.units)])
 
 
 @app.command()
-def validate(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def validate(run: OverWorkspace) -> None:
     """Compare the linear answer with nonlinear simulation.
 
     Moves every cylinder at the worst, the median and the best pose. Writes validation.csv and
@@ -157,26 +143,18 @@ def validate(
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
 
-    with progress("simulating the worst, the median and the best pose"):
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("simulating the worst, the median and the best pose"):
+        model, workspace, out = run.open_workspace()
         validations = validation.validate(model, workspace=workspace).by_pose
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         output.write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-    show([validation_sheet(validations), f"{verdict(list(validations.values()))}."])
+    run.show([validation_sheet(validations), f"{verdict(list(validations.values()))}."])
 
 
 @app.command()
-def design(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    catalogue: CatalogueOption = "",
-    free: FreeOption = False,
-    nominal: NominalOption = False,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def design(run: OverWorkspace, search: DrawnSearch) -> None:
     """Map, optimize and validate; write report.html.
 
     The main job: finds better cylinders and pins, and compares today's and the new machine in
@@ -186,33 +164,26 @@ def design(
     from armdesign.report.validations import limiting_sheet
     from armdesign.simulation.validation import validate_maps
 
-    with progress("mapping the workspace") as say:
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("mapping the workspace") as say:
+        model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
-        options = {
-            "vary": ("areas", "pins"),
-            "bands": bands_to_use(nominal),
-            "catalogue": offered_sizes(catalogue, free),
-        }
+        options = {"vary": ("areas", "pins"), **search.settings}
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
-        both = validate_maps([answer.before, answer.after])
+        made = out / output.made_of(model)
+        with run.keeping(lambda: output.keep_machine(answer, out), f"armdesign validate {made}"):
+            both = validate_maps([answer.before, answer.after])
         proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
-        sheets = design_sheets(answer, units.units)
-        with outputs(out) as folder:
+        sheets = design_sheets(answer, run.units.units)
+        with run.writing(out) as folder:
             output.write_report(answer, proofs, sheets, folder)
-    show([*sheets, limiting_sheet(proofs), summary(answer)])
+    run.show([*sheets, limiting_sheet(proofs), summary(answer)])
 
 
 @app.command()
-def check(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def check(run: OverWorkspace) -> None:
     """Explain a machine file, or list its faults.
 
     Prints masses, joint ranges and what ends them, reach, moment arms, static pressures and
@@ -222,32 +193,29 @@ def check(
     from armdesign.frequency.workspace import Workspace
     from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
-    from armdesign.machine.loading import load
     from armdesign.report.inspections import check_sheets
 
-    counts = grid_points(points)
-    with progress("reading the file"):
-        faults = file_faults.faults(machine, allow_outside=allow_outside)
+    counts = grid_points(run.points)
+    with run.progress("reading the file"):
+        faults = file_faults.faults(run.machine, allow_outside=run.allow_outside)
         if not faults:
-            model = load(machine, allow_outside=allow_outside)
-            sheets = check_sheets(inspect(model, Workspace.grid(model, counts)), units.units)
+            model = run.load(run.machine)
+            inspection = inspect(model, Workspace.grid(model, counts))
+            sheets = check_sheets(inspection, run.units.units)
     if faults:
         for fault in faults:
             tell(f"armdesign: {fault}", sys.stderr)
         raise typer.Exit(2)
-    show(sheets)
-    with outputs(out) as folder:
+    run.show(sheets)
+    out = run.folder(model.source)
+    with run.writing(out) as folder:
         plots.save(plots.machine_drawing(model).figure, folder / "machine.png")
 
 
 @app.command()
+@command
 def compare(
-    first: MachineArgument,
-    second: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
+    run: OfMachines, first: MachineArgument, second: MachineArgument, points: PointsOption = ""
 ) -> None:
     """Compare two machines, or two versions of one.
 
@@ -256,25 +224,26 @@ def compare(
     overlay.png: both over each other, moved pins as arrows.
     """
     from armdesign import plots
-    from armdesign.machine.loading import load
     from armdesign.report import comparison
 
-    with progress("mapping both machines"):
+    with run.progress("mapping both machines"):
         counts = grid_points(points)
-        output.check_out(out)
-        one, other = (load(machine, allow_outside=allow_outside) for machine in (first, second))
+        one, other = map(run.load, (first, second))
+        out = run.folder(one.source, other.source)
         compared = comparison.compare(one, other, counts)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(compared.frame, folder / "compare.csv")
         for plane in ("joints", "reach"):
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
         output.write_overlay(compared.maps, folder)
         output.write_lift_charts(compared.lift_charts, folder)
-    show(compared.sheets(units.units))
+    run.show(compared.sheets(run.units.units))
 
 
 @app.command()
+@command
 def new(
+    run: Shown,
     name: Annotated[str, typer.Argument(help="Name of the new machine and of its files.")],
     links: Annotated[
         int | None,
@@ -312,10 +281,10 @@ def new(
             raise ArmDesignError(str(folder / file), "exists already", remedy)
     if not (folder / "machine.schema.json").exists():  # for editors; machines may share it
         files["machine.schema.json"] = json_schema()
-    with outputs(folder) as place:
+    with run.writing(folder) as place:
         for file, content in files.items():
             (place / file).write_text(content, encoding="utf-8")
-    tell(f"next: armdesign check {folder / f'{name}.toml'}")
+    run.show([f"next: armdesign check {folder / f'{name}.toml'}"])
 
 
 app.command()(identify)
@@ -333,7 +302,8 @@ app.command()(sweep)
 
 
 @app.command()
-def paper(out: OutOption = Path("out")) -> None:
+@command
+def paper(run: Run) -> None:
     """Simulate the source paper's 40 configurations.
 
     Compares its formulas with frequencies identified in nonlinear runs, the paper's way and at
@@ -346,12 +316,12 @@ def paper(out: OutOption = Path("out")) -> None:
     from armdesign.paper.sheets import paper_sheets
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 
-    output.check_out(out)
-    with progress("sweeping 40 configurations"):
+    out = run.folder()
+    with run.progress("sweeping 40 configurations"):
         reproduced = reproduction.reproduce()
         listed_errata, scanned, bias = errata(reproduced.mechanism), scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(reproduced.frame, folder / "paper.csv")
         write_csv(reproduced.errors.reset_index(), folder / "paper_errors.csv")
         write_csv(errata_frame(listed_errata), folder / "paper_errata.csv")
@@ -359,7 +329,7 @@ def paper(out: OutOption = Path("out")) -> None:
         write_csv(bias, folder / "paper_sweep_bias.csv")
         for name, formula in pictures.items():
             plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
-    show(paper_sheets(reproduced, listed_errata, scanned, bias))
+    run.show(paper_sheets(reproduced, listed_errata, scanned, bias))
 
 
 def _design(
@@ -374,6 +344,9 @@ def _design(
         answer = least(model, workspace, **options)
     elif options["vary"] == ("areas",):
         say("searching for better sizes")
+        if options["starts"] is not None:
+            fault = "mean nothing where sizes alone vary: there is one search"
+            raise ArmDesignError("--starts", fault, "leave them out")
         bands, catalogue = options["bands"], options["catalogue"]
         answer = size_cylinders(model, workspace, bands=bands, catalogue=catalogue)
     else:
@@ -387,6 +360,7 @@ def _design(
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
+    output.stops.clear()
     with as_interrupt() as signals, printing():
         try:
             output.refuse_archive()
@@ -406,8 +380,7 @@ def main() -> None:
             # typer takes an end of file for Ctrl-D, but no command asks for input
             if isinstance(error.__cause__, EOFError):
                 raise error.__cause__ from None
-        written = "all was written" if output.changed else "nothing was written"
-        tell(f"armdesign: interrupted; {written}", sys.stderr)
+        tell(f"armdesign: {output.interruption()}", sys.stderr)
         sys.exit(128 + signals[-1] if signals else INTERRUPTED)
 
 

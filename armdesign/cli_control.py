@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from armdesign.options import (
     CornerOption,
     DampingOption,
     DelayOption,
     FilterOption,
     GainMarginOption,
-    Habit,
-    MachineArgument,
     NewOption,
-    OutOption,
-    OutsideOption,
     PhaseMarginOption,
-    PointsOption,
-    UnitsOption,
     grid_points,
 )
-from armdesign.output import check_out, outputs, show, write_bandwidths
-from armdesign.progress import progress
+from armdesign.output import write_bandwidths
+from armdesign.runs import OverWorkspace, command
 
 
+@command
 def control(
-    machine: MachineArgument,
+    run: OverWorkspace,
     new: NewOption = "",
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
     damping: DampingOption = None,
     delay: DelayOption = 0.0,
     gain_margin: GainMarginOption = 6.0,
     phase_margin: PhaseMarginOption = 45.0,
     filter: FilterOption = "high-pass",
     corner: CornerOption = 0.0,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Say how fast position loops can be, pose by pose.
 
@@ -48,17 +37,16 @@ def control(
 
     from armdesign.control.bandwidth_map import bandwidth_map, default_points
     from armdesign.frequency.workspace import Workspace
-    from armdesign.machine.loading import load
     from armdesign.report.bandwidths import bandwidth_sheets
     from armdesign.units import deg
 
-    with progress("closing the loops"):
-        counts = grid_points(points)
-        check_out(out)
-        names = {"today": machine, "new": new} if new else {"": machine}
+    with run.progress("closing the loops"):
+        counts = grid_points(run.points)
+        names = {"today": run.machine, "new": new} if new else {"": run.machine}
+        models = {label: run.load(name) for label, name in names.items()}
+        out = run.folder(*(model.source for model in models.values()))
         maps = {}
-        for label, name in names.items():
-            model = load(name, allow_outside=allow_outside)
+        for label, model in models.items():
             workspace = Workspace.grid(model, counts or default_points(model))
             maps[label] = bandwidth_map(
                 model,
@@ -70,7 +58,7 @@ def control(
                 filter=filter,  # type: ignore[arg-type]
                 corner=2 * math.pi * corner or None,
             )
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         for label, bandwidths in maps.items():
             write_bandwidths(bandwidths, folder, f"_{label}" if label else "")
-    show(bandwidth_sheets(maps, units.units))
+    run.show(bandwidth_sheets(maps, run.units.units))

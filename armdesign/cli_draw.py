@@ -4,33 +4,29 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     FormatOption,
-    MachineArgument,
     NewArgument,
-    OutOption,
-    OutsideOption,
     PayloadOption,
     PictureFormat,
     PoseOption,
     payload_of,
     pose_of,
 )
-from armdesign.output import check_out, outputs, tell
-from armdesign.progress import progress
+from armdesign.output import tell
+from armdesign.runs import OfMachine, command
 
 
+@command
 def draw(
-    machine: MachineArgument,
+    run: OfMachine,
     new: NewArgument = "",
     pose: PoseOption = "",
     payload: PayloadOption = "",
-    out: OutOption = Path("out"),
     format: FormatOption = PictureFormat.png,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Draw a machine to scale from the side, or two over each other.
 
@@ -43,13 +39,16 @@ def draw(
     from armdesign import plots
     from armdesign.drawing.joint_arcs import middle_pose
     from armdesign.inspection.file_faults import faults
-    from armdesign.machine.loading import load, load_unchecked
+    from armdesign.machine.loading import find, load_unchecked
 
-    with progress("drawing"):
-        check_out(out)
-        wrong = faults(machine, allow_outside=allow_outside)
-        try:
-            model = load_unchecked(machine, allow_outside=allow_outside)
+    with run.progress("drawing"):
+        out = run.folder(find(run.machine))
+        wrong = [] if run.set else faults(run.machine, allow_outside=run.allow_outside)
+        try:  # with other numbers it must be one that can be used
+            reader = (
+                run.load if run.set else partial(load_unchecked, allow_outside=run.allow_outside)
+            )
+            model = reader(run.machine)
         except ArmDesignError:
             _refuse(wrong)
             raise
@@ -60,11 +59,11 @@ def draw(
             q = np.array(pose_of(model, pose, "--pose", q.tolist()))
         pictures = {"machine": plots.machine_drawing(model, q).figure}
         if new:
-            other = load(new, allow_outside=allow_outside)
+            other = run.load(new)
             pictures["overlay"] = plots.machine_overlay(model, other, q).figure
         if not wrong:
             pictures["modes"] = plots.mode_shapes(model, q)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         for name, fig in pictures.items():
             plots.save(fig, folder / f"{name}.{format.value}")
     _refuse(wrong)

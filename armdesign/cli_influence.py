@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from armdesign.options import (
     BandwidthOption,
     ChangesArgument,
     CountOption,
-    Habit,
     LeastFrequencyOption,
-    MachineArgument,
-    OutOption,
-    OutsideOption,
-    PointsOption,
     SeedOption,
-    UnitsOption,
     grid_points,
-    open_workspace,
 )
-from armdesign.output import check_out, outputs, show, write_csv
-from armdesign.progress import progress
+from armdesign.output import write_csv
+from armdesign.runs import OverWorkspace, command
 
 
-def sensitivity(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def sensitivity(run: OverWorkspace) -> None:
     """Say what each number of the machine file is worth.
 
     Prints the worst pose with its rivals, and by how much the worst frequency changes with a
@@ -39,23 +25,18 @@ def sensitivity(
     from armdesign import plots
     from armdesign.influence.sensitivity import sensitivity as of_every_number
 
-    with progress("looking for the worst pose and its rivals"):
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("looking for the worst pose and its rivals"):
+        model, workspace, out = run.open_workspace()
         answer = of_every_number(model, workspace)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(answer.frame, folder / "sensitivity.csv")
         plots.save(answer.plot().figure, folder / "sensitivity.png")
-    show(answer.sheets(units.units))
+    run.show(answer.sheets(run.units.units))
 
 
+@command
 def what_if(
-    machine: MachineArgument,
-    changes: ChangesArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    bandwidth: BandwidthOption = False,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
+    run: OverWorkspace, changes: ChangesArgument, bandwidth: BandwidthOption = False
 ) -> None:
     """Say what changes with other numbers in the file.
 
@@ -66,28 +47,23 @@ def what_if(
     from armdesign.influence.bandwidth import bandwidths
     from armdesign.influence.changes import read_changes
     from armdesign.influence.what_if import what_if as with_changes
-    from armdesign.machine.loading import load
 
-    with progress("mapping the machine with other numbers"):
-        stated, counts = read_changes(changes), grid_points(points)
-        check_out(out)
-        model = load(machine, allow_outside=allow_outside)
+    with run.progress("mapping the machine with other numbers"):
+        stated, counts = read_changes(changes), grid_points(run.points)
+        model, out = run.open()
         answer = with_changes(model, stated, counts, more=bandwidths if bandwidth else None)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(answer.frame, folder / "what_if.csv")
         plots.save(answer.plot().figure, folder / "what_if.png")
-    show(answer.sheets(units.units))
+    run.show(answer.sheets(run.units.units))
 
 
+@command
 def tolerances(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
+    run: OverWorkspace,
     count: CountOption = 10_000,
     least: LeastFrequencyOption = None,
     seed: SeedOption = 0,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Say how machines of one drawing differ.
 
@@ -98,12 +74,12 @@ def tolerances(
     from armdesign import plots
     from armdesign.influence.tolerances import tolerances as of_machines
 
-    with progress("varying the machine"):
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("varying the machine"):
+        model, workspace, out = run.open_workspace()
         answer = of_machines(model, workspace, count=count, least=least, seed=seed)
         table = answer.by_number
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(table, folder / "tolerances.csv")
         write_csv(answer.frame, folder / "machines.csv")
         plots.save(answer.plot().figure, folder / "tolerances.png")
-    show(answer.sheets(units.units))
+    run.show(answer.sheets(run.units.units))

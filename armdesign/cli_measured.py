@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from armdesign import output
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     BandOption,
     ExcitationOption,
     FitOption,
-    MachineArgument,
     MachineOption,
     MeasuredArgument,
     ModesOption,
-    OutOption,
-    OutsideOption,
     PriorOption,
     RecordingArgument,
     SignalOption,
@@ -24,11 +19,12 @@ from armdesign.options import (
     spans,
     stated_priors,
 )
-from armdesign.output import outputs, show
-from armdesign.progress import progress
+from armdesign.runs import OfMachine, OfMachines, command
 
 
+@command
 def identify(
+    run: OfMachines,
     recording: RecordingArgument,
     windows: WindowsOption = "",
     signal: SignalOption = "",
@@ -36,8 +32,6 @@ def identify(
     excitation: ExcitationOption = "",
     band: BandOption = "",
     machine: MachineOption = "",
-    out: OutOption = Path("out"),
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Find frequency and damping in a recording.
 
@@ -45,16 +39,17 @@ def identify(
     chambers swing as trapped oil must. Writes identified.csv (which calibrate reads), swings.csv,
     pressures.csv and identified.png.
     """
-    from armdesign.machine.loading import load
     from armdesign.report.recordings import identified_sheets
     from armdesign.simulation.identify import identify as found_in
 
     given, bands = spans(windows, "--windows"), spans(band, "--band")
     if len(bands) > 1:
         raise ArmDesignError("--band", f'"{band}" is more than one band', "give one, as 0.5:4")
-    with progress("fitting"):
-        output.check_out(out)
-        model = load(machine, allow_outside=allow_outside) if machine else None
+    if run.set and not machine:
+        raise ArmDesignError("--set", "changes a machine", "give --machine, too")
+    with run.progress("fitting"):
+        model = run.load(machine) if machine else None
+        out = run.folder(recording)
         answer = found_in(
             recording,
             given,
@@ -64,18 +59,14 @@ def identify(
             band=bands[0] if bands else None,
             machine=model,
         )
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         output.write_identified(answer, folder)
-    show(identified_sheets(answer))
+    run.show(identified_sheets(answer))
 
 
+@command
 def calibrate(
-    machine: MachineArgument,
-    measured: MeasuredArgument,
-    fit: FitOption = "",
-    prior: PriorOption = "",
-    out: OutOption = Path("out"),
-    allow_outside: OutsideOption = False,
+    run: OfMachine, measured: MeasuredArgument, fit: FitOption = "", prior: PriorOption = ""
 ) -> None:
     """Fit numbers of a machine file to measured frequencies.
 
@@ -84,16 +75,14 @@ def calibrate(
     calibration_values.csv and calibration.png.
     """
     from armdesign.calibration.calibrate import calibrate as found_from
-    from armdesign.machine.loading import load
     from armdesign.report.calibrations import calibration_sheets
 
     paths, priors = listed(fit), stated_priors(prior)
     if not paths:
         raise ArmDesignError("--fit", "names nothing", "give key paths, separated by commas")
-    with progress("fitting"):
-        output.check_out(out)
-        model = load(machine, allow_outside=allow_outside)
+    with run.progress("fitting"):
+        model, out = run.open()
         answer = found_from(model, measured, paths, priors)
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         output.write_calibration(answer, folder)
-    show(calibration_sheets(answer))
+    run.show(calibration_sheets(answer))

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from armdesign import output
 from armdesign.options import (
     DampingOption,
     DurationOption,
     FromOption,
-    Habit,
-    MachineArgument,
-    OutOption,
-    OutsideOption,
     PayloadOption,
     ShapedModesOption,
     ShaperOption,
     ShareOption,
     SpreadOption,
     ToOption,
-    UnitsOption,
     payload_of,
     pose_of,
 )
-from armdesign.output import outputs, show
-from armdesign.progress import progress
+from armdesign.runs import OfMachine, command
 
 
+@command
 def move(
-    machine: MachineArgument,
+    run: OfMachine,
     start: FromOption,
     end: ToOption,
     payload: PayloadOption = "",
@@ -38,9 +31,6 @@ def move(
     duration: DurationOption = None,
     share: ShareOption = 0.7,
     spread: SpreadOption = 0.2,
-    out: OutOption = Path("out"),
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Plan a move that does not ring, and simulate it.
 
@@ -49,13 +39,11 @@ def move(
     mm, and when it has settled. Writes move.csv (joints and spool commands over time),
     residual.csv, shaper.csv, move.png and shaper.png.
     """
-    from armdesign.machine.loading import load
     from armdesign.motion.plan import plan_move
     from armdesign.report.moves import move_sheets
 
-    with progress("planning and simulating"):
-        output.check_out(out)
-        model = load(machine, allow_outside=allow_outside)
+    with run.progress("planning and simulating"):
+        model, out = run.open()
         first = pose_of(model, start, "--from")
         stops, last = [], first
         for words in end:
@@ -73,6 +61,6 @@ def move(
             share=share,
             spread=spread,
         )
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         output.write_move(answer, folder)
-    show(move_sheets(answer, units.units))
+    run.show(move_sheets(answer, run.units.units))

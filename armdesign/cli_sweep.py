@@ -9,12 +9,12 @@ from pathlib import Path
 
 from armdesign import output
 from armdesign.options import (
+    FolderOption,
     FreshOption,
-    OutOption,
     OutsideOption,
+    ProcessesOption,
     SchedulerOption,
     StudyArgument,
-    WorkersOption,
 )
 from armdesign.output import command_line, outputs, show, tell
 from armdesign.progress import progress
@@ -24,8 +24,8 @@ JOURNAL = "sweep.sqlite"
 
 def sweep(
     study: StudyArgument,
-    out: OutOption = Path("out"),
-    workers: WorkersOption = None,
+    out: FolderOption = Path("out"),
+    workers: ProcessesOption = None,
     scheduler: SchedulerOption = "",
     new: FreshOption = False,
     allow_outside: OutsideOption = False,

@@ -3,42 +3,20 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
-from armdesign.options import (
-    AgainstOption,
-    CatalogueOption,
-    FreeOption,
-    Habit,
-    MachineArgument,
-    NominalOption,
-    OutOption,
-    OutsideOption,
-    PointsOption,
-    UnitsOption,
-    ValuesOption,
-    VaryOption,
-    bands_to_use,
-    listed,
-    offered_sizes,
-    open_workspace,
-)
-from armdesign.output import outputs, show, write_csv
-from armdesign.progress import progress
+from armdesign.errors import Stopped
+from armdesign.options import AgainstOption, ValuesOption, VaryOption, listed
+from armdesign.output import write_csv
+from armdesign.runs import DrawnSearch, OverWorkspace, Search, command
 
 
+@command
 def pareto(
-    machine: MachineArgument,
+    run: OverWorkspace,
+    search: DrawnSearch,
     against: AgainstOption = "oil",
     values: ValuesOption = "",
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
     vary: VaryOption = "areas,pins",
-    catalogue: CatalogueOption = "",
-    free: FreeOption = False,
-    nominal: NominalOption = False,
-    units: UnitsOption = Habit.workshop,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Trade frequency against oil, thrust, digging, lift or pin room.
 
@@ -49,35 +27,34 @@ def pareto(
     from armdesign.design.pareto import read_values
     from armdesign.report.designs import pareto_sheet
 
-    with progress("searching for the best design under each limit"):
+    with run.progress("searching for the best design under each limit"):
         limits = read_values(values, against)
-        model, workspace = open_workspace(machine, points, out, allow_outside)
-        bands, sizes = bands_to_use(nominal), offered_sizes(catalogue, free)
-        front = trade_off(
-            model,
-            workspace,
-            against=against,
-            values=limits,
-            vary=listed(vary),
-            bands=bands,
-            catalogue=sizes,
-        )
+        model, workspace, out = run.open_workspace()
+        stopped: Stopped | None = None
+        try:
+            front = trade_off(
+                model,
+                workspace,
+                against=against,
+                values=limits,
+                vary=listed(vary),
+                **search.settings,
+            )
+        except Stopped as stop:
+            front, stopped = stop.finished, stop
         table = front.frame
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(table, folder / "pareto.csv")
         plots.save(front.plot().figure, folder / "pareto.png")
-    show([pareto_sheet(front, units.units)])
+    run.show([pareto_sheet(front, run.units.units)])
+    if stopped is not None:
+        rest = stopped.rest
+        values = ",".join(f"{limit:g}" if limit % 1 else f"{limit:.1f}" for limit in rest)
+        run.interrupted(stopped, {"--values": values, "--out": f"{out}_rest"})
 
 
-def steps(
-    machine: MachineArgument,
-    out: OutOption = Path("out"),
-    points: PointsOption = "",
-    catalogue: CatalogueOption = "",
-    free: FreeOption = False,
-    nominal: NominalOption = False,
-    allow_outside: OutsideOption = False,
-) -> None:
+@command
+def steps(run: OverWorkspace, search: Search) -> None:
     """Say which change to make first.
 
     Finds the best machine with other cylinders alone, with one pin moved, with two, up to all.
@@ -87,18 +64,13 @@ def steps(
     from armdesign.design.steps import steps as with_more_and_more_pins
     from armdesign.report.designs import steps_sheet
 
-    with progress("searching for the best pins to move"):
-        model, workspace = open_workspace(machine, points, out, allow_outside)
+    with run.progress("searching for the best pins to move"):
+        model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
-        answer = with_more_and_more_pins(
-            model,
-            workspace,
-            workers=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
-            bands=bands_to_use(nominal),
-            catalogue=offered_sizes(catalogue, free),
-        )
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+        answer = with_more_and_more_pins(model, workspace, **{"workers": cores, **search.settings})
         table = answer.frame
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         write_csv(table, folder / "steps.csv")
         output.write_steps(answer, folder)
-    show([steps_sheet(answer)])
+    run.show([steps_sheet(answer)])

@@ -109,6 +109,19 @@ class SimulationError(ArmDesignError):
     """The nonlinear run could not be completed or identified."""
 
 
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C while several answers are sought, of which some are finished.
+
+    Attributes:
+        finished: result with these answers.
+        rest: what the others were to be for.
+    """
+
+    def __init__(self, finished: Any, rest: Sequence[Any]) -> None:
+        super().__init__()
+        self.finished, self.rest = finished, rest
+
+
 def raise_together(errors: Sequence[ArmDesignError]) -> None:
     """Raise an error of the first one's kind that says all of them once; nothing if none."""
     different = list({str(error): error for error in errors}.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import math
 from collections.abc import Sequence
 from enum import StrEnum
@@ -11,13 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.output import check_out
 from armdesign.units import SI, WORKSHOP, Units, deg, mm
 
 if TYPE_CHECKING:
     from armdesign.design.catalogue.sizes import Sizes
     from armdesign.frequency.bands import Bands
-    from armdesign.frequency.workspace import Workspace
     from armdesign.machine.machine import Machine
 
 
@@ -33,11 +32,58 @@ class Habit(StrEnum):
         return SI if self is Habit.si else WORKSHOP
 
 
+def machine_names(incomplete: str) -> list[str]:
+    """Machines that a word may become: shipped ones, and files and folders here."""
+    from armdesign.machine.loading import shipped
+
+    names = [name for name in shipped() if name.startswith(incomplete)]
+    here = sorted(Path().glob(f"{glob.escape(incomplete)}*"))
+    names += [f"{path}/" for path in here if path.is_dir() and not path.name.startswith(".")]
+    return [*names, *(str(path) for path in here if path.suffix == ".toml")]
+
+
 MachineArgument = Annotated[
-    str, typer.Argument(help="A shipped machine (excavator_20t), a folder, or a .toml file.")
+    str,
+    typer.Argument(
+        help="A shipped machine (excavator_20t), a folder, or a .toml file.",
+        autocompletion=machine_names,
+    ),
 ]
 OutOption = Annotated[
-    Path, typer.Option("--out", help="Folder for everything that the command writes.")
+    Path | None,
+    typer.Option(
+        "--out", help="Folder for all that is written; default: out/<command>_<machine>."
+    ),
+]
+FolderOption = Annotated[
+    Path, typer.Option("--out", help="Folder for the journal and all that is written.")
+]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show nothing but faults: no tables, no progress.")
+]
+SetOption = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Another number at a key path of the machine file, as fluid.bulk_modulus_MPa=1400,"
+        " for this run; again for each further one.",
+        show_default=False,
+    ),
+]
+StartsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--starts", min=1, help="Starts of the search; default: 3, or 6 where four-bars move."
+    ),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        min=1,
+        help="Processes that share the starts; default: 1, for steps each core.",
+    ),
 ]
 PointsOption = Annotated[
     str,
@@ -239,7 +285,7 @@ FormatOption = Annotated[PictureFormat, typer.Option("--format", help="Of the pi
 StudyArgument = Annotated[
     Path, typer.Argument(help="A .toml file: machines, what changes in them, and the task.")
 ]
-WorkersOption = Annotated[
+ProcessesOption = Annotated[
     int | None,
     typer.Option("--workers", help="Processes; default: one per processor.", show_default=False),
 ]
@@ -258,19 +304,6 @@ UnitsOption = Annotated[
 OutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Accept a URDF outside the machine file's folder.")
 ]
-
-
-def open_workspace(
-    machine: str, points: str, out: Path, allow_outside: bool
-) -> tuple[Machine, Workspace]:
-    """The machine and its workspace; faults of options are raised before anything is computed."""
-    from armdesign.frequency.workspace import Workspace
-    from armdesign.machine.loading import load
-
-    counts = grid_points(points)
-    check_out(out)
-    model = load(machine, allow_outside=allow_outside)
-    return model, Workspace.grid(model, counts)
 
 
 def grid_points(points: str) -> int | list[int] | None:

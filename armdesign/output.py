@@ -17,6 +17,7 @@ from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import Console
 
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
 
-changed: list[Path] = []  # folders that this process has written into
+UNBOUNDED = 10_000  # columns, where the output is no terminal
+stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
+changed: list[Path] = []  # files that this process has written
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
@@ -106,6 +109,12 @@ def write_overlay(maps: Mapping[str, FrequencyMap], folder: Path) -> Path | None
     worst, labels = next(iter(maps.values())).worst, tuple(maps)
     ax = plots.machine_overlay(old, new, worst.q, labels=(labels[0], labels[1]))
     return plots.save(ax.figure, folder / "overlay.png")
+
+
+def keep_machine(design: Design, out: Path) -> None:
+    """Write the machine of a design alone, into the folder for all of its files."""
+    with outputs(out, silent=True) as folder:
+        design.written_by(command_line()).save(folder / made_of(design.today))
 
 
 def write_steps(answer: Steps, folder: Path) -> None:
@@ -189,9 +198,17 @@ def write_report(
     (folder / "report.html").write_text(page, encoding="utf-8")
 
 
-def command_line() -> str:
-    """The command as typed in the terminal."""
-    return shlex.join(["armdesign", *sys.argv[1:]])
+def command_line(options: Mapping[str, str] | None = None) -> str:
+    """The command as typed in the terminal; ``options`` replace those of the same name in it."""
+    words, replaced = [], False
+    for word in sys.argv[1:]:
+        name = word.partition("=")[0]
+        if replaced or (replaced := name in (options or {})):
+            replaced = replaced and word == name
+            continue
+        words.append(word)
+    more = [word for option in (options or {}).items() for word in option]
+    return shlex.join(["armdesign", *words, *more])
 
 
 def made_of(machine: Machine) -> str:
@@ -241,7 +258,7 @@ def check_out(out: Path) -> None:
 
 
 @contextmanager
-def outputs(out: Path) -> Iterator[Path]:
+def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
     """A folder to write into, whose files move to ``out`` when they are complete, all or none."""
     with ExitStack() as undisturbed:
         try:
@@ -252,8 +269,9 @@ def outputs(out: Path) -> Iterator[Path]:
                 undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
             raise _refused(out, f"cannot be written ({error.strerror})") from None
-        changed.append(out)
-        tell(f"wrote {', '.join(written)} to {out}/")
+        changed.extend(out / name for name in written)
+        if not silent:
+            tell(f"wrote {', '.join(written)} to {out}/")
 
 
 def refuse_archive() -> None:
@@ -270,6 +288,16 @@ def tell(text: str, file: TextIO | None = None) -> None:
     print(printable(text), file=file)
 
 
+def interruption() -> str:
+    """What Ctrl-C or a signal leaves behind: where the work was, what is written, how to go on."""
+    stop = stops[-1] if stops else KeyboardInterrupt()
+    where = "".join(f" {note}" for note in getattr(stop, "__notes__", ()))
+    go_on = f"; {stop.args[0]}" if stop.args else ""
+    folders = dict.fromkeys(str(path.parent) for path in changed)
+    written = f"finished files are in {', '.join(folders)}/" if folders else "nothing was written"
+    return f"interrupted{where}; {written}{go_on}"
+
+
 def tell_error(error: ArmDesignError) -> None:
     """Print an error on stderr: one line, and below it the table that some errors have."""
     tell(f"armdesign: {error}", sys.stderr)
@@ -281,11 +309,20 @@ def show(items: Sequence[Sheet | str]) -> None:
     """Print sheets and sentences one after the other."""
     from rich.console import Console
 
+    console = Console(highlight=False, markup=False, emoji=False)
+    if not console.is_terminal:  # for another program: nothing is wrapped or filled up with blanks
+        console.width = UNBOUNDED
+        with console.capture() as captured:
+            _print(items, console)
+        for line in captured.get().splitlines():
+            tell(line.rstrip())
+        return
+    _print(items, console)
+
+
+def _print(items: Sequence[Sheet | str], console: Console) -> None:
     from armdesign.report.sheet import rich_table
 
-    console = Console(highlight=False, markup=False, emoji=False)
-    if not console.is_terminal:
-        console.width = 100
     for item in items:
         if isinstance(item, str):
             console.print(printable(item))

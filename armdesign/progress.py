@@ -1,13 +1,18 @@
-"""Progress on stderr: a status line and bars, on one console, without a trace afterwards."""
+"""Progress on stderr: a status line and bars, on one console, without a trace afterwards.
+
+The line says what is done, how much of it, and about how long the rest takes: "searching, start 2
+of 3, 1 min left". Loops whose rounds take long tell it by ``counted``, one inside the other.
+"""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from armdesign.errors import printable
 
@@ -15,6 +20,61 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 PATIENCE = 2.0  # [s] before a progress bar appears
+Item = TypeVar("Item")
+
+
+@dataclass
+class Loop:
+    """A loop at work: what its rounds are, how many, and how many are over."""
+
+    what: str
+    total: int
+    done: int = 0
+    began: float = field(default_factory=lambda: time.monotonic())
+
+    @property
+    def words(self) -> str:
+        """The round at work."""
+        return f"{self.what} {min(self.done + 1, self.total)} of {self.total}"
+
+
+@dataclass
+class Work:
+    """What is at work now: its text and its loops, the outermost first."""
+
+    text: str
+    update: Callable[[str], None]
+    loops: list[Loop] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        """Change the text; loops of what was before it are over."""
+        self.text, self.loops = text, []
+        self.tell()
+
+    def tell(self) -> None:
+        """Show text, rounds and the time that is left."""
+        self.update(", ".join([self.text, *self.rounds, *filter(None, [self.left])]))
+
+    @property
+    def rounds(self) -> list[str]:
+        """Rounds at work, the outermost loop first."""
+        return [loop.words for loop in self.loops]
+
+    @property
+    def left(self) -> str:
+        """Time that the loops still take if the rest goes as what is over; empty at first."""
+        share, width = 0.0, 1.0
+        for loop in self.loops:
+            share, width = share + width * loop.done / loop.total, width / loop.total
+        if not share:
+            return ""
+        seconds = (time.monotonic() - self.loops[0].began) * (1 - share) / share
+        if seconds < 90:
+            return f"{seconds:.0f} s left"
+        return f"{seconds / 60:.0f} min left"
+
+
+_at_work: list[Work] = []
 
 
 @cache
@@ -26,12 +86,57 @@ def console() -> Console:
 
 
 @contextmanager
-def progress(text: str) -> Iterator[Callable[[str], None]]:
-    """Show a status line; yields a function that changes its text."""
+def progress(text: str, *, silent: bool = False) -> Iterator[Callable[[str], None]]:
+    """Show a status line unless ``silent``; yields a function that changes its text."""
+    if silent:
+        yield from _working(text, lambda _: None)
+        return
     from rich.text import Text
 
     with console().status(Text(printable(text))) as status:
-        yield lambda changed_text: status.update(Text(printable(changed_text)))
+        yield from _working(text, lambda words: status.update(Text(printable(words))))
+
+
+def _working(text: str, update: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    work = Work(text, update)
+    _at_work.append(work)
+    try:
+        yield work.say
+    except KeyboardInterrupt as stop:
+        if not hasattr(stop, "__notes__"):
+            note_rounds(stop)
+        raise
+    finally:
+        _at_work.remove(work)
+
+
+def note_rounds(stop: BaseException) -> None:
+    """Note on what ended the work at which rounds it was."""
+    if _at_work and _at_work[-1].rounds:
+        stop.add_note(f"at {', '.join(_at_work[-1].rounds)}")
+
+
+def counted(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
+    """The items, while the status line says at which one the work is.
+
+    Args:
+        items: of any kind.
+        what: the word for one of them: "start".
+        total: how many there are, where ``items`` has no length.
+    """
+    count = len(items) if total is None and isinstance(items, Sized) else total or 0
+    if not _at_work or count < 2:
+        yield from items
+        return
+    work, loop = _at_work[-1], Loop(what, count)
+    work.loops.append(loop)
+    work.tell()
+    for item in items:
+        yield item
+        loop.done += 1
+        work.tell()
+    if loop in work.loops:
+        work.loops.remove(loop)
 
 
 def with_bar(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:

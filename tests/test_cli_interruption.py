@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import pytest
 
+import armdesign as ad
 from armdesign import cli
 from armdesign.errors import ArmDesignError
 from tests.commands import QUICK, assert_one_line, main, map_of
@@ -96,7 +100,7 @@ def test_ended_while_files_move(
     assert main(map_of(tmp_path), monkeypatch) == 130
     out, err = capsys.readouterr()
     assert out.startswith(f"wrote {', '.join(sorted(QUICK['map']))} to ")
-    assert err.strip() == "armdesign: interrupted; all was written"
+    assert err.strip() == f"armdesign: interrupted; finished files are in {tmp_path}/"
     assert {path.name for path in tmp_path.iterdir()} == QUICK["map"]
 
 
@@ -138,12 +142,61 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
-    assert [path.name[:9] for path in (tmp_path / "out").iterdir()] == [".writing-"]
+    out = tmp_path / "out" / "map_paper_1dof"
+    assert [path.name[:9] for path in out.iterdir()] == [".writing-"]
     process.kill()
     process.communicate(timeout=30)
-    assert list((tmp_path / "out").iterdir())
+    assert list(out.iterdir())
     monkeypatch.chdir(tmp_path)
     # even one that is refused later
-    assert main(["map", "paper_1dof", "--points", "x"], monkeypatch) == 2
-    assert main(["map", "none.toml"], monkeypatch) == 2
-    assert not list((tmp_path / "out").iterdir())
+    assert main(["map", "paper_1dof", "--points", "1"], monkeypatch) == 2
+    assert not list(out.iterdir())
+
+
+def test_a_trade_off_keeps_finished_values(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C at the third of four values: two are written, and the command for the rest works."""
+    from armdesign.design import pareto
+
+    real, values = pareto.optimize, ["0.97", "0.98", "0.99", "1.0"]
+    calls = iter(values)
+
+    def interrupted(*words: Any, **options: Any) -> Any:
+        if next(calls) == "0.99":
+            raise KeyboardInterrupt
+        return real(*words, **options)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pareto, "optimize", interrupted)
+    words = ["pareto", "paper_1dof", f"--values={','.join(values)}", "--vary", "areas"]
+    assert main([*words, "--points", "9"], monkeypatch) == 130
+    table = pd.read_csv("out/pareto_paper_1dof/pareto.csv")
+    assert table["limit"].to_list() == [0.97, 0.98]
+    said = capsys.readouterr().err.strip()
+    assert said == (
+        "armdesign: interrupted at value 3 of 4; finished files are in out/pareto_paper_1dof/; go"
+        " on with: armdesign pareto paper_1dof --vary areas --points 9 --values 0.99,1.0 --out"
+        " out/pareto_paper_1dof_rest"
+    )
+    monkeypatch.setattr(pareto, "optimize", real)
+    assert main(shlex.split(said.split("armdesign ")[-1]), monkeypatch) == 0
+    rest = pd.read_csv("out/pareto_paper_1dof_rest/pareto.csv")
+    assert rest["limit"].to_list() == [0.99, 1.0]
+
+
+def test_a_design_outlives_its_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("armdesign.simulation.validation.validate_maps", interrupted)
+    assert main(["design", "paper_1dof", "--points", "5", "--starts", "1"], monkeypatch) == 130
+    made = "out/design_paper_1dof/paper_1dof_optimized.toml"
+    assert capsys.readouterr().err.strip() == (
+        "armdesign: interrupted; finished files are in out/design_paper_1dof/; go on with:"
+        f" armdesign validate {made}"
+    )
+    assert ad.load(made).name

@@ -32,7 +32,7 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
     *("drawing", "exchange", "plots", "report", "paper", "influence", "sweeps"),
-    *("output", "options"),
+    *("output", "options", "runs"),
     *(
         "cli_control",
         "cli_draw",
@@ -125,7 +125,7 @@ def own(tree: ast.Module) -> set[str]:
     modules = set()
     for name in imports(tree, drawing=False):
         words = name.split(".")
-        if words[0] == "armdesign":
+        if words[0] == "armdesign" and words[1] != "__version__":
             starts = (".".join(words[1:n]) for n in range(len(words), 1, -1))
             modules.add(next(start for start in starts if start in SOURCES))
     return modules

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,11 +21,12 @@ from armdesign.design.design import Design, optimize
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
-from armdesign.errors import ArmDesignError, InfeasibleError, choose
+from armdesign.errors import ArmDesignError, InfeasibleError, Stopped, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.file.schema import DEFAULT, share_of
 from armdesign.machine.machine import Machine
+from armdesign.progress import counted, note_rounds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -139,6 +140,7 @@ def pareto(
     Raises:
         ArmDesignError: a trade-off that does not exist, or values that cannot be.
         InfeasibleError: no design meets any of the values.
+        Stopped: Ctrl-C, with the designs that were found before it.
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
@@ -149,28 +151,60 @@ def pareto(
         fault, remedy = "no cylinder's digging force counts", "name some in requirements.digging"
         raise ArmDesignError("against", fault, remedy)
     sizes_and_grid(machine, catalogue)  # refused before anything is searched
+    limits = _limits(machine, workspace, requirements, against, values)
+
+    def best(limit: float, tighter: Design | None) -> Design:
+        limited = _limited(requirements, against, limit)
+        return optimize(
+            machine, workspace, limited, vary,
+            starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
+            objective=objective, catalogue=catalogue,
+        )  # fmt: skip
+
+    return _front(machine, against, limits, best)
+
+
+def _front(
+    machine: Machine,
+    against: str,
+    limits: Sequence[float],
+    best: Callable[[float, Design | None], Design],
+) -> Pareto:
+    """The best design under each limit, each from its tighter neighbour's.
+
+    Raises:
+        InfeasibleError: no limit has any.
+        Stopped: Ctrl-C, with the designs that were found before it.
+    """
     designs: dict[float, Design] = {}
     left_out: dict[float, str] = {}
     tighter: Design | None = None
-    for limit in _limits(machine, workspace, requirements, against, values):
-        limited = _limited(requirements, against, limit)
-        try:
-            tighter = optimize(
-                machine, workspace, limited, vary,
-                starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
-                objective=objective, catalogue=catalogue,
-            )  # fmt: skip
-            designs[limit] = tighter
-        except InfeasibleError as error:
-            relax = relaxations(error.conflict)
-            left_out[limit] = f"{error.fault}: relax {relax}" if relax else error.fault
-            refused = error
+
+    def front() -> Pareto:
+        found = tuple(designs), tuple(designs.values())
+        return Pareto(
+            against=against, today=machine, limits=found[0], designs=found[1], left_out=left_out
+        )
+
+    try:
+        for limit in counted(limits, "value"):
+            try:
+                designs[limit] = tighter = best(limit, tighter)
+            except InfeasibleError as error:
+                relax = relaxations(error.conflict)
+                left_out[limit] = f"{error.fault}: relax {relax}" if relax else error.fault
+                refused = error
+    except KeyboardInterrupt as stop:
+        if not designs:
+            raise
+        rest = [limit for limit in limits if limit not in designs and limit not in left_out]
+        stopped = Stopped(front(), rest)
+        note_rounds(stopped)
+        raise stopped from stop
     if not designs:
-        fault = f"no value of {against} can be met"
         why = refused.fault, refused.conflict, refused.table
-        raise InfeasibleError(machine.name, fault, *why)
-    best = {"limits": tuple(designs), "designs": tuple(designs.values()), "left_out": left_out}
-    return Pareto(against=against, today=machine, **best)  # type: ignore[arg-type]
+        raise InfeasibleError(machine.name, f"no value of {against} can be met", *why)
+    return front()
 
 
 def read_values(text: str, against: str) -> list[float] | None:

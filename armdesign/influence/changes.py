@@ -13,8 +13,10 @@ from armdesign.machine.file.numbers import chosen_numbers, numbers_of
 from armdesign.machine.machine import Machine
 
 
-def read_changes(words: Sequence[str]) -> dict[str, Any]:
+def read_changes(words: Sequence[str], part: str = "what-if") -> dict[str, Any]:
     """Changes stated as ``KEY=VALUE``, values as in TOML; what is no TOML value is a text.
+
+    ``part`` is what states them, for messages.
 
     Raises:
         ArmDesignError: a word without key or value, or a key twice.
@@ -24,9 +26,9 @@ def read_changes(words: Sequence[str]) -> dict[str, Any]:
         path, equals, value = (part.strip() for part in word.partition("="))
         if not (path and equals and value):
             remedy = "give KEY=VALUE, as cylinder.boom.bore_mm=125"
-            raise ArmDesignError("what-if", f'"{word}" is not understood', remedy)
+            raise ArmDesignError(part, f'"{word}" is not understood', remedy)
         if path in changes:
-            raise ArmDesignError(f"what-if {path}", "is there twice", "leave one out")
+            raise ArmDesignError(f"{part} {path}", "is there twice", "leave one out")
         try:
             changes[path] = tomllib.loads(f"value = {value}")["value"]
         except tomllib.TOMLDecodeError:
@@ -34,34 +36,37 @@ def read_changes(words: Sequence[str]) -> dict[str, Any]:
     return changes
 
 
-def changed_machine(machine: Machine, changes: Mapping[str, Any]) -> Machine:
+def changed_machine(
+    machine: Machine, changes: Mapping[str, Any], part: str = "what-if"
+) -> Machine:
     """The machine with other values at key paths; of a list, each number has one, as ``at_mm.0``.
+
+    ``part`` is what states them, for messages.
 
     Raises:
         ArmDesignError: a path or value that the file cannot have.
     """
     if not changes:
-        raise ArmDesignError("what-if", "nothing changes", "give KEY=VALUE")
+        raise ArmDesignError(part, "nothing changes", "give KEY=VALUE")
     known, whole = flat(machine.section), dict[str, Any]()
     for path, value in changes.items():
         table, _, leaf = path.rpartition(".")
         if leaf.isdigit() and isinstance(known.get(table), list):
-            number = chosen_numbers(machine.section, path, f"what-if {path}")[0]
+            number = chosen_numbers(machine.section, path, f"{part} {path}")[0]
             row = list(whole.get(table, known[table]))
             row[int(number.location[-1])] = value
             whole[table] = row
         else:
             if path not in known:
-                _refuse_unknown(machine, path)
+                _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
     return machine.replace(
         {path: _as_before(known.get(path), value) for path, value in whole.items()}
     )
 
 
-def _refuse_unknown(machine: Machine, path: str) -> None:
+def _refuse_unknown(machine: Machine, path: str, part: str) -> None:
     """Raise unless the schema has a value at a path that the file leaves out."""
-    part = f"what-if {path}"
     try:
         chosen_numbers(machine.section, path, part)
     except ArmDesignError as error:

@@ -145,8 +145,11 @@ def test_draw_writes_its_pictures(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["draw", "paper_1dof", "--pose", "boom=10", "--format", "svg"], monkeypatch) == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"machine.svg", "modes.svg"}
-    assert "boom 10.0°" in (tmp_path / "out" / "machine.svg").read_text()
+    assert {path.name for path in (tmp_path / "out/draw_paper_1dof").iterdir()} == {
+        "machine.svg",
+        "modes.svg",
+    }
+    assert "boom 10.0°" in (tmp_path / "out/draw_paper_1dof/machine.svg").read_text()
     assert main(["draw", "paper_1dof", "paper_1dof", "--out", "two"], monkeypatch) == 0
     assert (tmp_path / "two" / "overlay.png").exists()
     assert main(["draw", "paper_1dof", "--pose", "boom=80"], monkeypatch) == 2
@@ -164,7 +167,7 @@ def test_an_unusable_machine_is_drawn_and_refused(
     (tmp_path / "wrong.toml").write_text(text)
     monkeypatch.chdir(tmp_path)
     assert main(["draw", "wrong.toml"], monkeypatch) == 2
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"machine.png"}
+    assert {path.name for path in (tmp_path / "out/draw_wrong").iterdir()} == {"machine.png"}
     assert "armdesign: wrong.toml" in capsys.readouterr().err
 
 

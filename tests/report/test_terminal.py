@@ -68,7 +68,7 @@ def test_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     tell(EVIL)
     out = capsys.readouterr().out
     assert not controls(out)
-    assert "".join(out.split()).count("".join(SHOWN.split())) == 4  # but for the table's
+    assert "".join(out.split()).count("".join(SHOWN.split())) == 6  # the table's, not wrapped, too
     assert out.count("[red]r[/red]") >= 5
 
 

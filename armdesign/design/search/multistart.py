@@ -23,6 +23,7 @@ from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.progress import counted
 
 OBJECTIVES = ["gain", "worst"]
 STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
@@ -214,13 +215,17 @@ def with_least_moved_pins(search: Search) -> Search:
 def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
     """Follow searches, in this process or in several."""
     if workers <= 1 or len(searches) < 2:
-        return [follow(search, **settings) for search in searches]
+        return [follow(search, **settings) for search in counted(searches, "start")]
     from joblib import Parallel, delayed
 
     tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
     return [
         replace(search, **outcome).look()
-        for search, outcome in zip(searches, Parallel(workers)(tasks), strict=True)
+        for search, outcome in zip(
+            searches,
+            counted(Parallel(workers, return_as="generator")(tasks), "start", len(tasks)),
+            strict=True,
+        )
     ]
 
 

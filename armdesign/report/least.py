@@ -1,0 +1,37 @@
+"""The least amount that a frequency needs, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from armdesign.units import WORKSHOP, Units
+
+if TYPE_CHECKING:
+    from armdesign.design.design import Design
+    from armdesign.machine.machine import Machine
+
+NAMES = {"oil": "Oil of all cap sides", "flow": "Pump flow", "mass": "Mass of all cylinders"}
+
+
+def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
+    """The answer of ``least``: the amount today and new, and the frequency that it allows."""
+    before, after = (_amount(machine, design, of) for machine in (design.today, design.machine))
+    unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
+    one = units.number(before, unit, 1 if unit == "m³" and units is WORKSHOP else None)
+    other = units.number(after, unit, 1 if unit == "m³" and units is WORKSHOP else None)
+    change = f"{100 * (after / before - 1):+.1f} %"
+    frequencies = (m.worst.frequency for m in (design.before, design.after))
+    today, new = (f"{frequency:.3f}" for frequency in frequencies)
+    return (
+        f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
+        f" {today} → {new} Hz.\n"
+    )
+
+
+def _amount(machine: Machine, design: Design, of: str) -> float:
+    from armdesign.design.least import amount_of
+
+    if of == "oil":
+        return float(sum(c.bore_area * c.stroke for c in machine.cylinders))
+    amount = amount_of(machine, design.today, of)
+    return amount * design.today.supply.flow if of == "flow" else amount

@@ -1,0 +1,270 @@
+"""Runs of commands: the options that commands share, in groups, and what they ask for.
+
+A command is a function. Where one of its parameters is a group, the command has the options of
+that group, and the function receives them together, with the machine, folder and progress that
+they stand for. So an option is declared once, and does the same in every command.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from armdesign.options import (
+    CatalogueOption,
+    FreeOption,
+    Habit,
+    MachineArgument,
+    NominalOption,
+    OutOption,
+    OutsideOption,
+    PointsOption,
+    QuietOption,
+    SeedOption,
+    SetOption,
+    StartsOption,
+    UnitsOption,
+    WorkersOption,
+    bands_to_use,
+    grid_points,
+    offered_sizes,
+)
+from armdesign.output import check_out, command_line, outputs, show, stops
+from armdesign.progress import progress
+
+if TYPE_CHECKING:
+    from armdesign.frequency.workspace import Workspace
+    from armdesign.machine.machine import Machine
+    from armdesign.report.sheet import Sheet
+
+Command = Callable[..., None]
+
+
+def command(function: Command) -> Command:
+    """A command of a function: parameters that are groups become the options in them.
+
+    Arguments come first, then the function's own options, then those of groups.
+    """
+    name = function.__name__.removesuffix("_command").replace("_", "-")
+    groups: dict[str, type[Any]] = {}
+    own: list[inspect.Parameter] = []
+    shared: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+        if dataclasses.is_dataclass(parameter.annotation):
+            groups[parameter.name] = parameter.annotation  # type: ignore[assignment]
+            shared += _options(parameter.annotation)
+        else:
+            own.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    required = [p for p in [*shared, *own] if p.default is inspect.Parameter.empty]
+    parameters = [*required, *(p for p in [*own, *shared] if p not in required)]
+
+    def run(**given: Any) -> None:
+        for key, group in groups.items():
+            values = {p.name: given.pop(p.name) for p in _options(group)}
+            given[key] = group(**values, **({"command": name} if issubclass(group, Shown) else {}))
+        try:
+            function(**given)
+        except KeyboardInterrupt as stop:
+            stops.append(stop)
+            raise
+
+    run.__name__, run.__doc__, run.__module__ = name, function.__doc__, function.__module__
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return run
+
+
+def _options(group: Any) -> list[inspect.Parameter]:
+    """Fields of a group as parameters."""
+    kinds = get_type_hints(group, include_extras=True)
+    return [
+        inspect.Parameter(
+            one.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=_default(one),
+            annotation=kinds[one.name],
+        )
+        for one in dataclasses.fields(group)
+        if one.name != "command"
+    ]
+
+
+def _default(one: dataclasses.Field[Any]) -> Any:
+    if one.default_factory is not dataclasses.MISSING:
+        return one.default_factory()
+    empty = one.default is dataclasses.MISSING
+    return inspect.Parameter.empty if empty else one.default
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What a command shows.
+
+    Attributes:
+        command: its name.
+        quiet: whether it shows nothing.
+    """
+
+    command: str
+    quiet: QuietOption = False
+
+    @contextmanager
+    def progress(self, text: str) -> Iterator[Callable[[str], None]]:
+        """Show a status line, unless asked not to; yields a function that changes its text."""
+        with progress(text, silent=self.quiet) as say:
+            yield say
+
+    def show(self, items: Sequence[Sheet | str]) -> None:
+        """Print sheets and sentences."""
+        if not self.quiet:
+            show(items)
+
+    @contextmanager
+    def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
+        """Write what is finished if Ctrl-C ends the block; ``then`` is how to go on."""
+        try:
+            yield
+        except KeyboardInterrupt as stop:
+            write()
+            stop.args = (f"go on with: {then}",)
+            raise
+
+    def interrupted(self, stop: KeyboardInterrupt, options: Mapping[str, str]) -> None:
+        """End as Ctrl-C does, after what was finished is written; say how to go on.
+
+        ``options`` take the place of those of the same name in the command as typed.
+        """
+        stop.args = (f"go on with: {command_line(options)}",)
+        raise stop
+
+    @contextmanager
+    def writing(self, folder: Path) -> Iterator[Path]:
+        """A folder to write into, whose files move to ``folder`` when complete, all or none."""
+        with outputs(folder, silent=self.quiet) as place:
+            yield place
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(Shown):
+    """A command that writes files.
+
+    Attributes:
+        out: folder for them; None: one named after the command and what it reads.
+    """
+
+    out: OutOption = None
+
+    def folder(self, *sources: str | Path) -> Path:
+        """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""
+        names = [self.command, *(Path(source).stem for source in sources)]
+        folder = self.out or Path("out", "_".join(names))
+        check_out(folder)
+        return folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfMachines(Run):
+    """A command that reads machines.
+
+    Attributes:
+        set: changes of numbers of their files.
+        units: units of printed tables.
+        allow_outside: whether a URDF may lie outside the machine file's folder.
+    """
+
+    set: SetOption = field(default_factory=list)
+    units: UnitsOption = Habit.workshop
+    allow_outside: OutsideOption = False
+
+    def load(self, name: str) -> Machine:
+        """A machine, with the numbers that ``--set`` gives."""
+        from armdesign.influence.changes import changed_machine, read_changes
+        from armdesign.machine.loading import load
+
+        changes = read_changes(self.set, "--set")
+        model = load(name, allow_outside=self.allow_outside)
+        return changed_machine(model, changes, "--set") if changes else model
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfMachine(OfMachines):
+    """A command that reads one machine.
+
+    Attributes:
+        machine: its file, folder or name.
+    """
+
+    machine: MachineArgument
+
+    def open(self) -> tuple[Machine, Path]:
+        """The machine, and the folder for files."""
+        model = self.load(self.machine)
+        return model, self.folder(model.source)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OverWorkspace(OfMachine):
+    """A command that looks at a machine over its workspace.
+
+    Attributes:
+        points: grid points per joint.
+    """
+
+    points: PointsOption = ""
+
+    def open_workspace(self) -> tuple[Machine, Workspace, Path]:
+        """Machine, workspace and folder; options are judged before anything is computed."""
+        from armdesign.frequency.workspace import Workspace
+
+        counts = grid_points(self.points)
+        model, folder = self.open()
+        return model, Workspace.grid(model, counts), folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How designs are searched for.
+
+    Attributes:
+        catalogue: sizes to choose from.
+        free: whether any size is allowed.
+        nominal: whether the file's values alone count.
+        workers: processes; None: as many as the search usually takes.
+    """
+
+    catalogue: CatalogueOption = ""
+    free: FreeOption = False
+    nominal: NominalOption = False
+    workers: WorkersOption = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of the functions that search."""
+        return {
+            "bands": bands_to_use(self.nominal),
+            "catalogue": offered_sizes(self.catalogue, self.free),
+            **({} if self.workers is None else {"workers": self.workers}),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnSearch(Search):
+    """How designs are searched for from several starts.
+
+    Attributes:
+        starts: their number; None: as many as usually pay.
+        seed: of those that are drawn.
+    """
+
+    starts: StartsOption = None
+    seed: SeedOption = 0
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of the functions that search."""
+        return {**super().settings, "starts": self.starts, "seed": self.seed}

@@ -1,0 +1,45 @@
+"""The status line: rounds of loops, one inside the other, and the time that is left."""
+
+from __future__ import annotations
+
+import pytest
+
+from armdesign import progress
+from armdesign.progress import Loop, Work, counted
+
+
+def test_rounds_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two values of three starts each, 10 s a start: by hand 50, 40, … 10 s are left."""
+    now, said = [0.0], []
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    work = Work("searching", said.append)
+    monkeypatch.setattr(progress, "_at_work", [work])
+    for _ in counted("ab", "value"):
+        for _ in counted("xyz", "start"):
+            now[0] += 10
+    assert said[1] == "searching, value 1 of 2, start 1 of 3"
+    assert "searching, value 1 of 2, start 2 of 3, 50 s left" in said
+    assert "searching, value 2 of 2, start 3 of 3, 10 s left" in said
+    assert work.loops == []
+
+
+def test_longer_times_are_minutes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress.time, "monotonic", lambda: 100.0)
+    work = Work("sweeping", lambda _: None, [Loop("sweep", 36, 9, 0.0)])
+    assert (work.rounds, work.left) == (["sweep 10 of 36"], "5 min left")
+
+
+def test_an_interruption_says_where() -> None:
+    def work() -> None:
+        with progress.progress("searching", silent=True):
+            for number in counted(range(3), "start"):
+                if number == 1:
+                    raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        work()
+    assert caught.value.__notes__ == ["at start 2 of 3"]
+
+
+def test_loops_outside_of_commands_are_as_they_were() -> None:
+    assert list(counted(iter("abc"), "start")) == ["a", "b", "c"]

@@ -1,0 +1,131 @@
+"""Options that commands share: each does the same wherever it is."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import armdesign as ad
+from armdesign import cli
+from armdesign.options import machine_names
+from tests.commands import assert_one_line, main, run
+
+READING = (  # commands that read machines
+    *("map", "optimize", "validate", "design", "check", "compare", "pareto", "steps", "control"),
+    *("move", "sensitivity", "what-if", "tolerances", "identify", "calibrate"),
+)
+COMMANDS = {c.callback.__name__: c.callback for c in cli.app.registered_commands if c.callback}
+
+
+def options_of(command: str) -> set[str]:
+    return set(inspect.signature(COMMANDS[command]).parameters)
+
+
+@pytest.mark.parametrize("command", READING)
+def test_commands_that_read_a_machine_take_other_numbers(command: str) -> None:
+    assert {"set", "out", "quiet"} <= options_of(command)
+
+
+@pytest.mark.parametrize("command", ["optimize", "design", "pareto", "steps"])
+def test_searches_say_how(command: str) -> None:
+    more = set() if command == "steps" else {"starts", "seed"}
+    assert {"workers", "catalogue", "free", "nominal"} | more <= options_of(command)
+
+
+def test_other_numbers_are_those_of_replace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    more = ["--set", "fluid.bulk_modulus_MPa=1000", "--set", "cylinder.lift.bore_mm=70"]
+    assert main(["map", "paper_1dof", "--points", "5", *more, "--quiet"], monkeypatch) == 0
+    machine = ad.load("paper_1dof").replace(
+        {"fluid.bulk_modulus_MPa": 1000.0, "cylinder.lift.bore_mm": 70.0}
+    )
+    frame = ad.frequency_map(machine, ad.Workspace.grid(machine, 5)).frame
+    written = pd.read_csv("out/map_paper_1dof/map.csv")
+    assert written["f1_hz"].to_list() == pytest.approx(frame["f1_hz"].to_list(), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("fluid.bulk_modulus_MPa", '--set: "fluid.bulk_modulus_MPa" is not understood; give KEY='),
+        ("fluid.bulk=1", "--set fluid.bulk"),
+        (
+            "fluid.bulk_modulus_MPa=-3",
+            "fluid.bulk_modulus_MPa: -3.0 is not allowed; give a number",
+        ),
+        ("cylinder.lift.rod_mm=850", "cylinder.lift.rod_mm: 850 mm does not fit the bore"),
+        ("fluid.bulk_modulus_MPa=soft", 'fluid.bulk_modulus_MPa: "soft" is not allowed'),
+    ],
+)
+def test_bad_numbers_are_one_line(
+    word: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["map", "paper_1dof", "--set", word], monkeypatch) == 2
+    assert_one_line(capfd.readouterr().err, message)
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_do_not_mix_and_quiet_ones_say_nothing(tmp_path: Path) -> None:
+    for words in (["map", "paper_1dof"], ["compare", "paper_1dof", "paper_1dof"]):
+        done = run(*words, "--points", "5", "--quiet", folder=tmp_path)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"map_paper_1dof", "compare_paper_1dof_paper_1dof"}
+
+
+def test_version_and_short_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--version"], monkeypatch) == 0
+    assert capsys.readouterr().out == f"armdesign {ad.__version__}\n"
+    for words in (["-h"], ["pareto", "-h"]):
+        assert main(words, monkeypatch) == 0
+        short = capsys.readouterr().out
+        assert main([*words[:-1], "--help"], monkeypatch) == 0
+        assert capsys.readouterr().out == short != ""
+
+
+def test_machines_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "example").mkdir()
+    (tmp_path / "exact.toml").touch()
+    (tmp_path / "exact.urdf").touch()
+    names = machine_names("ex")
+    assert {"excavator_20t", "example/", "exact.toml"} <= set(names)
+    assert "exact.urdf" not in names
+    assert machine_names("[") == []
+
+
+def test_the_shell_asks_for_words(tmp_path: Path) -> None:
+    """What the shell's script calls while somebody types ``armdesign map pap<TAB>``."""
+    script = "import sys; sys.argv = ['armdesign']; from armdesign import cli; cli.main()"
+    asked = {"_ARMDESIGN_COMPLETE": "complete_bash", "COMP_WORDS": "armdesign map pap"}
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, **asked, "COMP_CWORD": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["paper_1dof"]
+
+
+def test_piped_tables_are_not_wrapped_or_filled_up(tmp_path: Path) -> None:
+    done = run("check", "excavator_20t", "--points", "3", folder=tmp_path)
+    lines = done.stdout.splitlines()
+    assert all(line == line.rstrip() for line in lines)
+    assert any(len(line) > 100 for line in lines)
