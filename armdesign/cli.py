@@ -35,6 +35,7 @@ from armdesign.options import (
 )
 from armdesign.output import tell, write_csv
 from armdesign.runs import DrawnSearch, OfMachines, OverWorkspace, Run, Shown, command
+from armdesign.streams import printing
 from armdesign.transaction import as_interrupt
 
 if TYPE_CHECKING:
@@ -374,8 +375,9 @@ def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
     output.stops.clear()
-    with as_interrupt() as signals:
+    with as_interrupt() as signals, printing():
         try:
+            output.refuse_archive()
             code = app(standalone_mode=False)
             if code != INTERRUPTED:  # as typer answers Ctrl-C
                 sys.exit(code)

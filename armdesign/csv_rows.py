@@ -1,15 +1,32 @@
-"""Rows of CSV files that people write: comments, blank lines, semicolons with decimal commas."""
+"""CSV files: rows as people write them, and texts that no spreadsheet takes for a formula.
+
+People write comments, blank lines, semicolons with decimal commas. A name in a machine file or
+URDF may begin with ``=`` or another sign of a formula; written with an apostrophe before it, it
+is a text for every spreadsheet. Reading takes the apostrophe off again.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from pathlib import Path
 
+from armdesign import text_files
 from armdesign.errors import ArmDesignError
 
 Row = tuple[int, list[str]]
 DECIMAL = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
+
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
+FORMULA = re.compile(
+    r"[=+\-@\t\r＝＋－＠].", re.DOTALL
+)  # how a formula begins, for one spreadsheet or another
+
+
+def plain_text(text: str) -> str:
+    """The text as a cell or head of a column, with an apostrophe where it looks like a formula."""
+    return text if NUMBER.fullmatch(text) or not FORMULA.match(text) else f"'{text}"
 
 
 def read_rows(
@@ -30,10 +47,10 @@ def read_rows(
     """
     remedy = "give a CSV file with a line of column names"
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        text = text_files.read(path, text_files.LARGEST_TABLE)
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise kind(str(path), f"cannot be read ({reason})", remedy) from None
+        raise kind(str(path) or "CSV file", f"cannot be read ({reason})", remedy) from None
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
@@ -47,8 +64,8 @@ def read_rows(
     except csv.Error as error:
         raise kind(str(path), f"is no CSV file ({error})", remedy) from None
     names = rows[0][1] if rows else []
-    for name in names:
-        if names.count(name) > 1:
+    for name, count in Counter(names).items():
+        if count > 1:
             raise kind(str(path), f'column "{name}" is there twice', "leave one out")
     for number, fields in rows[1:]:
         if len(fields) != len(names):
@@ -59,7 +76,12 @@ def read_rows(
 
 def _fields(row: list[str], separator: str) -> list[str]:
     """Fields without blanks at their ends, with decimal points."""
-    fields = [field.strip() for field in row]
+    fields = [_read(field.strip()) for field in row]
     if separator == ",":
         return fields
     return [f.replace(",", ".") if DECIMAL.fullmatch(f) else f for f in fields]
+
+
+def _read(field: str) -> str:
+    """A field as it was before ``plain_text``."""
+    return field[1:] if field == f"'{field[1:]}" == plain_text(field[1:]) else field

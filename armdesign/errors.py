@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 # surrogate pairs
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
+LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length
+MOST_NAMES, SHOWN_NAMES = 200, 60  # among which a name is looked for; that a remedy lists
+
 
 def printable(text: str) -> str:
     """The text with control characters as Python writes them, which no terminal obeys."""
@@ -21,7 +24,8 @@ def printable(text: str) -> str:
 
 
 def _line(text: str) -> str:
-    return " ".join(printable(text).split())
+    line = " ".join(printable(text).split())
+    return line if len(line) <= LONGEST else f"{line[:LONGEST]}…"
 
 
 class ArmDesignError(Exception):
@@ -133,5 +137,8 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
 
 def choose(name: str, known: Collection[str]) -> str:
     """A remedy for a wrong name: the one that was meant, or all that there are."""
-    close = difflib.get_close_matches(name, known, n=1)
-    return f'did you mean "{close[0]}"?' if close else f"choose from: {', '.join(known) or 'none'}"
+    close = difflib.get_close_matches(name, list(known)[:MOST_NAMES], n=1)
+    if close:
+        return f'did you mean "{close[0]}"?'
+    more = f" and {len(known) - SHOWN_NAMES} more" if len(known) > SHOWN_NAMES else ""
+    return f"choose from: {', '.join(list(known)[:SHOWN_NAMES]) or 'none'}{more}"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from armdesign import transaction
+from armdesign import text_files, transaction
+from armdesign.csv_rows import plain_text
 from armdesign.errors import ArmDesignError, printable
+from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,8 +40,15 @@ changed: list[Path] = []  # files that this process has written
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """Write a frame as CSV with nine digits."""
-    frame.to_csv(path, index=False, float_format="%.9g")
+    """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run."""
+    texts = frame.select_dtypes(exclude=["number", "bool"]).map(_plain)
+    whole = frame.copy()
+    whole[texts.columns] = texts
+    whole.rename(columns=_plain).to_csv(path, index=False, float_format="%.9g")
+
+
+def _plain(cell: Any) -> Any:
+    return plain_text(cell) if isinstance(cell, str) else cell
 
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
@@ -279,13 +287,15 @@ def made_of(machine: Machine) -> str:
 def check_urdf(machine: Machine, out: Path) -> None:
     """Raise if a new design's URDF would replace one that belongs to another machine file."""
     from armdesign.machine.file import saving
+    from armdesign.machine.file.toml_reading import read_toml
 
     files = machine.files(out / made_of(machine))
     target, urdf = next(iter(files)), saving.other_urdf(machine, files)
     if urdf is None:
         return
-    with suppress(OSError, ValueError):
-        earlier = tomllib.loads(target.read_text(encoding="utf-8")).get("urdf")
+    with suppress(OSError, ValueError, ArmDesignError):
+        text = text_files.read(target, LARGEST_MACHINE_FILE)
+        earlier = read_toml(text, target.name).get("urdf")
         if isinstance(earlier, str) and target.parent / earlier == urdf:
             return
     raise _refused(out, f"another {urdf.name} is there")
@@ -330,6 +340,15 @@ def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
         changed.extend(out / name for name in written)
         if not silent:
             tell(f"wrote {', '.join(written)} to {out}/")
+
+
+def refuse_archive() -> None:
+    """Raise where the package's own files cannot be read, as from within a wheel."""
+    here = Path(__file__)
+    if not here.is_file():
+        archive = next((str(path) for path in here.parents if path.is_file()), str(here))
+        remedy = f"install it: pip install {archive}"
+        raise ArmDesignError("armdesign", f"cannot run from within {archive}", remedy)
 
 
 def tell(text: str, file: TextIO | None = None) -> None:

@@ -4,6 +4,9 @@ import sys
 import tomllib
 from pathlib import Path
 
+from pygments.lexers.special import TextLexer
+from sphinx.highlighting import lexers
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
@@ -18,6 +21,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "generated_pages",  # the reference of the machine file and the table of the validation
 ]
+lexers["csv"] = TextLexer()  # as it stands
 source_suffix = {".md": "markdown"}
 myst_enable_extensions = ["attrs_inline", "colon_fence"]
 myst_heading_anchors = 3  # links to headings, as GitHub makes them

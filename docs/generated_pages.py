@@ -2,11 +2,12 @@
 
 A page has the line ``% generated: machine file`` where the reference of the machine file goes: for
 each table of the schema a table of its keys, with the texts that editors show and the examples of
-``every_key.toml``.
+``every_key.toml``. Likewise ``% generated: errata`` and ``% generated: figures``.
 """
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -172,7 +173,35 @@ def _heading(path: Path_) -> str:
     return f"`[{'.'.join(path)}]`"
 
 
-GENERATED: dict[str, Callable[[], str]] = {"machine file": machine_file}
+def errata() -> str:
+    """The paper's errata, and what each does to the frequency over its configurations."""
+    from armdesign.machine.loading import load
+    from armdesign.paper.configurations import grid
+    from armdesign.paper.errata import errata as of_mechanism
+    from armdesign.paper.errata import errata_frame
+
+    rows = ["| equation | printed | right | change of the frequency | rms [rad/s] | remark |"]
+    rows.append("|---|---|---|---|---|---|")
+    for row in errata_frame(of_mechanism(grid(load("paper_1dof")))).itertuples():
+        effect = f"{100 * row.least:+.2f} to {100 * row.largest:+.2f} % | {row.rms_rad_per_s:.2f}"
+        if row.least != row.least:  # in no frequency
+            effect = "– | –"
+        rows.append(f"| {row.equation} | {row.printed} | {row.right} | {effect} | {row.remark} |")
+    return "\n".join(rows)
+
+
+def figures() -> str:
+    """Figures of the validation as ``python -m tests.validation_figures`` wrote them."""
+    rows = json.loads((DOCS / "validation.json").read_text("utf-8"))
+    head = [["quantity", "source", "published", "here"], ["---"] * 4]
+    return "\n".join(f"| {' | '.join(row)} |" for row in head + rows)
+
+
+GENERATED: dict[str, Callable[[], str]] = {
+    "machine file": machine_file,
+    "errata": errata,
+    "figures": figures,
+}
 
 
 def fill(text: str) -> str:

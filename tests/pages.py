@@ -125,7 +125,7 @@ def write_file(text: str) -> bool:
 
 def change(table: Any, values: dict[str, Any]) -> None:
     for key, value in values.items():
-        if isinstance(value, dict) and key in table:
+        if isinstance(value, dict) and isinstance(table.get(key), dict):
             change(table[key], value)
         else:
             table[key] = value

@@ -15,7 +15,17 @@ PACKAGE = ROOT / "armdesign"
 
 # From the ground up: a module imports from its own room and from those above it in this list only.
 ROOMS = (
-    *("units", "errors", "csv_rows", "user_folders", "transaction", "arrays", "progress"),
+    *(
+        "units",
+        "errors",
+        "text_files",
+        "csv_rows",
+        "streams",
+        "user_folders",
+        "transaction",
+        "arrays",
+        "progress",
+    ),
     *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
@@ -34,6 +44,7 @@ ROOMS = (
         "cli_report",
         "cli_export",
         "cli",
+        "__main__",
     ),
 )
 DOORS = {  # library: the only modules that may import it

@@ -14,6 +14,7 @@ from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.urdf_faults import MOVABLE
+from armdesign.text_files import LARGEST_URDF
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
 PLURAL = {"cylinder": "cylinders", "payload": "payloads", "motor": "motors"}  # arguments
@@ -34,7 +35,7 @@ def read(urdf: str | Path) -> tuple[str, Path]:
         fault = f"a {type(urdf).__name__} is not allowed"
         raise MachineFileError("urdf", fault, "give a path or the URDF's text")
     path = Path(urdf)
-    return machine_file.read_text(path), path
+    return machine_file.read_text(path, LARGEST_URDF), path
 
 
 def machine_text(

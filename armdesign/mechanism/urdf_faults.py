@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from xml.parsers import expat
 
 import numpy as np
@@ -25,8 +26,11 @@ LARGEST = 1e9  # no number of a machine in SI is beyond
 KEPT = {
     "robot": ("link", "joint"),
     "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
 }
+MOST, DEEPEST = 5_000, 500  # links of one URDF, and one behind the other: Pinocchio recurses
+MOST_FAULTS = 200  # that are told at once
 
 
 class Located(ET.Element):
@@ -74,10 +78,12 @@ def parse(text: str, source: str) -> ET.Element:
             fault = f"holds a macro (<xacro:{part.tag.rpartition('}')[2]}>)"
             raise MachineFileError(source, fault, "expand it: xacro FILE > FILE.urdf")
     robot.attrib = {"name": "arm"}
-    for element in (robot, *robot.findall("link"), *robot.findall("joint")):
-        for part in [*element]:
-            if part.tag not in KEPT[element.tag]:
-                element.remove(part)
+    for element in [*robot.iter()]:
+        element[:] = [part for part in element if part.tag in KEPT.get(element.tag, ())]
+    for kind in ("link", "joint"):
+        if (count := len(robot.findall(kind))) > MOST:
+            fault = f"has {count} {kind}s, more than {MOST}"
+            raise MachineFileError(source, fault, "leave out what is not of the arm")
     return robot
 
 
@@ -99,12 +105,12 @@ def faults(
     source: str,
     springs: Sequence[Spring] = (),
 ) -> list[MachineFileError]:
-    """Every fault of a URDF's text; one alone if it cannot be parsed."""
+    """Faults of a URDF's text, the first 200; one alone if it cannot be parsed."""
     try:
         robot = parse(text, source)
     except MachineFileError as error:
         return [error]
-    return list(faults_of(robot, joints, frozen, source, springs))
+    return list(islice(faults_of(robot, joints, frozen, source, springs), MOST_FAULTS))
 
 
 def faults_of(
@@ -124,7 +130,7 @@ def faults_of(
         springs: passive joints, coordinates too.
     """
     yield from _of_names(robot, source)
-    present = [joint.get("name", "") for joint in robot.findall("joint")]
+    present = {joint.get("name", "") for joint in robot.findall("joint")}
     movable = movable_joints(robot)
     named = {f"joints.{index}": name for index, name in enumerate(joints or ())}
     named |= {f"frozen.{name}": name for name in frozen}
@@ -136,7 +142,7 @@ def faults_of(
             yield MachineFileError(part, fault, choose(name, movable), key=key)
     # with a coordinate that is not known, it is not known which other joints move
     coordinates = {*(joints or ()), *(spring.joint for spring in springs)}
-    unsure = joints is None or not coordinates <= set(present)
+    unsure = joints is None or not coordinates <= present
     for joint in _parts(robot, "joint", source):
         name = joint.element.get("name", "")
         moves: bool | None = name in coordinates
@@ -172,15 +178,17 @@ def _parts(robot: ET.Element, kind: str, source: str) -> Iterator[Part]:
 def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
     for kind in ("link", "joint"):
         lines = [line_of(element) for element in robot.findall(kind)]
-        names = [element.get("name", "") for element in robot.findall(kind)]
-        for index, name in enumerate(names):
-            if not name:
-                fault = f"a {kind} has no name (number {index + 1} of the file)"
-                yield MachineFileError(source, fault, f'write <{kind} name="…">', lines[index])
-            elif names.index(name) == index and (count := names.count(name)) > 1:
-                words = {2: "two", 3: "three"}.get(count, str(count))
-                fault, second = f'{words} {kind}s are named "{name}"', names.index(name, index + 1)
-                yield MachineFileError(source, fault, "rename one", lines[second])
+        indices: dict[str, list[int]] = {}
+        for index, element in enumerate(robot.findall(kind)):
+            indices.setdefault(element.get("name", ""), []).append(index)
+        for index in indices.pop("", ()):
+            fault = f"a {kind} has no name (number {index + 1} of the file)"
+            yield MachineFileError(source, fault, f'write <{kind} name="…">', lines[index])
+        for name, (_, *others) in indices.items():
+            if others:
+                words = {1: "two", 2: "three"}.get(len(others), str(len(others) + 1))
+                fault = f'{words} {kind}s are named "{name}"'
+                yield MachineFileError(source, fault, "rename one", lines[others[0]])
 
 
 def _of_numbers(
@@ -310,7 +318,7 @@ def fault_of_inertia(inertia: Sequence[float]) -> tuple[str, str] | None:
 
 def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
     """Joints that do not join two links, then what keeps the links from being one tree."""
-    links = [link.get("name", "") for link in robot.findall("link")]
+    links = dict.fromkeys(link.get("name", "") for link in robot.findall("link"))
     parents: dict[str, str] = {}
     whole = True
     for joint in _parts(robot, "joint", source):
@@ -333,21 +341,25 @@ def _of_tree(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
             continue
         whole = False
     if whole:
-        yield from _of_roots(list(dict.fromkeys(links)), parents, source)
+        yield from _of_roots(links, parents, source)
 
 
 def _of_roots(
-    links: Sequence[str], parents: Mapping[str, str], source: str
+    links: Collection[str], parents: Mapping[str, str], source: str
 ) -> Iterator[MachineFileError]:
     """No or several roots, and links that no root carries because they carry each other."""
     if wrong := fault_of_roots(links, parents):
         yield MachineFileError(source, *wrong)
-    for ring in rings(links, parents):
+    lost = rings(links, parents)
+    for ring in lost:
         fault = f"links {', '.join(ring)} are not connected to the root"
         yield MachineFileError(source, fault, "a URDF is one tree: no link may carry itself")
+    if not lost and (depth := _depth(links, parents)) > DEEPEST:
+        fault = f"{depth} joints are one behind the other, more than {DEEPEST}"
+        yield MachineFileError(source, fault, "join links that do not move to each other")
 
 
-def fault_of_roots(links: Sequence[str], parents: Mapping[str, str]) -> tuple[str, str] | None:
+def fault_of_roots(links: Collection[str], parents: Mapping[str, str]) -> tuple[str, str] | None:
     """Fault and remedy where not one link alone has no parent."""
     roots = [link for link in links if link not in parents]
     if len(roots) == 1:
@@ -356,14 +368,30 @@ def fault_of_roots(links: Sequence[str], parents: Mapping[str, str]) -> tuple[st
     return f"{len(roots)} root links{names}", "one link must have no parent"
 
 
-def rings(links: Sequence[str], parents: Mapping[str, str]) -> list[list[str]]:
+def rings(links: Collection[str], parents: Mapping[str, str]) -> list[list[str]]:
     """Links that carry each other in a ring, with those beyond it, for each ring."""
-    lost: dict[frozenset[str], list[str]] = {}
+    ends: dict[str, str] = {}  # root, or one link of the ring, that a link leads up to
+    lost: dict[str, list[str]] = {}  # by that link of their ring
+    for first in links:
+        link, upwards = first, dict[str, None]()
+        while link not in ends and link not in upwards and link in parents:
+            upwards[link] = None
+            link = parents[link]
+        ends |= dict.fromkeys([*upwards, link], ends.get(link, link))
     for link in links:
-        upwards = [link]
-        while upwards[-1] in parents and parents[upwards[-1]] not in upwards:
-            upwards.append(parents[upwards[-1]])
-        if upwards[-1] in parents:  # its parent has been met: from there on it is a ring
-            ring = frozenset(upwards[upwards.index(parents[upwards[-1]]) :])
-            lost.setdefault(ring, []).append(link)
+        if ends[link] in parents:
+            lost.setdefault(ends[link], []).append(link)
     return list(lost.values())
+
+
+def _depth(links: Iterable[str], parents: Mapping[str, str]) -> int:
+    """Largest number of joints between a link and its root, without rings."""
+    depths: dict[str, int] = {}
+    for link in links:
+        upwards = []
+        while link in parents and link not in depths:
+            upwards.append(link)
+            link = parents[link]
+        start = depths.get(link, 0) + 1
+        depths |= {one: start + k for k, one in enumerate(reversed(upwards))}
+    return max(depths.values(), default=0)

@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -131,7 +132,8 @@ def save(fig: Any, path: Path) -> Path:
         fault = f'"{path.suffix}" is no format of pictures'
         raise ArmDesignError(path.name, fault, f"end it with .{', .'.join(FORMATS)}")
     _make_literal(fig)
-    with style():
+    with style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
         dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
         fig.savefig(path, dpi=150, metadata=dates.get(kind))
     return path

@@ -21,7 +21,7 @@ from armdesign.machine.file.schema import (
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.section import Section
+from armdesign.machine.file.section import DEVICE, Section
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
@@ -71,6 +71,9 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
             yield f"motor.{name}", "is the name of a cylinder too", remedy
     if machine.urdf is not None and Path(machine.urdf).name in ("", ".."):
         yield "urdf", f'"{machine.urdf}" is not a file name', "name the URDF"
+    for key, name in (("name", machine.name), ("urdf", machine.urdf or "")):
+        if DEVICE.fullmatch(Path(name).name):
+            yield key, f'"{name}" is a device of Windows, not a file', "give another name"
 
 
 def _of_lift_chart(machine: MachineSection) -> Iterator[Fault]:

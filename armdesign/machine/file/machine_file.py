@@ -12,6 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from armdesign import text_files
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
 from armdesign.machine.file.schema import MachineSection
@@ -23,8 +24,10 @@ from armdesign.machine.file.schema_faults import (
     unnamed_tables,
 )
 from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
+from armdesign.text_files import LARGEST_MACHINE_FILE, LARGEST_URDF
 
 MENDING = 8  # passes in which tables that stand in for others are filled
+MOST = 200  # faults of the schema that are told at once
 
 
 def path_of(value: str | Path) -> Path:
@@ -44,15 +47,15 @@ def path_of(value: str | Path) -> Path:
     return path
 
 
-def read_text(path: Path) -> str:
-    """Text of a machine file or URDF.
+def read_text(path: Path, largest: int = LARGEST_MACHINE_FILE) -> str:
+    """Text of a machine file or URDF of at most so many bytes.
 
     Raises:
-        MachineFileError: the file is missing or is no text.
+        MachineFileError: the file is missing, too large, no regular file or no text.
     """
     try:
         # line ends stay as they are: saving changes values only
-        return path.read_bytes().decode("utf-8-sig")
+        return text_files.read(path, largest)
     except FileNotFoundError:
         raise MachineFileError(str(path), "no such file", "check the path") from None
     except UnicodeDecodeError:
@@ -86,7 +89,7 @@ def read_urdf(path: Path, section: MachineSection, allow_outside: bool) -> str:
         remedy = f"put it beside the file, or allow it: {allow}"
         raise MachineFileError(part, f'"{urdf}" is outside the folder of the machine file', remedy)
     try:
-        return read_text(path.parent / urdf)
+        return read_text(path.parent / urdf, LARGEST_URDF)
     except MachineFileError as error:
         raise MachineFileError(part, f'"{urdf}": {error.fault}', error.remedy) from None
 
@@ -114,7 +117,7 @@ def parse(text: str, source: str) -> MachineSection:
 def faults(
     text: str, source: str
 ) -> tuple[MachineSection | None, list[MachineFileError], set[str]]:
-    """Every fault that a machine file's text has by itself, not the first alone.
+    """Faults that a machine file's text has by itself, not the first alone, but at most 200.
 
     Returns the file with stand-ins where it is wrong (None where it is no TOML), its faults, and
     the key paths at which a stand-in stands.
@@ -134,7 +137,7 @@ def faults(
             invalid = error.errors(include_url=False)
             if not stand_ins:  # later ones are faults of stand-ins
                 named = [fault for fault in invalid if fault["loc"][0] not in unnamed]
-                all_faults += [explained(fault, source, key_lines) for fault in named]
+                all_faults += [explained(fault, source, key_lines) for fault in named[:MOST]]
             stand_ins = True
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))

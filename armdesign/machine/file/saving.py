@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdesign import transaction
+from armdesign import text_files, transaction
 from armdesign.errors import MachineFileError
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.json_schema import json_schema
 from armdesign.machine.file.toml_writing import edit
+from armdesign.text_files import LARGEST_URDF
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -102,7 +103,7 @@ def write_files(texts: Mapping[Path, str]) -> None:
 def _text(path: Path) -> str | None:
     """Text of a file; None where there is none, or it is no text."""
     try:
-        return path.read_bytes().decode("utf-8")
+        return text_files.read(path, LARGEST_URDF)
     except (OSError, ValueError):
         return None
 

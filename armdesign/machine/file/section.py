@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+# of Windows, whatever follows a point
+DEVICE = re.compile(r"(?:con|prn|aux|nul|com[0-9]|lpt[0-9])(?:\..*)?", re.IGNORECASE)
 NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
 Text = Annotated[str, Field(min_length=1, max_length=200)]

@@ -20,6 +20,11 @@ from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.machine.file.key_paths import UNIT_END, UNITS
 from armdesign.machine.file.schema import BY_ACTUATOR
 
+DEEPEST = 32  # tables in tables, or parts of a dotted key; a machine file has six
+MOST = {"tables": 1_000, "values": 20_000}  # values: keys, items of lists; a file has hundreds
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?<![\w.-])(?:{_PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
+FEWER = "write the keys of a machine file"
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 
 
@@ -29,13 +34,20 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     Raises:
         MachineFileError: it is no TOML.
     """
+    if long_key := _LONG_KEY.search(text):  # the parser's time grows with the square of its parts
+        line = text.count("\n", 0, long_key.start()) + 1
+        raise MachineFileError(source, f"a key has more than {DEEPEST} parts", FEWER, line)
     try:
-        return tomllib.loads(text)
+        data = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a whole number of 5000 digits
         words = str(error).removesuffix("(at end of document)").strip()
         at_end = isinstance(error, tomllib.TOMLDecodeError)
     except RecursionError:
         words, at_end = "nested too deeply", False
+    else:
+        if excess := _excess(data):
+            raise MachineFileError(source, excess, FEWER)
+        return data
     place = _PLACE.search(words)
     if place is None:
         words += f" (at {_end_or_longest_line(text, at_end)})"
@@ -46,6 +58,21 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
     xml = text.lstrip().startswith("<")  # most likely the URDF itself was given
     remedy = "give the .toml file that names the URDF" if xml else "correct the file at that place"
     raise MachineFileError(source, f"not valid TOML: {words}", remedy)
+
+
+def _excess(data: dict[str, Any]) -> str:
+    """Depth or number of values that no machine file has, in words; "" if neither."""
+    level: list[Any] = [data]
+    counts = dict.fromkeys(MOST, 0)
+    for _ in range(DEEPEST):
+        counts["tables"] += sum(isinstance(node, dict) for node in level)
+        counts["values"] += sum(map(len, level))
+        items = (node.values() if isinstance(node, dict) else node for node in level)
+        level = [item for each in items for item in each if isinstance(item, dict | list)]
+    if level:
+        return f"more than {DEEPEST} tables or lists are within each other"
+    excess = (kind for kind in MOST if counts[kind] > MOST[kind])
+    return next((f"{counts[kind]} {kind}, more than {MOST[kind]}" for kind in excess), "")
 
 
 def _end_or_longest_line(text: str, at_end: bool) -> str:

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from armdesign import units
 from armdesign import user_folders as folders
-from armdesign.errors import printable
+from armdesign.errors import SimulationError, printable
 from armdesign.hydraulics import fluid, friction, valve
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -88,7 +88,15 @@ def _kind(argument: object) -> object:
 
 
 def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Records:
-    """Records of zeros."""
+    """Records of zeros.
+
+    Raises:
+        SimulationError: numba is switched off, which alone gives records attributes.
+    """
+    switches: Any = numba.config
+    if switches.DISABLE_JIT:
+        fault = "simulations need numba's compiler, which it switches off"
+        raise SimulationError("NUMBA_DISABLE_JIT", fault, "unset it")
     return cast(Records, np.zeros(shape, dtype))
 
 

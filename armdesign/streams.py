@@ -1,0 +1,53 @@
+"""Streams of the command line: stdout and stderr that take every text, or end in one line."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+ASCII = {"²": "2", "³": "3", "·": " ", "µ": "u", "×": "x", "≤": "<=", "≥": ">=", "→": "->"}
+ASCII |= {"–": "-", "—": "-", "−": "-", "…": "...", "°": "deg", "±": "+-", "½": "1/2", "Σ": "sum"}
+
+
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
+    """Characters that a terminal lacks, in those that all have."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    plain = (ASCII.get(c) or c.encode("ascii", "backslashreplace").decode() for c in lacking)
+    return "".join(plain), error.end
+
+
+@contextmanager
+def printing() -> Iterator[None]:
+    """Within it stdout and stderr take every text; one that cannot be written is one line, code 2.
+
+    A pipe that nobody reads any more ends the program without a word.
+    """
+    codecs.register_error("armdesign", _in_ascii)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="armdesign")
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except OSError as error:
+        for stream in (sys.stdout, sys.stderr):  # nor may Python's own end try it again
+            with suppress(OSError, ValueError):
+                stream.flush()
+                continue
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        if not isinstance(error, BrokenPipeError):
+            with suppress(OSError):
+                remedy = "print to another place"
+                line = f"armdesign: output: cannot be written ({error.strerror}); {remedy}"
+                print(line, file=sys.stderr)
+        sys.exit(2)

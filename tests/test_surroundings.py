@@ -1,0 +1,86 @@
+"""The command line in odd surroundings: it works, or says one clear line."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.commands import ARMDESIGN, Refused, assert_one_line, run
+
+ROOT = Path(__file__).parent.parent
+FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device here")
+
+
+def test_as_a_module(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "armdesign", "--help"]
+    run_of = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert run_of.returncode == 0
+    assert "--help" in run_of.stdout
+
+
+def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
+    told = run("check", "paper_1dof", folder=tmp_path, PYTHONIOENCODING="ascii")
+    assert told.returncode == 0, told.stderr
+    assert told.stdout.isascii()
+    assert "\\u" not in told.stdout
+    assert "\\x" not in told.stdout
+
+
+@FULL
+@pytest.mark.parametrize("words", [["--help"], ["check", "paper_1dof"]])
+def test_a_full_device(words: list[str], tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        told = subprocess.run(
+            [*ARMDESIGN, *words], stdout=full, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+        )
+    assert told.returncode == 2
+    assert_one_line(told.stderr, "output: cannot be written (No space left on device)")
+    with open("/dev/full", "w") as full:
+        assert subprocess.run([*ARMDESIGN, "map", "x"], stderr=full, cwd=tmp_path).returncode == 2
+
+
+def test_a_package_inside_a_wheel(tmp_path: Path) -> None:
+    wheel = tmp_path / "armdesign-0-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for path in sorted((ROOT / "armdesign").rglob("*.py")):
+            archive.write(path, path.relative_to(ROOT))
+    told = subprocess.run(
+        [sys.executable, "-m", "armdesign", "check", "paper_1dof"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(wheel)},
+    )
+    assert told.returncode == 2, told.stderr
+    assert_one_line(told.stderr, f"cannot run from within {wheel}; install it: pip install")
+
+
+@pytest.mark.parametrize("name", ["con", "NUL", "Com1"])
+def test_devices_of_windows(name: str, refused: Refused) -> None:
+    refused(["new", name], f'"{name}" is a device of Windows, not a file')
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["pareto", "paper_1dof", "--values", "1e300"], "--values: 1e+300 of today's"),
+        (["map", ""], "holds no"),
+        (["identify", ""], "CSV file: cannot be read"),
+        (["optimize", "paper_1dof", "--vary", ""], "vary: () is not allowed"),
+        (["what-if", "paper_1dof", ""], 'what-if: "" is not understood'),
+    ],
+)
+def test_empty_and_huge_options(words: list[str], message: str, refused: Refused) -> None:
+    refused(words, message)
+
+
+def test_without_the_compiler(tmp_path: Path) -> None:
+    told = run("validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1")
+    assert told.returncode == 2
+    assert_one_line(told.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
+    assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0
