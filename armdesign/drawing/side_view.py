@@ -297,15 +297,15 @@ def _between_pins(
         with np.errstate(invalid="ignore"):
             base, end = linkage.ends(poses)
         index = {name: first + i for i, name in enumerate(linkage.pin_names)}
-        if "rod_end" not in index:
-            index["rod_end"] = len(pins)
-            pins.append(PinPoint(name=f"{cylinder.name}.knee"))
+        if (rod_end := linkage.rod_end_name) not in index:
+            index[rod_end] = len(pins)
+            pins.append(PinPoint(name=f"{cylinder.name}.{rod_end}"))
             points.append(end)
         lengths.append(np.linalg.norm(end - base, axis=1))
-        ends = (index["base"], index["rod_end"])
+        ends = (index["base"], index[rod_end])
         cylinders.append(_shape(machine, cylinder, ends, idle))
         for leg, pin in linkage.legs:
-            ends, (length,) = (index[pin], index["rod_end"]), linkage.place(leg) or (0.0,)
+            ends, (length,) = (index[pin], index[rod_end]), linkage.place(leg) or (0.0,)
             bars.append(Bar(name=f"{cylinder.name}.{leg}", ends=ends, length=length))
     return pins, points, cylinders, bars, lengths
 

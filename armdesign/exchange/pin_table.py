@@ -47,9 +47,9 @@ def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
         root = machine.arm.point(rigid, link, at)[0]
         rows.append((link, pin, kind, *(at / mm), *(root / mm)))
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
-        if "rod_end" not in linkage.pin_names:
+        if (name := linkage.rod_end_name) not in linkage.pin_names:
             end = linkage.ends(rigid)[1][0]
-            rows.append(("", f"{cylinder.name}.knee", linkage.key, *[np.nan] * 3, *(end / mm)))
+            rows.append(("", f"{cylinder.name}.{name}", linkage.key, *[np.nan] * 3, *(end / mm)))
     axes = ("x_mm", "y_mm", "z_mm")
     columns = ["link", "pin", "kind", *axes, *(f"root_{axis}" for axis in axes)]
     order = {name: index for index, name in enumerate((*machine.arm.links, ""))}

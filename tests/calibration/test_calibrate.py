@@ -188,7 +188,8 @@ def test_the_command_writes_its_files(
     monkeypatch.chdir(tmp_path)
     words = ["--fit", f"{BETA}, {LIFT}", "--prior", f"{BETA}=1200:200"]
     assert main(["calibrate", "loader_crane.toml", "measured.csv", *words], monkeypatch) == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+    out = tmp_path / "out" / "calibrate_loader_crane"
+    assert {path.name for path in out.iterdir()} == {
         "calibration.csv",
         "calibration_values.csv",
         "calibration.png",
@@ -198,8 +199,8 @@ def test_the_command_writes_its_files(
     printed = capsys.readouterr().out
     assert "left out" in printed
     assert "correlations: fluid.bulk_modulus_MPa with" in printed
-    values = pd.read_csv(tmp_path / "out" / "calibration_values.csv", index_col="path")
-    saved = ad.load(tmp_path / "out" / "loader_crane_calibrated.toml").section
+    values = pd.read_csv(out / "calibration_values.csv", index_col="path")
+    saved = ad.load(out / "loader_crane_calibrated.toml").section
     assert saved.cylinder["lift"].compliance_m_per_N == pytest.approx(
         values["value"][LIFT], rel=0.02
     )

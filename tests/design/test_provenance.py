@@ -100,9 +100,9 @@ def test_each_changed_line_says_what_it_was(name: str, design: ad.Design) -> Non
 
 
 def test_comments_of_what_did_not_change_stay(design: ad.Design) -> None:
-    assert "# replace: pump flow at working speed" in design.machine.text
+    assert "# largest flow of the pump" in design.machine.text
     bore = next(line for line in design.machine.text.split("\n") if line.startswith("bore_mm"))
-    assert bore.endswith("# was 100: replace")
+    assert bore.endswith("# was 100: inner diameter of the barrel; each")
 
 
 def test_the_schema_that_it_names_lies_beside_it(design: ad.Design, tmp_path: Path) -> None:
@@ -163,14 +163,14 @@ def test_lines_that_did_not_change_again_say_nothing_of_their_past(design: ad.De
     text, after = varied.machine.text, tomllib.loads(varied.machine.text)
     assert after["cylinder"]["stick"] == before["cylinder"]["stick"]
     # it had changed before
-    assert re.search(r"(?m)^\[cylinder.stick\](\n.+)*# was 80: replace$", design.machine.text)
+    assert re.search(r"(?m)^\[cylinder.stick\](\n.+)*# was 80: each$", design.machine.text)
     changed = sum(
         flat(varied.machine.section)[path] != value
         for path, value in flat(design.machine.section).items()
     )
     assert text.count("# was ") == changed
     part = text[text.index("[cylinder.stick]") : text.index("[cylinder.stick.valve]")]
-    assert re.search(r"(?m)^bore_mm = \S+ +# replace$", part)
+    assert re.search(r"(?m)^bore_mm = \S+ +# each$", part)
     assert not re.search("(?m)[ \t]+$", text)
 
 

@@ -203,7 +203,9 @@ def test_printed(
         "50 % of the poses",
     ):
         assert words in printed
-    assert max(map(len, printed.splitlines())) <= 100
+    lines = printed.splitlines()
+    assert max(len(line) for line in lines if set(line.strip()) == {"─"}) <= 100  # of tables
+    assert not any(line.endswith(" ") for line in lines)
     assert [path.name for path in tmp_path.rglob("*.*")] == ["machine.png"]
 
 

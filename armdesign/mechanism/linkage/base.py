@@ -97,6 +97,7 @@ class Linkage(Drive):
     bar_names: ClassVar[tuple[str, ...]] = ()
     # bars from a pin to the rod end, each with its pin
     legs: ClassVar[tuple[tuple[str, str], ...]] = ()
+    rod_end_name: ClassVar[str] = "rod_end"  # of the point where it is, in tables and pictures
     rod_end_words: ClassVar[str] = ""  # where the rod end is if no pin of a link
     transmission_words: ClassVar[str] = ""  # the angle of ``transmission``; none if ""
     closing_words: ClassVar[str] = ""  # what lets it close

@@ -35,6 +35,7 @@ class FourBar(Linkage):
     pin_names = ("base", "pivot", "lug")
     bar_names = ("rocker", "coupler")
     legs = (("rocker", "pivot"), ("coupler", "lug"))
+    rod_end_name = "knee"
     rod_end_words = "on the knee"
     transmission_words = "rocker–coupler angle"
     closing_words = (

@@ -135,7 +135,7 @@ def test_kinds_have_names_and_numbers_of_their_own() -> None:
 # descriptions for editors, its compiled rod end.
 OF_ONE_KIND = {
     *("mechanism.linkage.four_bar", "machine.file.schema", "machine.file.json_schema"),
-    "simulation.plant.kinematics",
+    *("simulation.plant.kinematics", "exchange.cylinder_bodies", "machine.parallelogram"),
 }
 
 
