@@ -162,6 +162,7 @@ def test_the_worst_frequency_is_printed(
     assert "payload full" in printed
 
 
+@pytest.mark.slow
 def test_a_second_run_replaces_its_files_and_leaves_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,6 +203,7 @@ def test_tables_in_si(
     assert "°" not in printed[1]
 
 
+@pytest.mark.slow
 def test_every_table_in_both_habits() -> None:
     """One table of units serves all sheets: a bore of 120 mm is 0.1200 m, 350 bar × area is in kN
     or N.

@@ -78,6 +78,7 @@ def test_bad_numbers_are_one_line(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_runs_do_not_mix_and_quiet_ones_say_nothing(tmp_path: Path) -> None:
     for words in (["map", "paper_1dof"], ["compare", "paper_1dof", "paper_1dof"]):
         done = run(*words, "--points", "5", "--quiet", folder=tmp_path)

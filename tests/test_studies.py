@@ -57,6 +57,7 @@ def test_baseline_map_finds_its_headline() -> None:
     assert 100 * table["share"].min() == pytest.approx(float(found[2]), abs=4)
 
 
+@pytest.mark.slow
 def test_which_formula_finds_its_headline() -> None:
     module = study("02_which_formula")
     words = module.__doc__ or ""
@@ -187,6 +188,7 @@ def test_rocking_finds_its_headline() -> None:
     assert table["limits"].iloc[-1] == "carriage"
 
 
+@pytest.mark.slow
 def test_shaping_finds_its_headline() -> None:
     """The worst pose is refined off the grid, so that a coarse one is enough."""
     module = study("12_shaping")

@@ -79,6 +79,7 @@ def test_empty_and_huge_options(words: list[str], message: str, refused: Refused
     refused(words, message)
 
 
+@pytest.mark.slow
 def test_without_the_compiler(tmp_path: Path) -> None:
     told = run("validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1")
     assert told.returncode == 2

@@ -201,6 +201,7 @@ def test_folders_made_for_nothing_are_removed(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------ killed
 
 
+@pytest.mark.slow
 def test_killed_at_any_step_all_files_are_old_or_new(tmp_path: Path) -> None:
     """Before every step of a move, of one that fails and is undone, and of what mends it, killed
     again and again.

@@ -97,6 +97,7 @@ def test_what_no_measurement_depends_on_is_not_claimed() -> None:
     assert alone.correlations.empty
 
 
+@pytest.mark.slow
 def test_values_that_no_oil_or_structure_has_are_said() -> None:
     """Oil softer than any and a structure ten times as soft as oil fit, but are named."""
     machine = crane()
@@ -160,6 +161,7 @@ def test_static_pressures_tell_a_mass() -> None:
     assert np.isnan(found.left_out).all()
 
 
+@pytest.mark.slow
 def test_left_out_errors_are_those_of_fits_without_the_measurement() -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses(), noise=0.01, seed=3)

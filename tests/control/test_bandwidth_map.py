@@ -93,6 +93,7 @@ def test_machines_with_their_own_damping(name: str) -> None:
     assert np.isfinite(works.select_dtypes("number").to_numpy()).all()
 
 
+@pytest.mark.slow
 def test_no_bandwidth_rests_on_no_damping() -> None:
     machine = ad.load("paper_1dof")
     with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that") as caught:

@@ -19,6 +19,8 @@ def test_it_writes_bandwidths_gains_and_picture(
         "bandwidth.csv",
         "gains.csv",
         "bandwidth.png",
+        "report.html",
+        "report.json",
     }
     table = pd.read_csv(tmp_path / "gains.csv")
     columns = {"lift_boom", "payload", "f1_hz", "damping", "critical_gain_per_s"}

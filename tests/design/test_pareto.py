@@ -173,6 +173,7 @@ def test_a_start_is_a_design_of_the_same_machine() -> None:
         ad.optimize(machines.named("excavator_20t"), start=found)
 
 
+@pytest.mark.slow
 def test_against_lift() -> None:
     """Every design keeps the lift that its limit asks for; less lift buys no less frequency."""
     front = ad.pareto(

@@ -337,6 +337,7 @@ def test_pins_for_sizes_of_a_catalogue_and_bands() -> None:
     assert robust.band_after.low.frequency == pytest.approx(judged, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_trade_off_for_bands() -> None:
     """Every point is the optimum of its own limit for the bands, and says its worst frequency and
     its least gain within them.

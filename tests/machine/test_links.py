@@ -172,6 +172,7 @@ def test_a_design_of_it_is_one_file(tmp_path: Path) -> None:
     assert ad.load(tmp_path / "wider.toml").section.links == machine.section.links
 
 
+@pytest.mark.slow
 def test_sensitivity_knows_the_links() -> None:
     """Derivatives by a length, a mass and an angle of [links] against whole new maps."""
     machine = made(PLAIN)

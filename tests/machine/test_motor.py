@@ -119,6 +119,7 @@ def test_the_shipped_motor_meets_the_data_sheet(slewing: ad.Machine) -> None:
     assert 1.0 <= speed / (11.30 * 2 * math.pi / 60) <= 1.06
 
 
+@pytest.mark.slow
 def test_the_nonlinear_simulation_slews_at_the_linear_frequency(slewing: ad.Machine) -> None:
     found = ad.validate(slewing, [0.3, 0.2, -1.2, -0.5], cylinders=["swing"])
     assert found.runs[0].cylinder == "swing"

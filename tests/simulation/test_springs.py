@@ -99,6 +99,7 @@ def test_nothing_damps_where_the_file_says_so() -> None:
     assert_allclose(linear.natural_frequencies, modes, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_two_masses_ring_as_by_hand() -> None:
     """Struck, slide and carriage ring with the two roots of the closed form, undamped."""
     machine = two_masses(3e6)

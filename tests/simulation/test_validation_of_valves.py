@@ -52,6 +52,7 @@ def test_air_behind_valves_that_leak() -> None:
         assert run.identified_damping == pytest.approx(run.linear_damping, rel=0.03)
 
 
+@pytest.mark.slow
 def test_wide_underlap() -> None:
     """What damps so much, and shifts the frequency by a quarter, is told from a fault."""
     changes = {
@@ -72,6 +73,7 @@ def test_wide_underlap() -> None:
         assert run.identified_frequency == pytest.approx(run.frequency_at_rest, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_creep() -> None:
     """What leaks into a chamber behind a load-holding valve without pilot cannot leave it: the
     pressures rise.
@@ -122,6 +124,7 @@ def test_overlap_is_leapt() -> None:
     assert validate(machine, [0.0]).worst_deviation < 5e-3
 
 
+@pytest.mark.slow
 def test_a_sweep_that_hardly_breaks_loose() -> None:
     """It does not show the mode, as the table and its verdict tell; without dry friction it
     does.

@@ -62,6 +62,7 @@ def test_more_starts_where_four_bars_move(vary: tuple[str, ...], count: int) -> 
         assert len(starts.reached) + len(starts.failed) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("only_looked_at")
 def test_a_start_that_fails_is_named() -> None:
     """Left where they are drawn, starts miss requirements: each says which, and none of them says

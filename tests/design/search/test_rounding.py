@@ -55,6 +55,7 @@ def test_only_sizes_and_pins_change_and_lie_on_the_grid() -> None:
     assert found["cylinder.bucket.base.at_mm"][1] == 0  # pins stay in their plane
 
 
+@pytest.mark.slow
 def test_comments_stay() -> None:
     """Every comment below the head, in its order, but that changed lines say what they were."""
     design = excavator_design()
