@@ -37,6 +37,7 @@ from armdesign.design.requirements.strokes_and_boxes import PinBoxes
 from armdesign.design.requirements.torque import Torques, torques
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,8 @@ class Requirements(
 
     Each base is a family of requirements and has its attributes.
     """
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name, how in self._stated().items():
