@@ -79,8 +79,20 @@ class Requirements(
             how.check(getattr(self, name))
 
     @classmethod
-    def of(cls, machine: Machine) -> Requirements:
-        """The requirements that the machine's file states; of cylinders that stand still none."""
+    def of(cls, machine: Machine, **instead: Any) -> Requirements:
+        """The requirements that the machine's file states; of cylinders that stand still none.
+
+        Example: ``Requirements.of(machine, lift_share=0.95)``.
+
+        Args:
+            machine: today's machine.
+            instead: other values by their keys under ``[requirements]``, in the file's units.
+
+        Raises:
+            MachineFileError: a key or value that the file cannot have.
+        """
+        if instead:
+            machine = machine.replace({f"requirements.{key}": x for key, x in instead.items()})
         return cls(**{name: how.read(machine) for name, how in cls._stated().items()})
 
     @classmethod
