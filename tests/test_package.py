@@ -24,6 +24,7 @@ ROOMS = (
         "user_folders",
         "transaction",
         "arrays",
+        "short_repr",
         "progress",
     ),
     *("journal", "hydraulics", "mechanism", "machine", "frequency", "inspection", "calibration"),

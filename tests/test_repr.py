@@ -1,7 +1,11 @@
-"""What an interactive session shows of a machine fits on a screen."""
+"""What an interactive session shows of machines and results fits on a screen."""
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
+
+import numpy as np
 import pytest
 
 import armdesign as ad
@@ -22,3 +26,37 @@ def test_units_are_public() -> None:
     """π rad are 180°, 1 bar is 1e5 Pa."""
     assert 180 * ad.units.deg == pytest.approx(3.14159265358979)
     assert 350 * ad.units.bar == 35e6
+
+
+# These say themselves what matters, or hold a few numbers as they were given.
+OTHERS = (ad.Machine, ad.Bands, ad.Step, ad.Table, ad.WorstPose)
+RESULTS = [
+    kind
+    for name in ad.__all__
+    if inspect.isclass(kind := getattr(ad, name))
+    and dataclasses.is_dataclass(kind)
+    and kind not in OTHERS
+]
+
+
+@pytest.mark.parametrize("kind", RESULTS, ids=lambda kind: kind.__name__)
+def test_every_public_object_is_at_most_ten_lines(kind: type) -> None:
+    """Also with more poses than fit on a screen, and a text for every field."""
+    value = object.__new__(kind)
+    for field in dataclasses.fields(kind):
+        object.__setattr__(value, field.name, np.linspace(-7, 1, 4000).reshape(1000, 2, 2))
+    lines = repr(value).splitlines()
+    assert len(lines) <= 10
+    assert max(map(len, lines)) < 100
+    shown = [field.name for field in dataclasses.fields(kind) if field.repr]
+    assert shown[0] in repr(value)
+
+
+def test_what_matters_is_in_it() -> None:
+    machine = ad.load("paper_1dof")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=5))
+    shown = repr(frequencies)
+    assert f"{frequencies.worst.frequency:.6g}" in shown
+    assert frequencies.worst.payload in shown
+    assert "paper_1dof" in shown
+    assert repr(ad.Requirements(lift_share=0.8)) == "Requirements: lift_share 0.8"

@@ -19,6 +19,7 @@ from armdesign.calibration.prediction import Prediction, Predictor, measured_loa
 from armdesign.calibration.unknowns import Unknown, unknowns_of
 from armdesign.machine.machine import Machine
 from armdesign.machine.provenance import retold
+from armdesign.short_repr import short_repr
 from armdesign.units import bar
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ class Calibration:
         after: of the calibrated one.
         left_out: relative errors of the frequencies (n,), each predicted without its measurement.
     """
+
+    __repr__ = short_repr
 
     today: Machine
     machine: Machine

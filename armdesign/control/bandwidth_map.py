@@ -44,6 +44,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.short_repr import short_repr
 from armdesign.units import deg
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class BandwidthMap(ReadOnly):
         workspace: the poses.
         options: what was asked of the controllers.
     """
+
+    __repr__ = short_repr
 
     frame: pd.DataFrame
     gains: pd.DataFrame

@@ -18,6 +18,7 @@ import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.loop_plant import LoopPlant
+from armdesign.short_repr import short_repr
 
 Filter = Literal["high-pass", "band-pass"]
 BAND_WIDTH = 1.0  # ζ_f of the band-pass
@@ -34,6 +35,8 @@ class Controller(ReadOnly):
         corner: ω_c of the filters (n,) [rad/s].
         filter: their kind.
     """
+
+    __repr__ = short_repr
 
     position: Array
     pressure: Array

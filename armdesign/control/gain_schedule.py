@@ -14,6 +14,7 @@ from armdesign.control.controller import Controller
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import joint_positions
+from armdesign.short_repr import short_repr
 
 MOST = 4  # joints between which gains are linear; beyond, those of the nearest pose
 
@@ -30,6 +31,8 @@ class GainSchedule:
         of: gains (m, nq + nc + 1) at positions (m, nq) of joints.
         map: the map from which they come.
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     poses: Array

@@ -42,6 +42,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
@@ -74,6 +75,8 @@ class Design:
         selection: the sizes of a catalogue and their proof, where nothing but sizes varied; None
             otherwise.
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     today: Machine

@@ -27,6 +27,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.file.schema import DEFAULT, share_of
 from armdesign.machine.machine import Machine
 from armdesign.progress import counted, note_rounds
+from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,6 +56,8 @@ class Pareto:
         left_out: limits that no design meets, and why.
         today: the machine that all were made from.
     """
+
+    __repr__ = short_repr
 
     against: str
     limits: tuple[float, ...]

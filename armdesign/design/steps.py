@@ -28,6 +28,7 @@ from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +48,8 @@ class DesignStep:
         searched: sets of as many pins that were searched.
         sets: that there are.
     """
+
+    __repr__ = short_repr
 
     pins: Pins
     design: Design
@@ -87,6 +90,8 @@ class Steps:
         left_out: numbers of pins with which no design was found, or none better than with fewer,
             and why.
     """
+
+    __repr__ = short_repr
 
     today: Machine
     steps: tuple[DesignStep, ...]

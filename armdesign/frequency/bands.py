@@ -33,6 +33,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
 BETWEEN = 15  # places between the corners at which gains are judged: one band's sixteenths
@@ -246,6 +247,8 @@ class FrequencyBand:
         nominal: with the file's values [Hz].
         between: at places spread between the corners [Hz], the same for all machines.
     """
+
+    __repr__ = short_repr
 
     scenarios: tuple[Scenario, ...]
     nominal: float

@@ -18,6 +18,7 @@ from armdesign.frequency.worst_frequency import WorstPose, refined
 from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +46,8 @@ class FrequencyMap(ReadOnly):
         machine: the machine.
         workspace: the poses.
     """
+
+    __repr__ = short_repr
 
     frame: pd.DataFrame
     worst: WorstPose

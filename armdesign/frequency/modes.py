@@ -16,6 +16,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly, chunks, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
+from armdesign.short_repr import short_repr
 from armdesign.units import GRAVITY
 
 Numbers = TypeVar("Numbers", float, Array)
@@ -38,6 +39,8 @@ class Modes(ReadOnly):
         rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where
             that load vanishes.
     """
+
+    __repr__ = short_repr
 
     frequencies: Array
     shapes: Array

@@ -28,6 +28,7 @@ from armdesign.frequency.spread import (
 )
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 CELLS = 90  # along the longer side
 INSIDE = 20_000  # poses inside the joint box, half as many on its faces, edges and so on
@@ -50,6 +51,8 @@ class ReachMap:
         frequency: least over all poses and load cases (nx, nz) [Hz]; NaN where no pose brings the
             tool.
     """
+
+    __repr__ = short_repr
 
     reach: Array
     height: Array

@@ -25,6 +25,7 @@ from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.progress import with_bar
+from armdesign.short_repr import short_repr
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MARGIN_TOLERANCE = 1e-9
@@ -48,6 +49,8 @@ class Workspace(ReadOnly):
         kind: how its poses were chosen; "poses": one by one.
         cells: of a reach plane: middles of its cells, reach and height [m].
     """
+
+    __repr__ = short_repr
 
     q: Array
     weights: Array

@@ -23,6 +23,7 @@ from armdesign.influence.slopes import slopes
 from armdesign.machine.file.numbers import Number, numbers_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, pose_text
+from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ class Sensitivity(ReadOnly):
             exact by a search near the rivals; NaN where the file cannot have such a number.
         left_out: number of other numbers, which do not matter.
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     rivals: tuple[Rival, ...]

@@ -23,6 +23,7 @@ from armdesign.influence.slopes import mass_slopes, slopes
 from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, pose_text
+from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ class Tolerances(ReadOnly):
         stated: whether file or caller state it; else it is that of the file.
         searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     rivals: tuple[Rival, ...]

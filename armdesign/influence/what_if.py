@@ -27,6 +27,7 @@ from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any
 from armdesign.machine.machine import Machine
 from armdesign.report.comparison import quantities
 from armdesign.report.sheet import Sheet
+from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class WhatIf:
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
             change is no number), value after, and relative change by both.
     """
+
+    __repr__ = short_repr
 
     changes: dict[str, tuple[Any, Any]]
     before: FrequencyMap

@@ -26,6 +26,7 @@ from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.short_repr import short_repr
 from armdesign.units import mm
 
 if TYPE_CHECKING:
@@ -85,6 +86,8 @@ class LiftChart(ReadOnly):
         limiting: name of the actuator that limits it, or "tipping" (n,).
         q: its poses (n, nq) [rad, m].
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     poses: ChartPoses

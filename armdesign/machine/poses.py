@@ -25,6 +25,7 @@ from armdesign.arrays import Array, Flags, ReadOnly, side_by_side
 from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
+from armdesign.short_repr import short_repr
 from armdesign.units import deg, outward
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class Poses(ReadOnly):
         spring_stiffness: κ of each spring (n, ns) [N m/rad, N/m].
         tool: position of the tool in the root link (n, 3) [m].
     """
+
+    __repr__ = short_repr
 
     q: Array
     mass_matrix: Array

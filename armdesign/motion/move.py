@@ -14,6 +14,7 @@ from armdesign.motion.feed_forward import SpoolPlan
 from armdesign.motion.outcome import MoveRun
 from armdesign.motion.shapers import Shaper
 from armdesign.motion.trajectory import Trajectory
+from armdesign.short_repr import short_repr
 from armdesign.simulation.excitation import Table
 from armdesign.units import deg, l_per_min, mm
 
@@ -40,6 +41,8 @@ class Move(ReadOnly):
         tolerance: distance within which the tool has settled [m].
         runs: nonlinear runs, unshaped and shaped: of the planned payload, then of others.
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     poses: Array

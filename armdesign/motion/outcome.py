@@ -16,6 +16,7 @@ import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 from armdesign.simulation.run import SETTLED, Simulation
 
 PERIODS = 6.0  # of the lowest mode that are looked at after the spools have come to rest
@@ -38,6 +39,8 @@ class MoveRun(ReadOnly):
         settled: when the tool is within the tolerance for good [s]; inf: not within the run.
         miss: of the joints' planned end, by the middle of what is left (nq,) [rad, m].
     """
+
+    __repr__ = short_repr
 
     shaped: bool
     mass: float

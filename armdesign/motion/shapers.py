@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
+from armdesign.short_repr import short_repr
 
 TOLERATED = 0.05  # residual vibration, over that of the step
 MOST_IMPULSES = 200
@@ -47,6 +48,8 @@ class Shaper(ReadOnly):
         high: highest frequency that it is made for [Hz].
         damping: ratio that it is made for.
     """
+
+    __repr__ = short_repr
 
     times: Array
     amplitudes: Array

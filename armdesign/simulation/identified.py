@@ -12,6 +12,7 @@ import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.column_names import tells_pose
 from armdesign.simulation.identification.modal_fit import ModalFit
 from armdesign.simulation.identification.pressure_ratio import PressureRatio
@@ -83,6 +84,8 @@ class Identified:
         warnings: what a reader should know of the recording.
         machine: whose poses are given; None without one.
     """
+
+    __repr__ = short_repr
 
     recording: Recording
     signal: str

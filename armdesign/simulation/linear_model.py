@@ -17,6 +17,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import SimulationError, choose
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 from armdesign.simulation.damped_modes import DampedModes, damped_modes_of, damping_of, oscillatory
 from armdesign.simulation.signals import Groups
 from armdesign.units import bar
@@ -112,6 +113,8 @@ class LinearModels(StateSpace):
     A (n, ns, ns), B (n, ns, nu), C (n, ny, ns), D (n, ny, nu), equilibrium (n, ns).
     """
 
+    __repr__ = short_repr
+
     stable: Flags  # (n,): whether trapped oil and springs alone hold the pose, K ≻ 0
 
     def __len__(self) -> int:
@@ -133,6 +136,8 @@ class LinearModel(StateSpace):
 
     A (ns, ns), B (ns, nu), C (ny, ns), D (ny, nu), equilibrium (ns,).
     """
+
+    __repr__ = short_repr
 
     stable: bool  # whether trapped oil and springs alone hold the pose, K ≻ 0
 

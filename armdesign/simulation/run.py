@@ -15,6 +15,7 @@ from armdesign.errors import SimulationError
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 from armdesign.simulation.controlled_plant import ENERGY
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
@@ -88,6 +89,8 @@ class Simulation(ReadOnly):
         events: what limited the motion, in words and in order: loads that cannot be held or fall
             out, stops, cavitation, reliefs, the pump.
     """
+
+    __repr__ = short_repr
 
     time: Array
     q: Array

@@ -38,6 +38,7 @@ from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import without_dry_friction
 from armdesign.simulation.run import Simulation
@@ -58,6 +59,8 @@ class Validation:
         joints: names of the coordinates.
         sweeps: all, in the order of poses, payloads, cylinders, amplitudes (full, half).
     """
+
+    __repr__ = short_repr
 
     joints: tuple[str, ...]
     sweeps: tuple[Run | Failure, ...]

@@ -16,6 +16,7 @@ from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
@@ -34,6 +35,8 @@ class Sweep:
         kept: how many of them a journal had already.
         retried: names of cases that were tried again because a worker died.
     """
+
+    __repr__ = short_repr
 
     cases: tuple[Case, ...]
     outcomes: tuple[Entry, ...]

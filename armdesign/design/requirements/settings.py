@@ -37,6 +37,7 @@ from armdesign.design.requirements.strokes_and_boxes import PinBoxes
 from armdesign.design.requirements.torque import Torques, torques
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
+from armdesign.short_repr import short_repr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,8 @@ class Requirements(
     Each base is a family of requirements and has its attributes.
     """
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         for name, how in self._stated().items():
             object.__setattr__(self, name, how.completed(getattr(self, name)))
@@ -76,8 +79,20 @@ class Requirements(
             how.check(getattr(self, name))
 
     @classmethod
-    def of(cls, machine: Machine) -> Requirements:
-        """The requirements that the machine's file states; of cylinders that stand still none."""
+    def of(cls, machine: Machine, **instead: Any) -> Requirements:
+        """The requirements that the machine's file states; of cylinders that stand still none.
+
+        Example: ``Requirements.of(machine, lift_share=0.95)``.
+
+        Args:
+            machine: today's machine.
+            instead: other values by their keys under ``[requirements]``, in the file's units.
+
+        Raises:
+            MachineFileError: a key or value that the file cannot have.
+        """
+        if instead:
+            machine = machine.replace({f"requirements.{key}": x for key, x in instead.items()})
         return cls(**{name: how.read(machine) for name, how in cls._stated().items()})
 
     @classmethod

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
+from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.modal_fit import ModalFit, identify_frequency_response
 from armdesign.simulation.identification.records import signals_of
 
@@ -29,6 +30,8 @@ class FrequencyResponse(ReadOnly):
         coherence: share of the output's power that the input explains (k,), 0…1.
         averages: number of independent segments behind it.
     """
+
+    __repr__ = short_repr
 
     frequency: Array
     response: Array

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
+from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.records import signals_of
 from armdesign.simulation.identification.residual_terms import (
     Answer,
@@ -69,6 +70,8 @@ class ModalFit(ReadOnly):
             magnitude (2, 800).
         residual: root mean square of what the fit leaves of the output's spectrum, relative.
     """
+
+    __repr__ = short_repr
 
     natural_frequencies: Array
     damping_ratios: Array

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
+from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.decaying_modes import (
     NO_TREND,
     Noise,
@@ -76,6 +77,8 @@ class Ringdown(ReadOnly):
         fitted: modes and trend (n, outputs).
         residual: root mean square of what the modes leave of the outputs, relative.
     """
+
+    __repr__ = short_repr
 
     natural_frequencies: Array
     damping_ratios: Array

@@ -1,0 +1,71 @@
+"""The repr of a result: what it holds, in at most ten lines, arrays by shape and range."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any
+
+LINES, COLUMNS = 10, 99
+
+
+def short_repr(result: Any) -> str:
+    """What a dataclass holds, without what has its default, as its class's ``__repr__``.
+
+    Arrays of more than six numbers are told by shape, least and greatest; SI units, as inside.
+    """
+    text = f"{type(result).__name__}: {_fields(result, 0)}".rstrip(": ")
+    lines = textwrap.wrap(text, COLUMNS, max_lines=LINES, placeholder=" …", subsequent_indent="  ")
+    return "\n".join(lines)
+
+
+def _fields(value: Any, depth: int) -> str:
+    stated = [f for f in fields(value) if f.repr and not _is_default(f, getattr(value, f.name))]
+    return "; ".join(f"{f.name} {_told(getattr(value, f.name), depth + 1)}" for f in stated)
+
+
+def _is_default(field: Field[Any], value: Any) -> bool:
+    if hasattr(value, "shape"):
+        return False
+    if field.default_factory is not MISSING:
+        return bool(value == field.default_factory())
+    return field.default is not MISSING and bool(value == field.default)
+
+
+def _told(value: Any, depth: int) -> str:
+    """One value in a few words; parts of parts by their names only."""
+    if hasattr(value, "columns"):
+        return f"{len(value)} rows x {len(value.columns)} columns"
+    if hasattr(value, "shape") and value.shape:
+        return _array(value)
+    if isinstance(value, bool | str | None):
+        return textwrap.shorten(str(value), 80, placeholder=" …")
+    if isinstance(value, Mapping):
+        return _several([f"{key}: {_told(value[key], depth + 1)}" for key in [*value][:4]], value)
+    if isinstance(value, tuple | list):
+        return _several([_told(part, depth + 1) for part in value[:4]], value)
+    if is_dataclass(value):
+        name = getattr(value, "name", None)
+        if isinstance(name, str):
+            return name
+        small = depth == 1 and len(fields(value)) <= 6
+        return f"({_fields(value, depth)})" if small else type(value).__name__
+    try:
+        return f"{value:.6g}"
+    except (TypeError, ValueError):
+        return type(value).__name__
+
+
+def _several(told: list[str], whole: Any) -> str:
+    more = f", … {len(whole)} in all" if len(whole) > len(told) else ""
+    return f"({', '.join(told)}{more})"
+
+
+def _array(value: Any) -> str:
+    if value.size <= 6 and value.ndim == 1:
+        return f"({', '.join(_told(x, 9) for x in value.tolist())})"
+    shape = " x ".join(map(str, value.shape))
+    if not value.size or value.dtype.kind not in "biuf":
+        return f"[{shape}]"
+    return f"[{shape}] from {value.min():.4g} to {value.max():.4g}"
