@@ -91,14 +91,15 @@ def map_command(run: OverWorkspace) -> None:
     with run.progress("mapping the workspace"):
         model, workspace, out = run.open_workspace()
         frequencies = frequency_map(model, workspace)
+        sheets = map_sheets(frequencies, run.units.units)
     with run.writing(out) as folder:
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
-        output.write_map_report(frequencies, run.origin(), folder, run.units.units)
-    run.show(map_sheets(frequencies, run.units.units))
+        output.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
+    run.show(sheets)
 
 
 @app.command()

@@ -185,7 +185,7 @@ def write_page(report: Report, folder: Path, pictures: Path | None = None) -> No
 
 
 def write_map_report(
-    frequencies: FrequencyMap, origin: Origin, folder: Path, units: Units
+    frequencies: FrequencyMap, sheets: Sequence[Sheet], origin: Origin, folder: Path, units: Units
 ) -> None:
     """Write the report of a map with the pictures that are in the folder."""
     from armdesign.report.contents import Picture
@@ -204,7 +204,7 @@ def write_map_report(
         if (folder / file).exists()
     ]
     provenance = origin.sheet({"": frequencies.machine})
-    write_page(map_report(frequencies, pictures, provenance, units), folder)
+    write_page(map_report(frequencies, sheets, pictures, provenance, units), folder)
 
 
 def write_plain_report(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
 from armdesign.errors import PoseError
+from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
@@ -126,6 +128,15 @@ class FrequencyMap(ReadOnly):
         for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=False):
             frame[name] = values
         return frame
+
+    @cached_property
+    def band(self) -> FrequencyBand:
+        """Worst frequency within the bands of the machine file, or assumed where it has none.
+
+        Raises:
+            PoseError: at the soft end gravity overcomes the trapped oil.
+        """
+        return frequency_band(self.machine, self.workspace, Bands.shown(self.machine))
 
     @property
     def holding_pressures(self) -> Array:

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from armdesign.errors import PoseError
-from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
+from armdesign.frequency.bands import Bands, FrequencyBand
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.worst_frequency import WorstPose, worst_pose
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import Number, Picture, Report, Section
-from armdesign.report.maps import map_sheets
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet, pose_text
 from armdesign.units import WORKSHOP, Units
@@ -26,6 +25,7 @@ ENDS = ("softest", "nominal", "rigid")
 
 def map_report(
     frequencies: FrequencyMap,
+    sheets: Sequence[Sheet],
     pictures: Sequence[Picture],
     provenance: Sheet,
     units: Units = WORKSHOP,
@@ -34,12 +34,13 @@ def map_report(
 
     Args:
         frequencies: the map.
+        sheets: its tables, of ``map_sheets``.
         pictures: of the map, then others.
         provenance: table of how it was made.
         units: of the tables.
     """
     machine, worst = frequencies.machine, frequencies.worst
-    head, bands, spread, *others, lift = map_sheets(frequencies, units)
+    head, bands, spread, *others, lift = sheets
     of_map = tuple(one for one in pictures if one.file.startswith("map_"))
     rest = tuple(one for one in pictures if one not in of_map)
     numbers = headline({"": frequencies}, Bands.shown(machine), units=units)
@@ -100,7 +101,7 @@ def headline(
     Args:
         maps: of one machine, or of today's and the new one on one workspace.
         bands: what is not known exactly.
-        known: the worst frequencies within them of each machine, where they are known.
+        known: the worst frequencies within them of each machine; none: those of the maps.
         units: of the poses.
     """
     first, last = next(iter(maps.values())), list(maps.values())[-1]
@@ -109,7 +110,7 @@ def headline(
     pairs: dict[str, list[WorstPose | None]] = {end: [] for end in names}
     for k, frequencies in enumerate(maps.values()):
         try:
-            band = known[k] if known else _band(frequencies, bands)
+            band = known[k] if known else frequencies.band
         except PoseError:  # unstable at the soft end
             band = None
         for end, found in _ends(frequencies, first.machine, band, bands).items():
@@ -118,10 +119,6 @@ def headline(
         _number(names[end], pairs[end], last.machine, units)
         for end in ("rigid", "nominal", "softest")
     )
-
-
-def _band(frequencies: FrequencyMap, bands: Bands) -> FrequencyBand:
-    return frequency_band(frequencies.machine, frequencies.workspace, bands)
 
 
 def _ends(

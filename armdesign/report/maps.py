@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
 from armdesign.errors import PoseError, SimulationError
-from armdesign.frequency.bands import Bands, frequency_band
+from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, pose_text, spring_note
@@ -48,10 +48,9 @@ def _bands_sheet(frequencies: FrequencyMap) -> Sheet:
     """The worst frequency within the file's bands, or why there is none at their soft end."""
     machine, bands = frequencies.machine, Bands.shown(frequencies.machine)
     try:
-        band = frequency_band(machine, frequencies.workspace, bands)
+        return bands_sheet(machine, bands, {"worst": frequencies.band})
     except PoseError as error:
         return Sheet(title=BANDS_TITLE, rows=(("softest", "unstable"),), note=str(error))
-    return bands_sheet(machine, bands, {"worst": band})
 
 
 def _relief_note(frequencies: FrequencyMap, units: Units) -> str:

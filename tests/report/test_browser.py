@@ -22,6 +22,7 @@ from armdesign.frequency.maps import FrequencyMap
 from armdesign.report.contents import Picture, Report, Section
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.map_reports import map_report
+from armdesign.report.maps import map_sheets
 from armdesign.report.page import page
 from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
@@ -54,7 +55,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with everything that pages can have."""
     both = maps()
     origin = Origin.begin("armdesign map excavator_20t", {"points": "6,5,6"})
-    one = map_report(both["today"], (), origin.sheet({"": both["today"].machine}))
+    today = both["today"]
+    one = map_report(today, map_sheets(today), (), origin.sheet({"": today.machine}))
     machines = {label: single.machine for label, single in both.items()}
     folder = tmp_path_factory.mktemp("report")
     picture = Picture(caption="static map", file="map_joints.png")

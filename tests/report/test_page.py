@@ -18,6 +18,7 @@ from armdesign.arrays import Array
 from armdesign.drawing.side_view import side_view
 from armdesign.report.contents import Number, Picture, Report, Section
 from armdesign.report.map_reports import map_report
+from armdesign.report.maps import map_sheets
 from armdesign.report.page import page, sortable
 from armdesign.report.provenance import Origin
 from armdesign.report.scene import Packed, scene_of
@@ -207,7 +208,9 @@ def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
 
 def test_a_report_survives_its_file() -> None:
     origin = Origin.begin("armdesign map x", {})
-    report = map_report(two_joints(), (), origin.sheet({"": two_joints().machine}))
+    frequencies = two_joints()
+    provenance = origin.sheet({"": frequencies.machine})
+    report = map_report(frequencies, map_sheets(frequencies), (), provenance)
     again = Report.of_text(report.text())
     assert again.text() == report.text()
     titles = [section.title for section in report.sections]
