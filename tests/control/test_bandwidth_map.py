@@ -150,4 +150,5 @@ def test_picture_has_one_scale(bandwidths: ad.BandwidthMap) -> None:
     ]
     limits = {mesh.get_clim() for mesh in meshes[:3]}
     assert len(limits) == 1
-    assert any("Hz" in ax.get_ylabel() for ax in figure.axes)
+    bars = [bar for ax in figure.axes for bar in ax.child_axes]
+    assert any("Hz" in bar.get_ylabel() for bar in bars)
