@@ -2,7 +2,7 @@
 
 A robot description knows rigid bodies and joints, not lengths between pins. So a barrel turns
 about its base pin, a rod slides in it, a rocker turns about its pivot and a coupler about the
-knee. Each hangs on the body before it; ``closes`` is the link or body on whose pin it ends. All
+knee. The body before it carries each; ``closes`` is the link or body on whose pin it ends. All
 joints are 0 at a reference pose.
 
 In the plane of its link a barrel needs one hinge, about −y as the joints of the arm; where it

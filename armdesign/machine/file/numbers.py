@@ -6,7 +6,6 @@ words are none.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -153,19 +152,3 @@ def _with(node: Any, location: Location, value: Any) -> Any:
     if isinstance(node, Mapping):
         return {**node, key: _with(node[key], tuple(rest), value)}
     return [_with(item, tuple(rest), value) if i == key else item for i, item in enumerate(node)]
-
-
-def in_range(number: Number, value: float, part: str) -> float:
-    """The value, if the schema allows it at the number's key path.
-
-    Raises:
-        ArmDesignError: it does not.
-    """
-    inside = math.isfinite(value) and number.low <= value <= number.high
-    if not inside:
-        raise ArmDesignError(
-            part,
-            f"{value:g} {number.unit}".strip() + " is not allowed",
-            f"give {allowed(number.location)}",
-        )
-    return value
