@@ -16,9 +16,9 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic_core import PydanticUndefined
 
 from armdesign.machine.file.json_schema import meaning, of_how_many
-from armdesign.sweeps.numbers import MEANINGS
 from armdesign.machine.file.key_paths import allowed, is_table, unit_of, unwrap
 from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
+from armdesign.sweeps.numbers import MEANINGS
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS / "every_key.toml"
