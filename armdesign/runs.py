@@ -18,8 +18,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-import typer
-
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     CatalogueOption,
@@ -185,7 +183,7 @@ class Shown:
             if self.json:
                 self.document.add_fault(fault)
         if faults:
-            raise typer.Exit(2)
+            sys.exit(2)
 
     @contextmanager
     def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
