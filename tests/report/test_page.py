@@ -64,9 +64,9 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
                 assert values[row, 0] == pytest.approx(least.min(), abs=2e-4)
                 assert least.min() - 2e-4 < values[row, 1] <= values[row, 2] + 2e-4
                 pose = positions[int(cells[row, 3])]
-                assert pose[-1] == pytest.approx(least.min(), abs=2e-4)
+                assert pose[len(joints)] == pytest.approx(least.min(), abs=2e-4)
                 worst = np.degrees(frame.loc[least.idxmin(), joints].to_numpy(float))
-                assert pose[:-1] == pytest.approx(worst, abs=0.01)
+                assert pose[: len(joints)] == pytest.approx(worst, abs=0.01)
                 checked += 1
     assert checked > 100
 
@@ -75,7 +75,7 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
     """From the packed numbers as the page's script reads them, against the side view."""
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    q = np.radians(unpacked(drawn.positions)[:, :-1])
+    q = np.radians(unpacked(drawn.positions)[:, :3])
     view, numbers = side_view(frequencies.machine, q), unpacked(drawn.placements)
     standing = np.broadcast_to(np.array(drawn.standing), (len(q), 6))
     bodies = len(drawn.bodies)
@@ -95,9 +95,31 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
 def test_the_first_pose_is_the_worst_of_all() -> None:
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    assert unpacked(drawn.positions)[0, -1] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
+    assert unpacked(drawn.positions)[0, 3] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
     limiting = drawn.parts[int(unpacked(drawn.poses)[0, 1])]
     assert limiting == frequencies.worst.cylinder
+
+
+def test_three_modes_have_their_frequencies_and_motions() -> None:
+    """By the modes of every pose; the tool, which the last body carries, moves as far as said."""
+    frequencies = two_joints()
+    (drawn,) = scene_of({"today": frequencies}).machines
+    positions, cases = unpacked(drawn.positions), unpacked(drawn.poses)[:, 0]
+    machine = frequencies.machine
+    for case, payload in enumerate(machine.payloads, 1):
+        rows = cases == case
+        modes = ad.natural_modes(
+            machine.with_payload(payload.name).at(np.radians(positions[rows, :3]))
+        )
+        assert positions[rows, 3:] == pytest.approx(modes.frequencies[:, :3], rel=1e-3)
+    numbers, swings = unpacked(drawn.placements), unpacked(drawn.swings)
+    tool = next(point for point in drawn.points if point["name"] == "tool")
+    last = slice(6 * (len(drawn.bodies) - 2), 6 * (len(drawn.bodies) - 1))
+    assert tool["body"] == len(drawn.bodies) - 1
+    for mode in range(3):
+        gone = swings[:, mode * numbers.shape[1] :][:, last].reshape(-1, 2, 3)
+        moved = gone[:, :, :2] @ np.array(tool["at"]) + gone[:, :, 2]
+        assert np.linalg.norm(moved, axis=1) == pytest.approx(drawn.swing, rel=0.1)
 
 
 # ------------------------------------------------------------------------------------- the page
