@@ -87,6 +87,7 @@ def map_command(run: OverWorkspace) -> None:
     from armdesign.frequency.maps import frequency_map
     from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
+    from armdesign.sweeps.numbers import of_map
 
     with run.progress("mapping the workspace"):
         model, workspace, out = run.open_workspace()
@@ -99,7 +100,7 @@ def map_command(run: OverWorkspace) -> None:
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
         output.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
-    run.show(sheets)
+    run.show(sheets, lambda: of_map(frequencies))
 
 
 @app.command()
@@ -118,6 +119,7 @@ def optimize(
     """
     from armdesign.report.designs import design_sheets
     from armdesign.report.least import least_sentence
+    from armdesign.sweeps.numbers import of_design
 
     if bool(least) != bool(frequency):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
@@ -131,7 +133,7 @@ def optimize(
     with run.writing(out) as folder:
         output.write_design(design, folder)
     leads = [least_sentence(design, least, run.units.units)] if least else []
-    run.show([*leads, *design_sheets(design, run.units.units)])
+    run.show([*leads, *design_sheets(design, run.units.units)], lambda: of_design(design))
 
 
 @app.command()
@@ -145,10 +147,12 @@ def validate(run: OverWorkspace) -> None:
     from armdesign import plots
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
+    from armdesign.sweeps.numbers import of_validation
 
     with run.progress("simulating the worst, the median and the best pose"):
         model, workspace, out = run.open_workspace()
-        validations = validation.validate(model, workspace=workspace).by_pose
+        answer = validation.validate(model, workspace=workspace)
+        validations = answer.by_pose
     items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]
     captions = {"frequency_responses.png": "Sweeps of the limiting cylinder at each pose"}
     title = f"{model.section.title or model.name}: nonlinear against linear frequencies"
@@ -157,7 +161,8 @@ def validate(run: OverWorkspace) -> None:
         output.write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
         output.write_plain_report(title, items, captions, provenance, folder)
-    run.show(items)
+    tables = {"validation": answer.frame}
+    run.show(items, lambda: of_validation(answer), tables)
 
 
 @app.command()
@@ -171,6 +176,7 @@ def design(run: OverWorkspace, search: DrawnSearch) -> None:
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.validations import limiting_sheet
     from armdesign.simulation.validation import validate_maps
+    from armdesign.sweeps.numbers import of_design, of_validation
 
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
@@ -186,7 +192,8 @@ def design(run: OverWorkspace, search: DrawnSearch) -> None:
         sheets = design_sheets(answer, run.units.units)
         with run.writing(out) as folder:
             output.write_report(answer, proofs, run.origin(search), folder, run.units.units)
-    run.show([*sheets, limiting_sheet(proofs), summary(answer)])
+    shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
+    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_design(answer)})
 
 
 @app.command()
@@ -210,10 +217,7 @@ def check(run: OverWorkspace) -> None:
             model = run.load(run.machine)
             inspection = inspect(model, Workspace.grid(model, counts))
             sheets = check_sheets(inspection, run.units.units)
-    if faults:
-        for fault in faults:
-            tell(f"armdesign: {fault}", sys.stderr)
-        raise typer.Exit(2)
+    run.refuse(faults)
     run.show(sheets)
     out = run.folder(model.source)
     with run.writing(out) as folder:
@@ -245,7 +249,7 @@ def compare(
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
         output.write_overlay(compared.maps, folder)
         output.write_lift_charts(compared.lift_charts, folder)
-    run.show(compared.sheets(run.units.units))
+    run.show(compared.sheets(run.units.units), tables={"compare": compared.frame})
 
 
 @app.command()
@@ -344,7 +348,8 @@ def paper(run: Run) -> None:
             plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
         provenance = run.origin().sheet({"": reproduced.machine})
         output.write_plain_report(title, sheets, captions, provenance, folder)
-    run.show(sheets)
+    errors = reproduced.errors.reset_index()
+    run.show(sheets, tables={"paper": reproduced.frame, "paper_errors": errors})
 
 
 def _design(

@@ -38,6 +38,7 @@ def control(
     from armdesign.control.bandwidth_map import bandwidth_map, default_points
     from armdesign.frequency.workspace import Workspace
     from armdesign.report.bandwidths import bandwidth_sheets
+    from armdesign.sweeps.numbers import of_bandwidths
     from armdesign.units import deg
 
     with run.progress("closing the loops"):
@@ -64,4 +65,4 @@ def control(
     origin = run.origin(new=new, **loops, **margins)
     with run.writing(out) as folder:
         write_control_report(maps, sheets, origin, folder)
-    run.show(sheets)
+    run.show(sheets, lambda: of_bandwidths(maps.get("new") or maps[""]))

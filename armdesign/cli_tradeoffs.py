@@ -46,7 +46,7 @@ def pareto(
     with run.writing(out) as folder:
         write_csv(table, folder / "pareto.csv")
         plots.save(front.plot().figure, folder / "pareto.png")
-    run.show([pareto_sheet(front, run.units.units)])
+    run.show([pareto_sheet(front, run.units.units)], tables={"pareto": table})
     if stopped is not None:
         rest = stopped.rest
         values = ",".join(f"{limit:g}" if limit % 1 else f"{limit:.1f}" for limit in rest)
@@ -73,4 +73,4 @@ def steps(run: OverWorkspace, search: Search) -> None:
     with run.writing(out) as folder:
         write_csv(table, folder / "steps.csv")
         output.write_steps(answer, folder)
-    run.show([steps_sheet(answer)])
+    run.show([steps_sheet(answer)], tables={"steps": table})

@@ -56,11 +56,12 @@ OutOption = Annotated[
         "--out", help="Folder for all that is written; default: out/<command>_<machine>."
     ),
 ]
-FolderOption = Annotated[
-    Path, typer.Option("--out", help="Folder for the journal and all that is written.")
-]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show nothing but faults: no tables, no progress.")
+]
+JsonOption = Annotated[
+    bool,
+    typer.Option("--json", help="Answer with one JSON document on stdout, in place of tables."),
 ]
 SetOption = Annotated[
     list[str],

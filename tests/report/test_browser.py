@@ -184,6 +184,14 @@ def test_switches_change_the_maps(browser: Any, written: Path) -> None:
     tab.wait_for_timeout(200)
     assert tab.inner_html("#drawing") != first
     tab.click("#swing")
+    of_modes = {}
+    for mode, words in enumerate(("the lowest mode", "the second mode", "the third mode")):
+        tab.select_option("#mode", str(mode))
+        assert f"dashed red: {words}" in tab.inner_text("#pose")
+        frequency = float(tab.inner_text("#pose").partition(" Hz")[0].split()[-1])
+        of_modes[frequency] = tab.inner_html("#drawing")
+    assert list(of_modes) == sorted(of_modes)
+    assert len(set(of_modes.values())) == 3
     assert "boom.rod_end 50 mm" in tab.text_content("#drawing")
     assert not wrong
 
