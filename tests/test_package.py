@@ -104,11 +104,13 @@ def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
     return {node for block in typing for child in block.body for node in ast.walk(child)}
 
 
+SHOWING = ("plot", "_repr_html_")
+
+
 def inside_plot(tree: ast.Module) -> set[ast.AST]:
-    """What is in methods ``plot``: results draw themselves, and open the door to drawing for
-    it.
-    """
-    methods = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "plot"]
+    """What is in methods by which results draw or show themselves: they open the door to it."""
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    methods = [function for function in functions if function.name in SHOWING]
     return {node for method in methods for node in ast.walk(method)}
 
 

@@ -207,6 +207,11 @@ class Design:
 
         return plots.before_after(self, plane)
 
+    def _repr_html_(self) -> str:
+        from armdesign.report import notebook
+
+        return notebook.of_design(self)
+
     @cached_property
     def certificate(self) -> Bound | None:
         """Upper bound on ``unrounded`` of all designs of this kind, with its assumptions.

@@ -194,6 +194,11 @@ class FrequencyMap(ReadOnly):
 
         return plots.frequency_map(self, ax, plane, **limits)
 
+    def _repr_html_(self) -> str:
+        from armdesign.report import notebook
+
+        return notebook.of_map(self)
+
 
 def frequency_map(machine: Machine, workspace: Workspace | None = None) -> FrequencyMap:
     """Natural frequencies of every load case at every pose of a workspace, and the worst pose.

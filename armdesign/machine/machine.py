@@ -227,6 +227,11 @@ class Machine:
 
         return machine_drawing(self, q, ax)
 
+    def _repr_html_(self) -> str:
+        from armdesign.report import notebook
+
+        return notebook.of_machine(self)
+
     @property
     def _cases_of_file(self) -> tuple[LoadCase, ...]:
         return tuple(case for case in self.payloads if case.name in self.section.payload)

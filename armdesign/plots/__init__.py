@@ -20,6 +20,7 @@ from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
 from armdesign.plots.recordings import identified_figure
 from armdesign.plots.responses import frequency_responses
 from armdesign.plots.sensitivities import distribution, linear_against_exact, tornado
+from armdesign.plots.simulations import simulation_figure
 
 __all__ = [
     "COMPUTED",
@@ -51,6 +52,7 @@ __all__ = [
     "sensitivity_curves",
     "shaper_figure",
     "side_by_side",
+    "simulation_figure",
     "title_of",
     "tornado",
     "trade_off",

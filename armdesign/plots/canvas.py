@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import os
 import sys
 import tempfile
 import warnings
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -80,7 +81,18 @@ def figure(
     with style():
         fig = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(fig)
-        return fig, fig.subplots(rows, columns, squeeze=False).ravel()
+        axes = fig.subplots(rows, columns, squeeze=False).ravel()
+    for shown in (fig, *axes):  # what a notebook shows of either
+        shown._repr_png_ = partial(_png, fig)
+    return fig, axes
+
+
+def _png(fig: Any) -> bytes:
+    """A figure as PNG."""
+    stream = io.BytesIO()
+    with style():
+        fig.savefig(stream, format="png", dpi=DOTS)
+    return stream.getvalue()
 
 
 def style() -> Any:

@@ -23,12 +23,21 @@ UNSTABLE = (
 
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
     """Worst pose, bands, percentiles, limiting cylinders and origin of the stiffness."""
+    machine = frequencies.machine
+    tables = _bands_sheet(frequencies), spread_sheet({"": frequencies})
+    shares = _limiting_sheet(frequencies), _stiffness_sheet(frequencies)
+    lift = lift_sheet(lift_charts({machine.name: machine}), units)
+    return [map_head(frequencies, units), *tables, *shares, lift]
+
+
+def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
+    """The worst frequency, where it is, and what limits it."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
     springs, reliefs = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
     frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
-    head = Sheet(
+    return Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
             ("worst frequency", frequency),
@@ -39,9 +48,6 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
         note="; ".join(filter(None, (springs, reliefs, _rest_note(frequencies)))),
         bold=(0,),
     )
-    tables = _bands_sheet(frequencies), spread_sheet({"": frequencies})
-    shares = _limiting_sheet(frequencies), _stiffness_sheet(frequencies)
-    return [head, *tables, *shares, lift_sheet(lift_charts({machine.name: machine}), units)]
 
 
 def _bands_sheet(frequencies: FrequencyMap) -> Sheet:

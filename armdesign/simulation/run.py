@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -131,6 +131,17 @@ class Simulation(ReadOnly):
         # At rest nothing is exchanged but by rounding.
         least = ROUNDING * (ENERGY + np.abs(self.energy).max())
         return float(gap / max(*terms, np.ptp(self.energy), least))
+
+    def plot(self) -> Any:
+        """Figure of joints, spools and pressures over time, and of the path of the tool."""
+        from armdesign import plots
+
+        return plots.simulation_figure(self)
+
+    def _repr_html_(self) -> str:
+        from armdesign.report import notebook
+
+        return notebook.of_simulation(self)
 
     @cached_property
     def frame(self) -> pd.DataFrame:

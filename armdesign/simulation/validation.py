@@ -141,6 +141,11 @@ class Validation:
 
         return plots.frequency_responses(self.by_pose)
 
+    def _repr_html_(self) -> str:
+        from armdesign.report import notebook
+
+        return notebook.of_validation(self)
+
     @property
     def worst_deviation(self) -> float:
         """Largest deviation without its sign; inf where a run failed."""
