@@ -23,6 +23,7 @@ from armdesign.cli_motion import move
 from armdesign.cli_report import report
 from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
+from armdesign.cli_view import view
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     FrequencyOption,
@@ -305,6 +306,7 @@ app.command()(pareto)
 app.command()(steps)
 app.command()(control)
 app.command()(draw)
+app.command()(view)
 app.command()(move)
 app.command()(report)
 app.command()(export)

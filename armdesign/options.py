@@ -275,6 +275,27 @@ PoseOption = Annotated[
 ]
 
 
+HtmlOption = Annotated[
+    bool,
+    typer.Option(
+        "--html", help="Write view.html, a player that needs no network, and serve none."
+    ),
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--port",
+        min=1024,
+        max=65535,
+        help="Of the page on this computer; default: the first free one from 8080.",
+        show_default=False,
+    ),
+]
+NoOpenOption = Annotated[
+    bool, typer.Option("--no-open", help="Tell the page's address, and open no browser.")
+]
+
+
 class PictureFormat(StrEnum):
     """Formats of pictures."""
 

@@ -13,6 +13,8 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+
 from armdesign import user_folders
 from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
@@ -95,6 +97,15 @@ def below(ax: Any, inches: float) -> Any:
     from matplotlib.transforms import ScaledTranslation
 
     return ax.transAxes + ScaledTranslation(0, -inches, ax.figure.dpi_scale_trans)
+
+
+def colours_between(values: Array, least: float, most: float) -> Array:
+    """Red, green and blue (n, 3) of numbers on the scale of maps, from 0 to 1."""
+    choose_font_cache()
+    from matplotlib import colormaps
+
+    share = np.clip((np.asarray(values) - least) / (most - least), 0.0, 1.0)
+    return np.asarray(colormaps[COLOURS](share)[:, :3])
 
 
 def choose_font_cache() -> None:
