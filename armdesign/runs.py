@@ -39,7 +39,7 @@ from armdesign.options import (
     grid_points,
     offered_sizes,
 )
-from armdesign.output import changed, check_out, command_line, outputs, show, stops, tell
+from armdesign.output import changed, check_out, command_line, kept, outputs, show, stops, tell
 from armdesign.progress import progress
 
 if TYPE_CHECKING:
@@ -236,12 +236,13 @@ class Run(Shown):
                     kept.append(path)
                     stop.args = (f"go on with: {command_line()}",)
                 raise
-            except SystemExit:  # the files are in place, and nobody reads the rest
+            except (OSError, SystemExit):  # the files are in place, and nobody reads the rest
                 pieces.served = bool(changed)
                 raise
         if pieces.answered and not self.quiet:
-            count = "a piece" if pieces.answered == 1 else f"{pieces.answered} pieces"
-            tell(f"armdesign: {count} of it had been finished before an interruption", sys.stderr)
+            pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
+            told = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
+            tell(f"armdesign: {told}", sys.stderr)
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""

@@ -19,7 +19,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import digest
 
-ANEW = "delete it, and what it has is computed again"
+ANEW = "delete it to begin anew"
 
 T = TypeVar("T")
 
@@ -103,9 +103,7 @@ def keeping(path: Path) -> Iterator[Pieces]:
                 folder.rmdir()
 
 
-def finished(
-    what: str, identity: Callable[[], Any], compute: Callable[[], T], form: Form[T]
-) -> T:
+def finished(what: str, identity: Callable[[], Any], compute: Callable[[], T], form: Form[T]) -> T:
     """A piece from the journal that is open, or computed and kept there; without one computed.
 
     Args:

@@ -53,12 +53,7 @@ class Journal:
     """An open journal; a context, at whose end it is closed."""
 
     def __init__(
-        self,
-        path: Path,
-        files: Mapping[str, str],
-        version: str,
-        new: bool,
-        otherwise: str = NEW,
+        self, path: Path, files: Mapping[str, str], version: str, new: bool, otherwise: str = NEW
     ) -> None:
         """Open a journal, or begin it.
 
@@ -175,7 +170,9 @@ class Journal:
                 raise self._damaged()
 
     def _damaged(self) -> ArmDesignError:
-        return ArmDesignError(str(self.path), "is damaged", f"restore a copy, or {self._otherwise}")
+        return ArmDesignError(
+            str(self.path), "is damaged", f"restore a copy, or {self._otherwise}"
+        )
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:

@@ -205,7 +205,7 @@ def _with(x: Array, other: Array, entries: Array) -> Array:
 
 def run_to_end(search: Search, trust: float) -> Search:
     """The search run until nothing is gained, with the equal design whose pins move least."""
-    settings = {"trust": trust, "tolerance": 1e-5}
+    settings: dict[str, Any] = {"trust": trust, "tolerance": 1e-5}
     run = finished(
         "run",
         lambda: _identity(search, "run", settings),
@@ -247,7 +247,15 @@ def _identity(search: Search, what: str, settings: Mapping[str, Any]) -> Any:
     """Everything that decides what becomes of a search."""
     within = search.within and [end.tolist() for end in search.within]
     at = [search.x.tolist(), search.rows.tolist(), search.holding.tolist()]
-    return [search.problem.identity, at, search.reference, search.strictness, within, what, settings]
+    return [
+        search.problem.identity,
+        at,
+        search.reference,
+        search.strictness,
+        within,
+        what,
+        settings,
+    ]
 
 
 def _form(searches: Sequence[Search]) -> Form[Search]:
