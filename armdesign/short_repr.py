@@ -20,6 +20,22 @@ def short_repr(result: Any) -> str:
     return "\n".join(lines)
 
 
+def machine_repr(machine: Any) -> str:
+    """Name, joints, actuators, load cases and file of a machine, a line each."""
+    cases = (f"{c.name} {c.mass:g} kg" for c in machine.payloads)
+    sizes = (f"{c.name} {1e3 * c.bore:g}/{1e3 * c.rod:g} mm" for c in machine.cylinders)
+    lines = {
+        "joints": machine.joints,
+        "cylinders": sizes,
+        "motors": (motor.name for motor in machine.motors),
+        "springs": (spring.name for spring in machine.springs),
+        "load cases": cases,
+        "file": [str(machine.source)],
+    }
+    told = ((what, ", ".join(words)) for what, words in lines.items())
+    return "\n".join([f"Machine {machine.name}", *(f"  {a}: {b}" for a, b in told if b)])
+
+
 def _fields(value: Any, depth: int) -> str:
     stated = [f for f in fields(value) if f.repr and not _is_default(f, getattr(value, f.name))]
     return "; ".join(f"{f.name} {_told(getattr(value, f.name), depth + 1)}" for f in stated)

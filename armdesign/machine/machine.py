@@ -42,6 +42,7 @@ from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
+from armdesign.short_repr import machine_repr
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,20 +83,7 @@ class Machine:
     urdf_text: str
     source: Path
 
-    def __repr__(self) -> str:
-        """Name, joints, actuators, load cases and file, a line each."""
-        cases = (f"{c.name} {c.mass:g} kg" for c in self.payloads)
-        sizes = (f"{c.name} {1e3 * c.bore:g}/{1e3 * c.rod:g} mm" for c in self.cylinders)
-        lines = {
-            "joints": self.joints,
-            "cylinders": sizes,
-            "motors": (motor.name for motor in self.motors),
-            "springs": (spring.name for spring in self.springs),
-            "load cases": cases,
-            "file": [str(self.source)],
-        }
-        told = ((what, ", ".join(words)) for what, words in lines.items())
-        return "\n".join([f"Machine {self.name}", *(f"  {a}: {b}" for a, b in told if b)])
+    __repr__ = machine_repr
 
     @classmethod
     def from_text(cls, text: str, urdf_text: str, source: Path, **known: Any) -> Machine:
