@@ -23,6 +23,7 @@ from armdesign.cli_motion import move
 from armdesign.cli_report import report
 from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
+from armdesign.cli_view import view
 from armdesign.errors import ArmDesignError
 from armdesign.options import (
     FrequencyOption,
@@ -87,6 +88,7 @@ def map_command(run: OverWorkspace) -> None:
     from armdesign.frequency.maps import frequency_map
     from armdesign.report.lift_charts import lift_charts
     from armdesign.report.maps import map_sheets
+    from armdesign.sweeps.numbers import of_map
 
     with run.progress("mapping the workspace"):
         model, workspace, out = run.open_workspace()
@@ -99,7 +101,7 @@ def map_command(run: OverWorkspace) -> None:
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
         output.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
-    run.show(sheets)
+    run.show(sheets, lambda: of_map(frequencies))
 
 
 @app.command()
@@ -118,12 +120,14 @@ def optimize(
     """
     from armdesign.report.designs import design_sheets
     from armdesign.report.least import least_sentence
+    from armdesign.sweeps.numbers import of_design
 
     if bool(least) != bool(frequency):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        run.go_on(out)
         options: dict[str, Any] = {"vary": listed(vary), **search.settings}
         if least:
             options |= {"of": least, "frequency": frequency}
@@ -131,7 +135,7 @@ def optimize(
     with run.writing(out) as folder:
         output.write_design(design, folder)
     leads = [least_sentence(design, least, run.units.units)] if least else []
-    run.show([*leads, *design_sheets(design, run.units.units)])
+    run.show([*leads, *design_sheets(design, run.units.units)], lambda: of_design(design))
 
 
 @app.command()
@@ -145,10 +149,12 @@ def validate(run: OverWorkspace) -> None:
     from armdesign import plots
     from armdesign.report.validations import validation_sheet, verdict
     from armdesign.simulation import validation
+    from armdesign.sweeps.numbers import of_validation
 
     with run.progress("simulating the worst, the median and the best pose"):
         model, workspace, out = run.open_workspace()
-        validations = validation.validate(model, workspace=workspace).by_pose
+        answer = validation.validate(model, workspace=workspace)
+        validations = answer.by_pose
     items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]
     captions = {"frequency_responses.png": "Sweeps of the limiting cylinder at each pose"}
     title = f"{model.section.title or model.name}: nonlinear against linear frequencies"
@@ -156,8 +162,10 @@ def validate(run: OverWorkspace) -> None:
     with run.writing(out) as folder:
         output.write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-        output.write_plain_report(title, items, captions, provenance, folder)
-    run.show(items)
+        drawn = model, validations["worst"].sweeps[0].q
+        output.write_plain_report(title, items, captions, drawn, provenance, folder)
+    tables = {"validation": answer.frame}
+    run.show(items, lambda: of_validation(answer), tables)
 
 
 @app.command()
@@ -171,22 +179,27 @@ def design(run: OverWorkspace, search: DrawnSearch) -> None:
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.validations import limiting_sheet
     from armdesign.simulation.validation import validate_maps
+    from armdesign.sweeps.numbers import of_design, of_validation
 
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        run.go_on(out)
         options = {"vary": ("areas", "pins"), **search.settings}
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
-        made = out / output.made_of(model)
-        with run.keeping(lambda: output.keep_machine(answer, out), f"armdesign validate {made}"):
+        try:
             both = validate_maps([answer.before, answer.after])
+        except KeyboardInterrupt:
+            output.keep_machine(answer, out)
+            raise
         proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
         sheets = design_sheets(answer, run.units.units)
         with run.writing(out) as folder:
             output.write_report(answer, proofs, run.origin(search), folder, run.units.units)
-    run.show([*sheets, limiting_sheet(proofs), summary(answer)])
+    shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
+    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_design(answer)})
 
 
 @app.command()
@@ -210,10 +223,7 @@ def check(run: OverWorkspace) -> None:
             model = run.load(run.machine)
             inspection = inspect(model, Workspace.grid(model, counts))
             sheets = check_sheets(inspection, run.units.units)
-    if faults:
-        for fault in faults:
-            tell(f"armdesign: {fault}", sys.stderr)
-        raise typer.Exit(2)
+    run.refuse(faults)
     run.show(sheets)
     out = run.folder(model.source)
     with run.writing(out) as folder:
@@ -245,7 +255,7 @@ def compare(
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
         output.write_overlay(compared.maps, folder)
         output.write_lift_charts(compared.lift_charts, folder)
-    run.show(compared.sheets(run.units.units))
+    run.show(compared.sheets(run.units.units), tables={"compare": compared.frame})
 
 
 @app.command()
@@ -301,6 +311,7 @@ app.command()(pareto)
 app.command()(steps)
 app.command()(control)
 app.command()(draw)
+app.command()(view)
 app.command()(move)
 app.command()(report)
 app.command()(export)
@@ -343,8 +354,10 @@ def paper(run: Run) -> None:
         for name, formula in pictures.items():
             plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
         provenance = run.origin().sheet({"": reproduced.machine})
-        output.write_plain_report(title, sheets, captions, provenance, folder)
-    run.show(sheets)
+        drawn = reproduced.machine, None
+        output.write_plain_report(title, sheets, captions, drawn, provenance, folder)
+    errors = reproduced.errors.reset_index()
+    run.show(sheets, tables={"paper": reproduced.frame, "paper_errors": errors})
 
 
 def _design(
@@ -376,6 +389,7 @@ def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
     output.stops.clear()
+    output.kept.clear()
     with as_interrupt() as signals, printing():
         try:
             output.refuse_archive()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from functools import partial
 
 from armdesign.errors import ArmDesignError
@@ -16,7 +14,6 @@ from armdesign.options import (
     payload_of,
     pose_of,
 )
-from armdesign.output import tell
 from armdesign.runs import OfMachine, command
 
 
@@ -50,7 +47,7 @@ def draw(
             )
             model = reader(run.machine)
         except ArmDesignError:
-            _refuse(wrong)
+            run.refuse(wrong)
             raise
         if not wrong and (load_case := payload_of(payload)) is not None:
             model = model.with_payload(load_case)
@@ -66,12 +63,4 @@ def draw(
     with run.writing(out) as folder:
         for name, fig in pictures.items():
             plots.save(fig, folder / f"{name}.{format.value}")
-    _refuse(wrong)
-
-
-def _refuse(faults: Sequence[ArmDesignError]) -> None:
-    """List faults, if there are any, and exit with code 2."""
-    for fault in faults:
-        tell(f"armdesign: {fault}", sys.stderr)
-    if faults:
-        sys.exit(2)
+    run.refuse(wrong)

@@ -31,7 +31,7 @@ def sensitivity(run: OverWorkspace) -> None:
     with run.writing(out) as folder:
         write_csv(answer.frame, folder / "sensitivity.csv")
         plots.save(answer.plot().figure, folder / "sensitivity.png")
-    run.show(answer.sheets(run.units.units))
+    run.show(answer.sheets(run.units.units), tables={"sensitivity": answer.frame})
 
 
 @command
@@ -55,7 +55,7 @@ def what_if(
     with run.writing(out) as folder:
         write_csv(answer.frame, folder / "what_if.csv")
         plots.save(answer.plot().figure, folder / "what_if.png")
-    run.show(answer.sheets(run.units.units))
+    run.show(answer.sheets(run.units.units), tables={"what_if": answer.frame})
 
 
 @command
@@ -82,4 +82,4 @@ def tolerances(
         write_csv(table, folder / "tolerances.csv")
         write_csv(answer.frame, folder / "machines.csv")
         plots.save(answer.plot().figure, folder / "tolerances.png")
-    run.show(answer.sheets(run.units.units))
+    run.show(answer.sheets(run.units.units), tables={"tolerances": table})

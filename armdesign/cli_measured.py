@@ -61,7 +61,8 @@ def identify(
         )
     with run.writing(out) as folder:
         output.write_identified(answer, folder)
-    run.show(identified_sheets(answer))
+    tables = {"identified": answer.frame, "swings": answer.swings}
+    run.show(identified_sheets(answer), tables=tables)
 
 
 @command
@@ -85,4 +86,6 @@ def calibrate(
         answer = found_from(model, measured, paths, priors)
     with run.writing(out) as folder:
         output.write_calibration(answer, folder)
-    run.show(calibration_sheets(answer))
+    values = answer.values.reset_index()
+    tables = {"calibration_values": values, "calibration": answer.frame}
+    run.show(calibration_sheets(answer), tables=tables)

@@ -63,4 +63,4 @@ def move(
         )
     with run.writing(out) as folder:
         output.write_move(answer, folder)
-    run.show(move_sheets(answer, run.units.units))
+    run.show(move_sheets(answer, run.units.units), tables={"residual": answer.residuals})

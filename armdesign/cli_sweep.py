@@ -5,26 +5,24 @@ from __future__ import annotations
 import importlib.util
 import os
 import sys
-from pathlib import Path
 
-from armdesign import output
 from armdesign.options import (
-    FolderOption,
     FreshOption,
     OutsideOption,
     ProcessesOption,
     SchedulerOption,
     StudyArgument,
 )
-from armdesign.output import command_line, outputs, show, tell
-from armdesign.progress import progress
+from armdesign.output import command_line, tell
+from armdesign.runs import Run, command
 
 JOURNAL = "sweep.sqlite"
 
 
+@command
 def sweep(
+    run: Run,
     study: StudyArgument,
-    out: FolderOption = Path("out"),
     workers: ProcessesOption = None,
     scheduler: SchedulerOption = "",
     new: FreshOption = False,
@@ -41,9 +39,9 @@ def sweep(
     from armdesign.sweeps.study_file import read_study
     from armdesign.sweeps.sweep import sweep as swept
 
-    output.check_out(out)
+    out = run.folder(study)
     try:
-        with progress("reading the study") as say:
+        with run.progress("reading the study") as say:
             answers = swept(
                 **read_study(study, allow_outside=allow_outside),
                 workers=_processors() if workers is None else workers,
@@ -61,12 +59,12 @@ def sweep(
                 f"armdesign: finished cases are kept in {journal}; go on with: {words}", sys.stderr
             )
         raise
-    with outputs(out) as folder:
+    with run.writing(out) as folder:
         table.to_csv(folder / "sweep.csv", index=False)  # every digit
         if importlib.util.find_spec("pyarrow"):
             table.to_parquet(folder / "sweep.parquet", index=False)
     again = [f"A worker died; done again: {name}." for name in answers.retried]
-    show([sweep_sheet(table, answers.kept), *again])
+    run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
 
 
 def _processors() -> int:

@@ -56,11 +56,12 @@ OutOption = Annotated[
         "--out", help="Folder for all that is written; default: out/<command>_<machine>."
     ),
 ]
-FolderOption = Annotated[
-    Path, typer.Option("--out", help="Folder for the journal and all that is written.")
-]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show nothing but faults: no tables, no progress.")
+]
+JsonOption = Annotated[
+    bool,
+    typer.Option("--json", help="Answer with one JSON document on stdout, in place of tables."),
 ]
 SetOption = Annotated[
     list[str],
@@ -271,6 +272,27 @@ PoseOption = Annotated[
         " stand in the middle of their ranges.",
         show_default=False,
     ),
+]
+
+
+HtmlOption = Annotated[
+    bool,
+    typer.Option(
+        "--html", help="Write view.html, a player that needs no network, and serve none."
+    ),
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option(
+        "--port",
+        min=1024,
+        max=65535,
+        help="Of the page on this computer; default: the first free one from 8080.",
+        show_default=False,
+    ),
+]
+NoOpenOption = Annotated[
+    bool, typer.Option("--no-open", help="Tell the page's address, and open no browser.")
 ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import shlex
 import sys
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
+    from armdesign.arrays import Array
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -36,15 +38,30 @@ if TYPE_CHECKING:
 
 UNBOUNDED = 10_000  # columns, where the output is no terminal
 stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
+kept: list[Path] = []  # journals with which the same command goes on
 changed: list[Path] = []  # files that this process has written
 
 
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run."""
-    texts = frame.select_dtypes(exclude=["number", "bool"]).map(_plain)
-    whole = frame.copy()
-    whole[texts.columns] = texts
-    whole.rename(columns=_plain).to_csv(path, index=False, float_format="%.9g")
+    """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run.
+
+    To the letter what ``DataFrame.to_csv`` writes, in a third of its time.
+    """
+    columns = [_cells(frame.iloc[:, k]) for k in range(frame.shape[1])]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator=os.linesep)
+        writer.writerow(map(_plain, frame.columns))
+        writer.writerows(zip(*columns, strict=True))
+
+
+def _cells(column: pd.Series[Any]) -> list[Any]:
+    """Cells of a column, empty where there is none."""
+    missing = column.isna().to_numpy()
+    if column.dtype.kind == "f":
+        cells: list[Any] = ("%.9g\n" * len(column) % tuple(column.tolist())).split("\n")[:-1]
+    else:
+        cells = list(map(_plain, column.tolist()))
+    return ["" if none else cell for cell, none in zip(cells, missing, strict=True)]
 
 
 def _plain(cell: Any) -> Any:
@@ -211,13 +228,16 @@ def write_plain_report(
     title: str,
     items: Sequence[Sheet | str],
     captions: Mapping[str, str],
+    drawn: tuple[Machine, Array | None],
     provenance: Sheet,
     folder: Path,
 ) -> None:
     """Write the report of a command that tells tables and pictures, by their files' captions.
 
-    Its lead is the first sentence among the items.
+    Its lead is the first sentence among the items. A machine is drawn at a pose; None: with its
+    joints in the middle.
     """
+    from armdesign import plots
     from armdesign.report.contents import Picture
     from armdesign.report.map_reports import plain_report
 
@@ -225,12 +245,18 @@ def write_plain_report(
     pictures = [Picture(caption=words, file=file) for file, words in captions.items()]
     tables = [item for item in items if item is not lead]
     sections: dict[str, tuple[list[Sheet | str], list[Picture]]]
-    sections = {"Results": (tables, pictures), "Provenance": ([provenance], [])}
+    plots.save(plots.machine_drawing(*drawn).figure, folder / "machine.png")
+    machine = Picture(caption="The machine to scale, with its pins", file="machine.png")
+    sections = {
+        "Results": (tables, pictures),
+        "The machine": ([], [machine]),
+        "Provenance": ([provenance], []),
+    }
     write_page(plain_report(title, lead, sections), folder)
 
 
 def write_control_report(
-    maps: Mapping[str, BandwidthMap], sheets: Sequence[Sheet], origin: Origin, folder: Path
+    maps: Mapping[str, BandwidthMap], items: Sequence[Sheet | str], origin: Origin, folder: Path
 ) -> None:
     """Write bandwidths of machines by label, with their report."""
     captions = {}
@@ -242,7 +268,7 @@ def write_control_report(
     first = next(iter(maps.values())).machine
     title = f"{first.section.title or first.name}: bandwidth of position loops"
     provenance = origin.sheet({label: one.machine for label, one in maps.items()})
-    write_plain_report(title, sheets, captions, provenance, folder)
+    write_plain_report(title, items, captions, (first, None), provenance, folder)
 
 
 def write_report(
@@ -266,17 +292,9 @@ def write_report(
     write_page(design_report(design, proofs, pictures, origin, units), folder)
 
 
-def command_line(options: Mapping[str, str] | None = None) -> str:
-    """The command as typed in the terminal; ``options`` replace those of the same name in it."""
-    words, replaced = [], False
-    for word in sys.argv[1:]:
-        name = word.partition("=")[0]
-        if replaced or (replaced := name in (options or {})):
-            replaced = replaced and word == name
-            continue
-        words.append(word)
-    more = [word for option in (options or {}).items() for word in option]
-    return shlex.join(["armdesign", *words, *more])
+def command_line() -> str:
+    """The command as typed in the terminal."""
+    return shlex.join(["armdesign", *sys.argv[1:]])
 
 
 def made_of(machine: Machine) -> str:
@@ -362,8 +380,9 @@ def interruption() -> str:
     where = "".join(f" {note}" for note in getattr(stop, "__notes__", ()))
     go_on = f"; {stop.args[0]}" if stop.args else ""
     folders = dict.fromkeys(str(path.parent) for path in changed)
-    written = f"finished files are in {', '.join(folders)}/" if folders else "nothing was written"
-    return f"interrupted{where}; {written}{go_on}"
+    left = [f"finished files are in {', '.join(folders)}/"] if folders else []
+    left += [f"what was finished is kept in {path}" for path in kept]
+    return f"interrupted{where}; {'; '.join(left) or 'nothing was written'}{go_on}"
 
 
 def tell_error(error: ArmDesignError) -> None:

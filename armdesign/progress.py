@@ -125,16 +125,28 @@ def counted(items: Iterable[Item], what: str, total: int | None = None) -> Itera
         total: how many there are, where ``items`` has no length.
     """
     count = len(items) if total is None and isinstance(items, Sized) else total or 0
-    if not _at_work or count < 2:
-        yield from items
+    with rounds(what, count) as finished:
+        for done, item in enumerate(items, 1):
+            yield item
+            finished(done)
+
+
+@contextmanager
+def rounds(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Say at which round the work is; yields a function that is given how many are over."""
+    if not _at_work or total < 2:
+        yield lambda _: None
         return
-    work, loop = _at_work[-1], Loop(what, count)
+    work, loop = _at_work[-1], Loop(what, total)
     work.loops.append(loop)
     work.tell()
-    for item in items:
-        yield item
-        loop.done += 1
-        work.tell()
+
+    def finished(done: int) -> None:
+        if done != loop.done:
+            loop.done = done
+            work.tell()
+
+    yield finished
     if loop in work.loops:
         work.loops.remove(loop)
 

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
+from armdesign.errors import ArmDesignError
 from armdesign.options import (
     CatalogueOption,
     FreeOption,
     Habit,
+    JsonOption,
     MachineArgument,
     NominalOption,
     OutOption,
@@ -35,16 +39,20 @@ from armdesign.options import (
     grid_points,
     offered_sizes,
 )
-from armdesign.output import check_out, command_line, outputs, show, stops
+from armdesign.output import changed, check_out, command_line, kept, outputs, show, stops, tell
 from armdesign.progress import progress
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from armdesign.frequency.workspace import Workspace
+    from armdesign.json_document import Document
     from armdesign.machine.machine import Machine
     from armdesign.report.provenance import Origin
     from armdesign.report.sheet import Sheet
 
 Command = Callable[..., None]
+SHOWING = ("quiet", "json")  # options that decide no answer
 
 
 def command(function: Command) -> Command:
@@ -69,11 +77,9 @@ def command(function: Command) -> Command:
         for key, group in groups.items():
             values = {p.name: given.pop(p.name) for p in _options(group)}
             given[key] = group(**values, **({"command": name} if issubclass(group, Shown) else {}))
-        try:
+        shown = next(group for group in given.values() if isinstance(group, Shown))
+        with shown.answering():
             function(**given)
-        except KeyboardInterrupt as stop:
-            stops.append(stop)
-            raise
 
     run.__name__, run.__doc__, run.__module__ = name, function.__doc__, function.__module__
     run.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -110,12 +116,44 @@ class Shown:
     Attributes:
         command: its name.
         quiet: whether it shows nothing.
+        json: whether it shows one JSON document.
         begun: when.
+        until_end: what lasts as long as the command.
     """
 
     command: str
     quiet: QuietOption = False
+    json: JsonOption = False
     begun: datetime = field(default_factory=lambda: datetime.now(UTC), init=False)
+    until_end: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
+
+    @cached_property
+    def document(self) -> Document:
+        """The answer for other programs, filled while the command runs."""
+        from armdesign import __version__
+        from armdesign.json_document import Document
+
+        return Document(armdesign=__version__, command=self.command, command_line=command_line())
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """Print the document after the block, if it is asked for, whatever ended the block."""
+        try:
+            with self.until_end:
+                yield
+            if self.json:
+                self.document.finished = True
+        except ArmDesignError as error:
+            if self.json:
+                self.document.add_fault(error)
+            raise
+        except KeyboardInterrupt as stop:
+            stops.append(stop)
+            raise
+        finally:
+            if self.json:
+                for line in self.document.text().splitlines():
+                    tell(line)
 
     @contextmanager
     def progress(self, text: str) -> Iterator[Callable[[str], None]]:
@@ -123,34 +161,44 @@ class Shown:
         with progress(text, silent=self.quiet) as say:
             yield say
 
-    def show(self, items: Sequence[Sheet | str]) -> None:
-        """Print sheets and sentences."""
-        if not self.quiet:
+    def show(
+        self,
+        items: Sequence[Sheet | str],
+        numbers: Callable[[], Mapping[str, Any]] = dict,
+        tables: Mapping[str, pd.DataFrame] | None = None,
+    ) -> None:
+        """Print sheets and sentences, or add them to the document.
+
+        Args:
+            items: to be printed.
+            numbers: gives what they come down to, by name; for the document alone.
+            tables: frames by the name of their CSV file; for the document alone.
+        """
+        if self.json:
+            self.document.add(items)
+            self.document.add_answers(numbers(), tables or {})
+        elif not self.quiet:
             show(items)
 
-    @contextmanager
-    def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
-        """Write what is finished if Ctrl-C ends the block; ``then`` is how to go on."""
-        try:
-            yield
-        except KeyboardInterrupt as stop:
-            write()
-            stop.args = (f"go on with: {then}",)
-            raise
-
-    def interrupted(self, stop: KeyboardInterrupt, options: Mapping[str, str]) -> None:
-        """End as Ctrl-C does, after what was finished is written; say how to go on.
-
-        ``options`` take the place of those of the same name in the command as typed.
-        """
-        stop.args = (f"go on with: {command_line(options)}",)
-        raise stop
+    def refuse(self, faults: Sequence[ArmDesignError]) -> None:
+        """List faults on stderr, if there are any, and exit with code 2."""
+        for fault in faults:
+            tell(f"armdesign: {fault}", sys.stderr)
+            if self.json:
+                self.document.add_fault(fault)
+        if faults:
+            sys.exit(2)
 
     @contextmanager
     def writing(self, folder: Path) -> Iterator[Path]:
         """A folder to write into, whose files move to ``folder`` when complete, all or none."""
-        with outputs(folder, silent=self.quiet) as place:
+        with outputs(folder, silent=self.quiet or self.json) as place:
             yield place
+        if self.json:
+            self.document.folder = str(folder)
+            self.document.files += [
+                str(path.relative_to(folder)) for path in changed if path.is_relative_to(folder)
+            ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,11 +212,39 @@ class Run(Shown):
     out: OutOption = None
 
     def origin(self, *groups: Any, **more: Any) -> Origin:
-        """When and how the command was begun, with all its options, for reports."""
+        """When and how the command was begun, with all options that decide its answer."""
         from armdesign.report.provenance import Origin
 
         options = {p.name: getattr(one, p.name) for one in (self, *groups) for p in _options(one)}
-        return Origin(command=command_line(), options=options | more, begun=self.begun)
+        deciding = {name: value for name, value in options.items() if name not in SHOWING}
+        return Origin(command=command_line(), options=deciding | more, begun=self.begun)
+
+    def go_on(self, out: Path) -> None:
+        """Keep finished pieces until the command has ended well, and go on with those of another.
+
+        Their journal is a file in the folder for files, named after the command.
+        """
+        self.until_end.enter_context(self._keeping(out / f"{self.command}.sqlite"))
+
+    @contextmanager
+    def _keeping(self, path: Path) -> Iterator[None]:
+        from armdesign.journal.finished import keeping
+
+        with keeping(path) as pieces:
+            try:
+                yield
+            except KeyboardInterrupt as stop:
+                if pieces.entries:
+                    kept.append(path)
+                    stop.args = (f"go on with: {command_line()}",)
+                raise
+            except (OSError, SystemExit):  # the files are in place, and nobody reads the rest
+                pieces.served = bool(changed)
+                raise
+        if pieces.answered and not self.quiet:
+            pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
+            told = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
+            tell(f"armdesign: {told}", sys.stderr)
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""

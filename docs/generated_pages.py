@@ -2,7 +2,7 @@
 
 A page has the line ``% generated: machine file`` where the reference of the machine file goes: for
 each table of the schema a table of its keys, with the texts that editors show and the examples of
-``every_key.toml``. Likewise ``% generated: errata`` and ``% generated: figures``.
+``every_key.toml``. Likewise ``errata``, ``figures`` and ``numbers``.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 from armdesign.machine.file.json_schema import meaning, of_how_many
 from armdesign.machine.file.key_paths import allowed, is_table, unit_of, unwrap
 from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, Section
+from armdesign.sweeps.numbers import MEANINGS
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS / "every_key.toml"
@@ -197,10 +198,17 @@ def figures() -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in head + rows)
 
 
+def numbers() -> str:
+    """A table of the numbers of ``--json`` and of sweeps, by name."""
+    rows = [f"| `{name}` | {text} |" for name, text in MEANINGS.items()]
+    return "\n".join(["| name | meaning |", "|---|---|", *rows])
+
+
 GENERATED: dict[str, Callable[[], str]] = {
     "machine file": machine_file,
     "errata": errata,
     "figures": figures,
+    "numbers": numbers,
 }
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from armdesign.csv_rows import read_rows
 from armdesign.errors import ArmDesignError, SimulationError
+from armdesign.output import write_csv
 
 SMALL = ["-.5e-3", ""]
 
@@ -47,3 +50,24 @@ def test_faults(text: str | None, message: str, tmp_path: Path) -> None:
             read_rows(path, kind)
         assert type(caught.value) is kind
         assert str(caught.value).startswith(f"{path}: {message}")
+
+
+def test_tables_are_written_as_pandas_does(tmp_path: Path) -> None:
+    """To the letter: digits, blanks for what is not there, quotes; pandas is the reference."""
+    frame = pd.DataFrame(
+        {
+            "a": [1 / 3, np.nan, np.inf, -1e-300],
+            "b,c": ["x", 'say "no"', None, "two\nlines"],
+            "mixed": [1 / 3, None, "t\tu", True],
+            "whole": [1, 2, 3, 4],
+            "flag": [True, False, True, False],
+            "few": pd.array([1, None, 3, 4], dtype="Int64"),
+            5: ["", "-5", "x y", "1"],
+            "kind": pd.Categorical(["u", "v", "u", None]),
+        }
+    )
+    for part in (frame, frame.iloc[:0], frame[["a"]], frame[[5]]):
+        ours, theirs = tmp_path / "ours.csv", tmp_path / "theirs.csv"
+        write_csv(part, ours)
+        part.to_csv(theirs, index=False, float_format="%.9g")
+        assert ours.read_bytes() == theirs.read_bytes()

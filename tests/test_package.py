@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -32,8 +33,8 @@ ROOMS = (
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
-    *("drawing", "exchange", "plots", "report", "paper", "influence", "sweeps"),
-    *("output", "options", "runs"),
+    *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
+    *("output", "options", "json_document", "runs"),
     *(
         "cli_control",
         "cli_draw",
@@ -44,6 +45,7 @@ ROOMS = (
         "cli_motion",
         "cli_report",
         "cli_export",
+        "cli_view",
         "cli",
         "__main__",
     ),
@@ -53,13 +55,15 @@ DOORS = {  # library: the only modules that may import it
     "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas"},
     "shapely": {"drawing.outlines"},
+    "viser": {"viewing.stage"},
+    "websockets": {"viewing.stage"},
     "coal": {"drawing.visuals"},
     "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.file.toml_writing", "machine.provenance"},
     "pydantic": {
         *("machine.file.section", "machine.file.links", "machine.file.schema"),
         *("machine.file.schema_faults", "machine.file.machine_file"),
-        "report.contents",
+        *("report.contents", "json_document"),
     },
     "typer": {"cli", "options"},
     "jinja2": {"report.page"},
@@ -108,6 +112,7 @@ def inside_plot(tree: ast.Module) -> set[ast.AST]:
     return {node for method in methods for node in ast.walk(method)}
 
 
+@cache
 def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     """Dotted names of all imports, inside functions too, but not those for type checkers alone."""
     left_out = for_type_checkers(tree) | (set() if drawing else inside_plot(tree))
@@ -123,6 +128,7 @@ def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     return names
 
 
+@cache
 def own(tree: ast.Module) -> set[str]:
     """Modules of the package that a module imports, but for those with which its results draw
     themselves.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import armdesign as ad
 from armdesign import progress
 from armdesign.progress import Loop, Work, counted
 
@@ -43,3 +44,14 @@ def test_an_interruption_says_where() -> None:
 
 def test_loops_outside_of_commands_are_as_they_were() -> None:
     assert list(counted(iter("abc"), "start")) == ["a", "b", "c"]
+
+
+def test_simulations_say_how_many_runs_are_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(progress, "_at_work", [Work("simulating", said.append)])
+    machine = ad.load("paper_1dof")
+    validation = ad.validate(machine, workspace=ad.Workspace.grid(machine, 3))
+    rounds = [int(words.split()[2]) for words in said if words.startswith("simulating, run ")]
+    assert f", run 1 of {len(validation.runs)}" in said[0]
+    assert rounds == sorted(rounds)
+    assert len(set(rounds)) > 1

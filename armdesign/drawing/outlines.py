@@ -193,3 +193,14 @@ def _polygons(shape: Any, tolerance: float) -> Iterator[Array]:
     for part in shapely.get_parts(simple):
         if part.geom_type == "Polygon" and not part.is_empty:
             yield np.array(part.exterior.coords)[:-1]
+
+
+def triangles_of(outline: Array) -> Array:
+    """Triangles (t, 3, 2), anticlockwise, that fill an outline (m, 2) without crossings."""
+    import shapely
+
+    shape = shapely.Polygon(outline)
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
+    oriented = [shapely.orient_polygons(part) for part in parts]
+    corners = [np.array(part.exterior.coords)[:3] for part in oriented]
+    return np.reshape(corners, (-1, 3, 2))

@@ -286,7 +286,7 @@ def _between_pins(
     """Pins and their places in the world, cylinders and bars between them, pin-to-pin lengths."""
     pins, points, lengths = list[PinPoint](), list[Array](), list[Array]()
     cylinders, bars = list[CylinderShape](), list[Bar]()
-    for cylinder, linkage, idle in _cylinders(machine):
+    for cylinder, linkage, idle in shown_cylinders(machine):
         first = len(pins)
         for name in linkage.pin_names:
             pin = getattr(linkage, name)
@@ -310,7 +310,7 @@ def _between_pins(
     return pins, points, cylinders, bars, lengths
 
 
-def _cylinders(machine: Machine) -> Iterator[tuple[Cylinder, Linkage, bool]]:
+def shown_cylinders(machine: Machine) -> Iterator[tuple[Cylinder, Linkage, bool]]:
     """Every cylinder of the file with its linkage, and whether it stands still."""
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         yield cylinder, linkage, False

@@ -10,7 +10,6 @@ import numpy as np
 from armdesign.arrays import Array
 
 if TYPE_CHECKING:
-    from armdesign.drawing.side_view import SideView
     from armdesign.machine.machine import Machine
 
 AT_REST = 1e-3  # of the largest motion of a pin: less counts as a tool that stands still
@@ -40,9 +39,9 @@ def swung(machine: Machine, q: Array, shapes: Array, amplitude: float) -> Array:
     return np.asarray(arm.with_springs(q) + step[:, None] * shapes)
 
 
-def round_amplitude(view: SideView) -> float:
-    """An amplitude [m] that is well seen in a picture: about a twentieth of it, 1, 2 or 5."""
-    rough = view.size / 20
+def round_amplitude(size: float) -> float:
+    """An amplitude [m] that is well seen in a picture of a size [m]: a twentieth, as 1, 2, 5."""
+    rough = size / 20
     decade = 10.0 ** math.floor(math.log10(rough))
     return max(step * decade for step in (1, 2, 5) if step * decade <= rough)
 

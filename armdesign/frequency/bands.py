@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -91,12 +92,12 @@ class Bands:
     @property
     def _stated(self) -> Iterator[tuple[str, tuple[float, float]]]:
         """Every band that there is, with its path."""
-        for field in fields(self):
-            band = getattr(self, field.name)
-            if field.name == "structures":
+        for part in fields(self):
+            band = getattr(self, part.name)
+            if part.name == "structures":
                 yield from ((f"structures.{name}", one) for name, one in (band or {}).items())
             elif band is not None:
-                yield field.name, band
+                yield part.name, band
 
     @classmethod
     def of(cls, machine: Machine) -> Bands:
@@ -245,14 +246,19 @@ class FrequencyBand:
     Attributes:
         scenarios: at all corners of the bands, in one order for all machines.
         nominal: with the file's values [Hz].
-        between: at places spread between the corners [Hz], the same for all machines.
+        sample: what finds ``between``, which gains need and single machines do not.
     """
 
     __repr__ = short_repr
 
     scenarios: tuple[Scenario, ...]
     nominal: float
-    between: tuple[float, ...] = ()
+    sample: Callable[[], tuple[float, ...]] = field(default=tuple, repr=False)
+
+    @cached_property
+    def between(self) -> tuple[float, ...]:
+        """Worst frequency at places spread between the corners [Hz], the same for all machines."""
+        return self.sample()
 
     @property
     def low(self) -> Scenario:
@@ -301,13 +307,22 @@ def frequency_band(
     return FrequencyBand(
         scenarios=tuple(scenarios),
         nominal=worst_frequency(machine, workspace).frequency,
-        between=tuple(
-            _between(machine, workspace, exact, (floor, seeds), today) for exact in bands.between
-        ),
+        sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )
 
 
 def _between(
+    machine: Machine,
+    workspace: Workspace,
+    bands: Bands,
+    known: tuple[Array, Array],
+    today: Machine | None,
+) -> tuple[float, ...]:
+    """The worst frequency [Hz] at each place between the corners of the bands."""
+    return tuple(_at_place(machine, workspace, one, known, today) for one in bands.between)
+
+
+def _at_place(
     machine: Machine,
     workspace: Workspace,
     exact: Bands,

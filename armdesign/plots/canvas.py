@@ -13,6 +13,8 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+
 from armdesign import user_folders
 from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
@@ -35,6 +37,7 @@ STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # one ma
 
 WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two stand together
 FORMATS = ("png", "svg", "pdf")
+DOTS = 150  # per inch of a picture
 STYLE = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -96,6 +99,15 @@ def below(ax: Any, inches: float) -> Any:
     return ax.transAxes + ScaledTranslation(0, -inches, ax.figure.dpi_scale_trans)
 
 
+def colours_between(values: Array, least: float, most: float) -> Array:
+    """Red, green and blue (n, 3) of numbers on the scale of maps, from 0 to 1."""
+    choose_font_cache()
+    from matplotlib import colormaps
+
+    share = np.clip((np.asarray(values) - least) / (most - least), 0.0, 1.0)
+    return np.asarray(colormaps[COLOURS](share)[:, :3])
+
+
 def choose_font_cache() -> None:
     """Give matplotlib a lasting folder where the user's home cannot be written.
 
@@ -134,8 +146,12 @@ def save(fig: Any, path: Path) -> Path:
     _make_literal(fig)
     with style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
-        dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-        fig.savefig(path, dpi=150, metadata=dates.get(kind))
+        if kind == "png" and hasattr(fig.canvas, "print_png"):
+            fig.set_dpi(DOTS)  # to the letter what ``savefig`` writes, without its dry run before
+            fig.canvas.print_png(path)
+        else:
+            dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+            fig.savefig(path, dpi=DOTS, metadata=dates.get(kind))
     return path
 
 

@@ -44,7 +44,7 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN
     shares = energy_shares(poses, natural)[0]
     count = min(modes, natural.frequencies.shape[1])
     view = side_view(machine, pose)
-    amplitude = round_amplitude(view)
+    amplitude = round_amplitude(view.size)
     low, high = extent([view])
     wide, tall = high - low
     width = WIDTH / count

@@ -73,7 +73,8 @@
     placements: table(one.placements),
     swings: table(one.swings),
   }));
-  const limiting = (one, pose) => one.parts[one.poses[pose][1]];
+  const limiting = (one, pose, mode = 0) => one.parts[one.poses[pose][1 + mode]];
+  const frequency = (one, pose, mode = 0) => one.positions[pose][scene.joints.length + mode];
   const load = (one, pose) => scene.cases[one.poses[pose][0] - 1];
   const poseWords = (one, pose) => scene.joints
     .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)}${unit === "m" ? " m" : unit}`)
@@ -81,7 +82,7 @@
 
   // ----------------------------------------------------------------------------- drawing
   const svg = $("drawing");
-  const state = { machine: machines.length - 1, pose: 0, phase: 1, swings: false };
+  const state = { machine: machines.length - 1, pose: 0, mode: 0, phase: 1, swings: false };
   const place = ([a, b, x, c, d, y], [u, v]) => [a * u + b * v + x, c * u + d * v + y];
   const add = (parent, tag, attributes, words) => {
     const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
@@ -99,7 +100,8 @@
 
   // matrices of the bodies and places of all points, by `factor` swings away from the pose
   const placed = (one, pose, factor) => {
-    const numbers = one.placements[pose].map((value, k) => value + factor * one.swings[pose][k]);
+    const still = one.placements[pose], first = state.mode * still.length;
+    const numbers = still.map((value, k) => value + factor * one.swings[pose][first + k]);
     const matrices = [one.standing];
     let next = 0;
     while (matrices.length < one.bodies.length) matrices.push(numbers.slice(next, next += 6));
@@ -184,9 +186,10 @@
     arrows(svg, one, rest, width);
     outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
     $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: `
-      + `${one.positions[state.pose].at(-1).toFixed(3)} Hz, limited by ${limiting(one, state.pose)}; dashed red: the lowest mode, `
+      + `${frequency(one, state.pose, state.mode).toFixed(3)} Hz, limited by ${limiting(one, state.pose, state.mode)}; dashed red: ${modeWords(state.mode)}, `
       + `${(1e3 * one.swing).toFixed(0)} mm at the tool${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
   };
+  const modeWords = (mode) => ["the lowest mode", "the second mode", "the third mode"][mode];
   let begun = null;
   const swing = (time) => {
     if (!state.swings) return;
@@ -196,6 +199,15 @@
     requestAnimationFrame(swing);
   };
   if (svg) {
+    for (let mode = 0; mode < machines[0].poses[0].length - 1; mode += 1) {
+      const choice = document.createElement("option");
+      [choice.value, choice.textContent] = [mode, modeWords(mode)];
+      $("mode").append(choice);
+    }
+    $("mode").addEventListener("change", () => {
+      state.mode = Number($("mode").value);
+      draw();
+    });
     $("swing").addEventListener("click", () => {
       state.swings = !state.swings;
       $("swing").setAttribute("aria-pressed", state.swings);
@@ -236,7 +248,7 @@
       data.y.push(y ? y.middles[cell % count] : data.value.at(-1));
       data.width.push(x.width);
       data.height.push(y ? y.width : 0);
-      data.words.push(`${one.positions[pose].at(-1).toFixed(3)} Hz, the worst of the cell`);
+      data.words.push(`${frequency(one, pose).toFixed(3)} Hz, the worst of the cell`);
       data.pose.push(poseWords(one, pose));
       data.load.push(load(one, pose));
       data.part.push(limiting(one, pose));

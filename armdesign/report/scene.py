@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 
-CELLS = 3200  # of all planes, load cases and machines: finer grids share cells, for a small page
+CELLS = 2400  # of all planes, load cases and machines: finer grids share cells, for a small page
+MODES = 3  # the lowest, in which a machine can swing
 PLANES = 6  # pairs of joints
 PERCENTS = (5.0, 50.0)
 SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode
@@ -70,11 +71,11 @@ class DrawnMachine:
         parts: names of what can limit: actuators and springs.
         cells: columns plane, load case (0: all), cell (y fastest), pose.
         frequencies: of each cell [Hz]: lowest, then percentiles ``PERCENTS``.
-        poses: columns load case (from 1), limiting part.
-        positions: of each pose: joints in their axes' units, then the lowest frequency [Hz].
+        poses: columns load case (from 1), then the limiting part of each mode.
+        positions: of each pose: joints in their axes' units, then the frequency of each mode [Hz].
         standing: matrix (2, 3) of the first body, which never moves, row by row.
         placements: of each pose: matrices of the other bodies, then places of loose points.
-        swings: how far these go in the lowest mode, one way.
+        swings: how far these go in each of the lowest ``MODES`` modes, one way.
         swing: of the tool [m].
         bodies: outlines (m, 2) [m] of each body in its plate.
         points: names, body and place of all pins and of the tool; loose ones have no body.
@@ -190,11 +191,12 @@ def _drawn_machine(
     q = np.concatenate([worst.q[None], frame[list(machine.joints)].to_numpy()])
     case = np.array([names.index(n) for n in (worst.payload, *frame["payload"])])
     shapes, limits, lowest = _modes(machine, q, case)
+    modes = range(shapes.shape[-1])
     view = side_view(machine, q)
     amplitude = SWING * view.size
-    moved = side_view(machine, swung(machine, q, shapes, amplitude))
+    moved = [side_view(machine, swung(machine, q, shapes[..., k], amplitude)) for k in modes]
     loose = _loose(view)
-    placed, gone = (_numbers(one, loose) for one in (view, moved))
+    placed, *gone = (_numbers(one, loose) for one in (view, *moved))
     factors = np.array([_factor(joint) for joint in machine.arm.joints])
     return DrawnMachine(
         label=label,
@@ -205,7 +207,7 @@ def _drawn_machine(
         positions=_packed(np.column_stack([q * factors, lowest])),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
         placements=_packed(placed),
-        swings=_packed(gone - placed, 8),
+        swings=_packed(np.hstack([one - placed for one in gone]), 8),
         swing=amplitude,
         bodies=tuple(
             tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
@@ -219,9 +221,11 @@ def _drawn_machine(
 
 
 def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array]:
-    """Shapes (n, k), limiting parts (n,) and frequencies (n,) [Hz] of the lowest modes."""
-    shapes = np.zeros((len(q), len(machine.arm.coordinates)))
-    limits, lowest = np.zeros(len(q), dtype=int), np.zeros(len(q))
+    """Shapes (n, k, m), limiting parts (n, m), frequencies (n, m) [Hz] of the m lowest modes."""
+    count = len(machine.arm.coordinates)
+    most = min(count, MODES)
+    shapes = np.zeros((len(q), count, most))
+    limits, lowest = np.zeros((len(q), most), dtype=int), np.zeros((len(q), most))
     for k, payload in enumerate(machine.payloads):
         rows = np.flatnonzero(case == k)
         if not len(rows):
@@ -229,8 +233,8 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
         loaded = machine.with_payload(payload.name)
         poses = loaded.evaluate(loaded.rigid_poses(q[rows]))
         modes = natural_modes(poses)
-        shapes[rows], lowest[rows] = modes.shapes[:, :, 0], modes.frequencies[:, 0]
-        limits[rows] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        shapes[rows], lowest[rows] = modes.shapes[:, :, :most], modes.frequencies[:, :most]
+        limits[rows] = energy_shares(poses, modes)[:, :most].argmax(axis=2)
     return shapes, limits, lowest
 
 

@@ -24,6 +24,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.progress import rounds
 from armdesign.simulation.dormand_prince import (
     INSTANT,
     Records,
@@ -155,12 +156,14 @@ def integrate(
         most_steps: that a case may take.
     """
     stepper = _Stepper(system, start, span, pace, breaks, tolerance)
-    with np.errstate(all="ignore"):  # what is not finite is a step too far, and taken back
+    # what is not finite is a step too far, and taken back
+    with np.errstate(all="ignore"), rounds("run", len(start)) as finished:
         stepper.begin(range(len(start)))
         for number in range(1, most_steps + 1):
             stepper.advance()
             if number % WINDOW == 0:
                 stepper.finish_stiff(7 * most_steps)
+                finished(len(start) - len(stepper.under_way()))
             if stepper.drop_finished():
                 break
     for row in stepper.under_way():

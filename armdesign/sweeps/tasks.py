@@ -10,25 +10,16 @@ from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.maps import frequency_map
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.sweeps import numbers
+from armdesign.sweeps.numbers import Numbers
 from armdesign.units import bar
 
-Answer = Mapping[str, Any]
-Task = Callable[..., Answer]
+Task = Callable[..., Numbers]
 
 
-def map_(machine: Machine, workspace: Workspace) -> Answer:
+def map_(machine: Machine, workspace: Workspace) -> Numbers:
     """Worst frequency with its pose, and the median [Hz]."""
-    found = frequency_map(machine, workspace)
-    worst = found.worst
-    pose = zip(worst.joints, worst.q.tolist(), strict=True)
-    return {
-        "worst_hz": worst.frequency,
-        "payload_at_worst": worst.payload,
-        "cylinder_at_worst": worst.cylinder,
-        **{f"{joint}_at_worst": value for joint, value in pose},
-        "median_hz": float(found.percentiles()["50 %"]["all"]),
-        "most_often_limits": str(found.limiting_shares.idxmax()),
-    }
+    return numbers.of_map(frequency_map(machine, workspace))
 
 
 def design(
@@ -39,10 +30,9 @@ def design(
     seed: int = 0,
     objective: str = "gain",
     catalogue: str | None = None,
-) -> Answer:
+) -> Numbers:
     """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
     from armdesign.design.design import optimize, size_cylinders
-    from armdesign.influence.changes import numeric_changes
 
     if tuple(vary) == ("areas",):
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
@@ -51,53 +41,24 @@ def design(
             machine, workspace, vary=tuple(vary), starts=starts, seed=seed, objective=objective,
             catalogue=catalogue,
         )  # fmt: skip
-    before, after = best.before.worst.frequency, best.after.worst.frequency
-    changed = numeric_changes(best.today, best.machine)
-    return {
-        "before_hz": before,
-        "after_hz": after,
-        "gain": after / before - 1,
-        "least_gain": best.least_gain,
-        "unrounded_hz": best.unrounded,
-        "lift_share": best.lift_share,
-        "binding": best.binding[0].name if best.binding else "",
-        **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
-    }
+    return numbers.of_design(best)
 
 
-def validate(machine: Machine, workspace: Workspace) -> Answer:
+def validate(machine: Machine, workspace: Workspace) -> Numbers:
     """Largest deviation of identified from linear frequencies, and of the lowest mode its run."""
     from armdesign.simulation import validation
 
-    runs = validation.validate(machine, workspace=workspace)
-    lowest = min(runs.limiting.runs, key=lambda run: run.linear_frequency, default=None)
-    of_lowest = {} if lowest is None else {
-        "linear_hz": lowest.linear_frequency,
-        "identified_hz": lowest.identified_frequency,
-        "linear_damping": lowest.linear_damping,
-        "identified_damping": lowest.identified_damping,
-    }  # fmt: skip
-    return {
-        "worst_deviation": runs.worst_deviation,
-        "runs": len(runs.runs),
-        "failures": len(runs.failures),
-        **of_lowest,
-    }
+    return numbers.of_validation(validation.validate(machine, workspace=workspace))
 
 
 def control(
     machine: Machine, workspace: Workspace, damping: float | None = None, delay: float = 0.0
-) -> Answer:
+) -> Numbers:
     """Least bandwidth of each kind of position loop [Hz], and the lowest frequency beside it."""
-    from armdesign.control.bandwidth_map import SCHEMES, bandwidth_map
+    from armdesign.control.bandwidth_map import bandwidth_map
 
     bandwidths = bandwidth_map(machine, workspace, damping=damping, delay=delay)
-    softest = bandwidths.softest
-    return {
-        **{f"{scheme}_hz": float(bandwidths.worst(scheme)[f"{scheme}_hz"]) for scheme in SCHEMES},
-        "softest_hz": float(softest["f1_hz"]),
-        "softest_payload": str(softest["payload"]),
-    }
+    return numbers.of_bandwidths(bandwidths)
 
 
 def simulate(
@@ -107,7 +68,7 @@ def simulate(
     opening: float = 0.2,
     pulse: float = 0.5,
     duration: float = 2.0,
-) -> Answer:
+) -> Numbers:
     """Largest pressures [bar] and events of a pulse of one valve at the worst pose of the map.
 
     ``cylinder``: whose valve opens, by default the first; by ``opening`` (−1…1) for ``pulse`` [s].

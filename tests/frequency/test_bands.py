@@ -221,7 +221,7 @@ def test_least_gain_is_that_of_the_poorest_corner() -> None:
     )
     assert new.least_gain(today) == pytest.approx(-0.1)
     assert today.least_gain(today) == 0
-    amid = replace(new, between=(0.7, 0.6)), replace(today, between=(0.75, 0.75))
+    amid = (replace(new, sample=lambda: (0.7, 0.6)), replace(today, sample=lambda: (0.75, 0.75)))
     assert amid[0].least_gain(amid[1]) == pytest.approx(-0.2)
 
 

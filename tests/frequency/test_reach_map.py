@@ -276,6 +276,7 @@ def test_no_cell_that_can_be_reached_is_blank(name: str) -> None:
     assert max(blank_but_reached(found, found.reach_map(), 1), default=0.0) < 2e-3
 
 
+@pytest.mark.slow
 def test_quasi_random_poses_make_the_picture_of_the_grid() -> None:
     """Whatever the poses of the workspace, a cell is the least over all poses that bring the tool.
 

@@ -16,6 +16,7 @@ import pytest
 import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.drawing.side_view import side_view
+from armdesign.drawing.swing import swung
 from armdesign.report.contents import Number, Picture, Report, Section
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
@@ -64,9 +65,9 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
                 assert values[row, 0] == pytest.approx(least.min(), abs=2e-4)
                 assert least.min() - 2e-4 < values[row, 1] <= values[row, 2] + 2e-4
                 pose = positions[int(cells[row, 3])]
-                assert pose[-1] == pytest.approx(least.min(), abs=2e-4)
+                assert pose[len(joints)] == pytest.approx(least.min(), abs=2e-4)
                 worst = np.degrees(frame.loc[least.idxmin(), joints].to_numpy(float))
-                assert pose[:-1] == pytest.approx(worst, abs=0.01)
+                assert pose[: len(joints)] == pytest.approx(worst, abs=0.01)
                 checked += 1
     assert checked > 100
 
@@ -75,7 +76,7 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
     """From the packed numbers as the page's script reads them, against the side view."""
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    q = np.radians(unpacked(drawn.positions)[:, :-1])
+    q = np.radians(unpacked(drawn.positions)[:, :3])
     view, numbers = side_view(frequencies.machine, q), unpacked(drawn.placements)
     standing = np.broadcast_to(np.array(drawn.standing), (len(q), 6))
     bodies = len(drawn.bodies)
@@ -95,9 +96,32 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
 def test_the_first_pose_is_the_worst_of_all() -> None:
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    assert unpacked(drawn.positions)[0, -1] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
+    assert unpacked(drawn.positions)[0, 3] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
     limiting = drawn.parts[int(unpacked(drawn.poses)[0, 1])]
     assert limiting == frequencies.worst.cylinder
+
+
+def test_three_modes_have_their_frequencies_and_motions() -> None:
+    """By the modes of every pose, under each load case: the tool, which the last body carries."""
+    frequencies = two_joints()
+    (drawn,) = scene_of({"today": frequencies}).machines
+    positions, cases = unpacked(drawn.positions), unpacked(drawn.poses)[:, 0]
+    numbers, swings = unpacked(drawn.placements), unpacked(drawn.swings)
+    tool, last = next(p for p in drawn.points if p["name"] == "tool"), len(drawn.bodies) - 1
+    assert tool["body"] == last
+    for case, payload in enumerate(frequencies.machine.payloads, 1):
+        machine, rows = frequencies.machine.with_payload(payload.name), cases == case
+        q = np.radians(positions[rows, :3])
+        modes = ad.natural_modes(machine.at(q))
+        assert positions[rows, 3:] == pytest.approx(modes.frequencies[:, :3], rel=1e-3)
+        for mode in range(3):
+            away = swung(machine, q, modes.shapes[:, :, mode], drawn.swing)
+            expected = side_view(machine, away).tool - side_view(machine, q).tool
+            of_mode = swings[rows, mode * numbers.shape[1] :]
+            gone = of_mode[:, 6 * last - 6 : 6 * last].reshape(-1, 2, 3)
+            moved = gone[:, :, :2] @ np.array(tool["at"]) + gone[:, :, 2]
+            same = np.minimum(*(np.abs(moved - sign * expected).max(axis=1) for sign in (1, -1)))
+            assert same.max() < 0.05 * drawn.swing
 
 
 # ------------------------------------------------------------------------------------- the page

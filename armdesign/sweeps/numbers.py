@@ -1,0 +1,106 @@
+"""Numbers by name: what maps, designs, validations and bandwidths come down to, in SI.
+
+Columns of sweeps and ``numbers`` of ``--json`` are these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from armdesign.control.bandwidth_map import BandwidthMap
+    from armdesign.design.design import Design
+    from armdesign.frequency.maps import FrequencyMap
+    from armdesign.simulation.validation import Validation
+
+Numbers = Mapping[str, Any]
+
+MEANINGS = {
+    "worst_hz": "lowest natural frequency over the workspace, all load cases [Hz]",
+    "payload_at_worst": "load case of the worst pose",
+    "cylinder_at_worst": "actuator or spring that limits the frequency at the worst pose",
+    "<joint>_at_worst": "coordinate of a joint at the worst pose [rad or m]",
+    "median_hz": "median over the workspace of the lowest natural frequency [Hz]",
+    "most_often_limits": "actuator or spring that limits at the largest share of poses",
+    "before_hz": "worst frequency of today's machine [Hz]",
+    "after_hz": "worst frequency of the new machine [Hz]",
+    "gain": "of the worst frequency, with the file's values; 0.1 is 10 %",
+    "least_gain": "least gain within the bands; null without bands",
+    "unrounded_hz": "worst frequency of the design before rounding [Hz]",
+    "lift_share": "least lift of the new machine over today's, over the lift chart",
+    "binding": "requirement with the highest price; empty where none binds",
+    "new.<key path>": "number of the new machine's file that differs from today's, in its unit",
+    "worst_deviation": "largest deviation of identified from linear frequencies; 0.01 is 1 %",
+    "runs": "number of nonlinear runs from which a frequency was identified",
+    "failures": "number of nonlinear runs that failed",
+    "linear_hz": "linear frequency of the lowest mode [Hz]",
+    "identified_hz": "frequency of the lowest mode in its nonlinear run [Hz]",
+    "linear_damping": "linear damping ratio of the lowest mode",
+    "identified_damping": "damping ratio of the lowest mode in its nonlinear run",
+    "<scheme>_hz": "least bandwidth over the workspace of a kind of position loop [Hz]",
+    "softest_hz": "lowest natural frequency of the map of bandwidths [Hz]",
+    "softest_payload": "load case of that frequency",
+}
+
+
+def of_map(frequencies: FrequencyMap) -> Numbers:
+    """Worst frequency with its pose, and the median."""
+    worst = frequencies.worst
+    pose = zip(worst.joints, worst.q.tolist(), strict=True)
+    return {
+        "worst_hz": worst.frequency,
+        "payload_at_worst": worst.payload,
+        "cylinder_at_worst": worst.cylinder,
+        **{f"{joint}_at_worst": value for joint, value in pose},
+        "median_hz": float(frequencies.percentiles()["50 %"]["all"]),
+        "most_often_limits": str(frequencies.limiting_shares.idxmax()),
+    }
+
+
+def of_design(design: Design) -> Numbers:
+    """Worst frequency today and of the best machine, its gains, and every changed number."""
+    from armdesign.influence.changes import numeric_changes
+
+    before, after = design.before.worst.frequency, design.after.worst.frequency
+    changed = numeric_changes(design.today, design.machine)
+    return {
+        "before_hz": before,
+        "after_hz": after,
+        "gain": after / before - 1,
+        "least_gain": design.least_gain,
+        "unrounded_hz": design.unrounded,
+        "lift_share": design.lift_share,
+        "binding": design.binding[0].name if design.binding else "",
+        **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
+    }
+
+
+def of_validation(validation: Validation) -> Numbers:
+    """Largest deviation of identified from linear frequencies, and of the lowest mode its run."""
+    runs = validation.limiting.runs
+    lowest = min(runs, key=lambda run: run.linear_frequency, default=None)
+    of_lowest = {} if lowest is None else {
+        "linear_hz": lowest.linear_frequency,
+        "identified_hz": lowest.identified_frequency,
+        "linear_damping": lowest.linear_damping,
+        "identified_damping": lowest.identified_damping,
+    }  # fmt: skip
+    return {
+        "worst_deviation": validation.worst_deviation,
+        "runs": len(validation.runs),
+        "failures": len(validation.failures),
+        **of_lowest,
+    }
+
+
+def of_bandwidths(bandwidths: BandwidthMap) -> Numbers:
+    """Least bandwidth of each kind of position loop, and the lowest frequency beside it."""
+    from armdesign.control.bandwidth_map import SCHEMES
+
+    softest = bandwidths.softest
+    return {
+        **{f"{scheme}_hz": float(bandwidths.worst(scheme)[f"{scheme}_hz"]) for scheme in SCHEMES},
+        "softest_hz": float(softest["f1_hz"]),
+        "softest_payload": str(softest["payload"]),
+    }

@@ -1,0 +1,1 @@
+"""Machines in space, to be looked at and moved: what `armdesign view` shows."""

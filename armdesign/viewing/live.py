@@ -1,0 +1,221 @@
+"""The viewer: a machine with sliders for joints and payload, and what it oscillates with there."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.drawing.joint_arcs import drawn_ranges
+from armdesign.drawing.swing import round_amplitude
+from armdesign.units import deg, mm
+from armdesign.viewing.page_words import reading_words
+from armdesign.viewing.reading import Reading, reading, swing_words
+from armdesign.viewing.stage import Stage
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
+    from armdesign.mechanism.urdf import Joint
+    from armdesign.viewing.view import View
+
+HEAVIER = 1.5  # most of the payload's slider over the largest mass of the file
+
+
+class Viewer:
+    """A view with its controls on a server.
+
+    Args:
+        view: what is looked at.
+        port: of the server; None: the first free one from 8080.
+
+    Raises:
+        ArmDesignError: viser is not installed, or the port cannot be used.
+    """
+
+    def __init__(self, view: View, port: int | None = None) -> None:
+        self.view, self.stage = view, Stage(view, port)
+        self.server = self.stage.server
+        self.lock = threading.RLock()
+        self.amplitude = round_amplitude(self.stage.scene.size)
+        self.ended = threading.Event()
+        self.readings: dict[str, Reading] = {}
+        self._add_controls()
+        self.update()
+        self.animation = threading.Thread(target=self._animate, daemon=True)
+        self.animation.start()
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def wait(self) -> None:
+        """Wait until it is ended; Ctrl-C does."""
+        while not self.ended.wait(0.5):
+            pass
+
+    def stop(self) -> None:
+        """End the server."""
+        self.ended.set()
+        self.animation.join(timeout=2.0)
+        self.stage.stop()
+
+    # ---------------------------------------------------------------------------------- controls
+
+    def _add_controls(self) -> None:
+        gui, machine = self.server.gui, self.view.machine
+        self.words = gui.add_html("")
+        with gui.add_folder("Pose"):
+            self.joints = [
+                self._joint_slider(joint, *ends)
+                for joint, ends in zip(
+                    machine.arm.joints, drawn_ranges(machine).tolist(), strict=True
+                )
+            ]
+            self.to_worst = gui.add_button("Worst pose")
+        with gui.add_folder("Load"):
+            names = [case.name for case in machine.payloads]
+            self.case = gui.add_dropdown("Load case", names, initial_value=machine.payload.name)
+            masses = [case.mass for case in machine.payloads]
+            placed = any(case.link is not None for case in machine.payloads)
+            most = HEAVIER * max(masses) or 1.0
+            digits = 10 ** np.floor(np.log10(most) - 2)
+            most = float(np.ceil(most / digits) * digits)
+            self.mass = gui.add_slider(
+                "Payload [kg]", 0.0, most, float(digits), machine.payload.mass, disabled=not placed
+            )
+        with gui.add_folder("Show"):
+            self.swing = gui.add_checkbox("Swing in a mode", False)
+            count = len(machine.arm.coordinates)
+            modes = [str(k + 1) for k in range(count)]
+            self.mode = gui.add_dropdown("Mode", modes, initial_value="1")
+            self.region = gui.add_checkbox("Swept region", True)
+            self.names = gui.add_checkbox("Names of pins", False)
+            self.over = gui.add_checkbox("New machine", True, visible="new" in self.stage.shown)
+        self.labels = self.stage.shown["today"].label(False)
+        self._connect()
+
+    def _joint_slider(self, joint: Joint, low: float, high: float) -> Any:
+        unit, factor, step = ("°", deg, 0.1) if joint.revolute else ("mm", mm, 1.0)
+        ends = np.ceil(low / factor / step) * step, np.floor(high / factor / step) * step
+        index = self.view.machine.joints.index(joint.name)
+        ends = round(float(ends[0]), 1), round(float(ends[1]), 1)
+        begin = min(max(round(float(self.view.q[index]) / factor, 1), ends[0]), ends[1])
+        label = f"{joint.name} [{unit}]"
+        return self.server.gui.add_slider(label, *ends, step, begin)
+
+    def _connect(self) -> None:
+        for slider in self.joints:
+            slider.on_update(lambda _: self.update())
+        self.mass.on_update(lambda _: self.update())
+        self.case.on_update(lambda _: self._case_chosen())
+        self.to_worst.on_click(lambda _: self.to_worst_pose())
+        self.mode.on_update(lambda _: self.update())
+        self.swing.on_update(lambda _: self.update())
+        for box in (self.region, self.names, self.over):
+            box.on_update(lambda _: self._show())
+
+    def _case_chosen(self) -> None:
+        masses = {case.name: case.mass for case in self.view.machine.payloads}
+        self.mass.value = masses[self.case.value]
+        self.update()
+
+    def to_worst_pose(self) -> None:
+        """Bring the sliders to the worst pose and its load case."""
+        self.case.value = self.view.worst.payload
+        self._set_pose(self.view.worst.q)
+        self._case_chosen()
+
+    def _set_pose(self, q: Array) -> None:
+        for slider, joint, value in zip(self.joints, self.view.machine.arm.joints, q, strict=True):
+            shown = value / (deg if joint.revolute else mm)
+            slider.value = float(np.clip(round(shown, 1), slider.min, slider.max))
+
+    def _show(self) -> None:
+        self.stage.swept.visible = self.region.value
+        for label in self.labels:
+            label.visible = self.names.value
+        if "new" in self.stage.shown:
+            self.stage.shown["new"].top.visible = self.over.value
+
+    # ------------------------------------------------------------------------------------- what is
+
+    @property
+    def q(self) -> Array:
+        """The pose of the sliders (nq,) [rad, m]."""
+        joints = self.view.machine.arm.joints
+        factors = [deg if joint.revolute else mm for joint in joints]
+        return np.array([s.value * f for s, f in zip(self.joints, factors, strict=True)])
+
+    def loaded(self, machine: Machine) -> Machine:
+        """A machine under the chosen load case, with the slider's mass."""
+        names = [case.name for case in machine.payloads]
+        chosen = machine.with_payload(self.case.value) if self.case.value in names else machine
+        if abs(self.mass.value - chosen.payload.mass) < 1e-9:
+            return chosen
+        return chosen.with_payload(float(self.mass.value))
+
+    def update(self) -> None:
+        """Read the sliders, and show pose and numbers."""
+        with self.lock:
+            q = self.q
+            machines = self.view.machines.items()
+            self.readings = {
+                name: reading(self.loaded(one), q, self.view.damping) for name, one in machines
+            }
+            self.stage.place(q)
+            self.stage.shown["today"].bear(self.readings["today"].machine.payload)
+            self.words.content = self._words()
+
+    def _words(self) -> str:
+        """The read-out as HTML; everything that files say is escaped."""
+        swing, first = "", self.readings["today"]
+        if self.swing.value and first.modes is not None:
+            swing = swing_words(first, int(self.mode.value) - 1, self.amplitude)[0]
+        return reading_words(self.readings, swing, self.view.region)
+
+    def _animate(self) -> None:
+        """Swing the machines while it is asked for."""
+        moved = False
+        while not self.ended.is_set():
+            if not self.swing.value:
+                if moved:
+                    self.update()
+                moved = False
+                time.sleep(0.1)
+                continue
+            moved = True
+            with self.lock:
+                periods = {
+                    name: self.stage.shown[name].scene.placements(
+                        one.swing(int(self.mode.value) - 1, self.amplitude)
+                    )
+                    for name, one in self.readings.items()
+                }
+                readings = dict(self.readings)
+            if readings["today"].modes is None:
+                time.sleep(0.1)
+                continue
+            rate = swing_words(readings["today"], int(self.mode.value) - 1, self.amplitude)[1]
+            self._swing(periods, rate, readings)
+
+    def _swing(self, periods: dict[str, Any], rate: float, asked: dict[str, Reading]) -> None:
+        """Show periods over and over until another pose, mode or stillness is asked for."""
+        count = max(len(at) for one in periods.values() for _, at in one.values())
+        begun, mode = time.monotonic(), self.mode.value
+        while not self.ended.is_set() and self.swing.value and self.mode.value == mode:
+            if any(self.readings.get(name) is not one for name, one in asked.items()):
+                return
+            phase = int((time.monotonic() - begun) * rate * count)
+            with self.lock, self.server.atomic():
+                for name, frames in periods.items():
+                    self.stage.shown[name].move(
+                        {
+                            frame: (turn[phase % len(turn)], at[phase % len(at)])
+                            for frame, (turn, at) in frames.items()
+                        }
+                    )
+            time.sleep(1 / 30)

@@ -1,0 +1,50 @@
+"""Words of the viewer as HTML: readings, and the scale of colours; what files say is escaped."""
+
+from __future__ import annotations
+
+import html
+from typing import TYPE_CHECKING
+
+from armdesign.errors import printable
+from armdesign.viewing.reading import Reading, rows
+
+if TYPE_CHECKING:
+    from armdesign.viewing.region import Region
+
+STYLE = """
+#armdesign { padding: 0.3em 0.8em; font-size: 0.85em; line-height: 1.35 }
+#armdesign th { text-align: left; font-weight: normal; opacity: 0.75 }
+#armdesign :is(th, td) { padding-right: 0.8em; vertical-align: top }
+#armdesign tr.heads th { font-weight: bold; opacity: 1 }
+#armdesign p { margin: 0.5em 0 }
+"""
+SWATCH = "width:1.4em;height:0.8em;display:inline-block;background:"
+
+
+def reading_words(readings: dict[str, Reading], swing: str, region: Region) -> str:
+    """Readings of machines side by side, the animation, and the scale of colours."""
+    columns = {name: dict(rows(one)) for name, one in readings.items()}
+    lines = []
+    if len(columns) > 1:
+        heads = "".join(f"<th>{escaped(name)}</th>" for name in columns)
+        lines.append(f'<tr class="heads"><th></th>{heads}</tr>')
+    for what in dict.fromkeys(what for column in columns.values() for what in column):
+        cells = "".join(f"<td>{escaped(column.get(what, ''))}</td>" for column in columns.values())
+        lines.append(f"<tr><th>{escaped(what)}</th>{cells}</tr>")
+    note = f"<p>{escaped(swing)}</p>" if swing else ""
+    return (
+        f'<div id="armdesign"><style>{STYLE}</style><table>{"".join(lines)}</table>{note}'
+        f"<p>{scale_words(region)}</p></div>"
+    )
+
+
+def scale_words(region: Region) -> str:
+    """The scale of colours of the swept region."""
+    swatches = "".join(f'<i style="{SWATCH}{colour}"></i>' for colour, _ in region.scale)
+    ends = f"{region.least:.3g} Hz {swatches} {region.most:.3g} Hz and more"
+    return f"{ends}<br>lowest frequency at each place of the tool, all load cases"
+
+
+def escaped(text: str) -> str:
+    """A text that can stand in HTML."""
+    return html.escape(printable(text))
