@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from armdesign.mechanism.urdf import Joint
     from armdesign.viewing.view import View
 
+SMOOTH = 30  # pictures a second of a swinging machine
 HEAVIER = 1.5  # most of the payload's slider over the largest mass of the file
 
 
@@ -41,11 +42,14 @@ class Viewer:
         self.lock = threading.RLock()
         self.amplitude = round_amplitude(self.stage.scene.size)
         self.ended = threading.Event()
+        self.changed = threading.Event()
         self.readings: dict[str, Reading] = {}
+        self.period: dict[str, dict[str, tuple[Array, Array]]] = {}
+        self.rate = 1.0
         self._add_controls()
         self.update()
-        self.animation = threading.Thread(target=self._animate, daemon=True)
-        self.animation.start()
+        self.following = threading.Thread(target=self._follow, daemon=True)
+        self.following.start()
 
     @property
     def address(self) -> str:
@@ -60,7 +64,7 @@ class Viewer:
     def stop(self) -> None:
         """End the server."""
         self.ended.set()
-        self.animation.join(timeout=2.0)
+        self.following.join(timeout=2.0)
         self.stage.stop()
 
     # ---------------------------------------------------------------------------------- controls
@@ -108,20 +112,17 @@ class Viewer:
         return self.server.gui.add_slider(label, *ends, step, begin)
 
     def _connect(self) -> None:
-        for slider in self.joints:
-            slider.on_update(lambda _: self.update())
-        self.mass.on_update(lambda _: self.update())
+        for control in (*self.joints, self.mass, self.mode, self.swing):
+            control.on_update(lambda _: self.changed.set())
         self.case.on_update(lambda _: self._case_chosen())
         self.to_worst.on_click(lambda _: self.to_worst_pose())
-        self.mode.on_update(lambda _: self.update())
-        self.swing.on_update(lambda _: self.update())
         for box in (self.region, self.names, self.over):
             box.on_update(lambda _: self._show())
 
     def _case_chosen(self) -> None:
         masses = {case.name: case.mass for case in self.view.machine.payloads}
         self.mass.value = masses[self.case.value]
-        self.update()
+        self.changed.set()
 
     def to_worst_pose(self) -> None:
         """Bring the sliders to the worst pose and its load case."""
@@ -159,7 +160,7 @@ class Viewer:
         return chosen.with_payload(float(self.mass.value))
 
     def update(self) -> None:
-        """Read the sliders, and show pose and numbers."""
+        """Read the controls, and show pose and numbers; a mode as a period to be swung through."""
         with self.lock:
             q = self.q
             machines = self.view.machines.items()
@@ -169,53 +170,52 @@ class Viewer:
             self.stage.place(q)
             self.stage.shown["today"].bear(self.readings["today"].machine.payload)
             self.words.content = self._words()
+            self.period = self._period() if self._swings else {}
+
+    @property
+    def _swings(self) -> bool:
+        return bool(self.swing.value and self.readings["today"].modes is not None)
 
     def _words(self) -> str:
         """The read-out as HTML; everything that files say is escaped."""
-        swing, first = "", self.readings["today"]
-        if self.swing.value and first.modes is not None:
-            swing = swing_words(first, int(self.mode.value) - 1, self.amplitude)[0]
+        swing = ""
+        if self._swings:
+            swing, self.rate = swing_words(self.readings["today"], self._mode, self.amplitude)
         return reading_words(self.readings, swing, self.view.region)
 
-    def _animate(self) -> None:
-        """Swing the machines while it is asked for."""
-        moved = False
-        while not self.ended.is_set():
-            if not self.swing.value:
-                if moved:
-                    self.update()
-                moved = False
-                time.sleep(0.1)
-                continue
-            moved = True
-            with self.lock:
-                periods = {
-                    name: self.stage.shown[name].scene.placements(
-                        one.swing(int(self.mode.value) - 1, self.amplitude)
-                    )
-                    for name, one in self.readings.items()
-                }
-                readings = dict(self.readings)
-            if readings["today"].modes is None:
-                time.sleep(0.1)
-                continue
-            rate = swing_words(readings["today"], int(self.mode.value) - 1, self.amplitude)[1]
-            self._swing(periods, rate, readings)
+    @property
+    def _mode(self) -> int:
+        return int(self.mode.value) - 1
 
-    def _swing(self, periods: dict[str, Any], rate: float, asked: dict[str, Reading]) -> None:
-        """Show periods over and over until another pose, mode or stillness is asked for."""
-        count = max(len(at) for one in periods.values() for _, at in one.values())
-        begun, mode = time.monotonic(), self.mode.value
-        while not self.ended.is_set() and self.swing.value and self.mode.value == mode:
-            if any(self.readings.get(name) is not one for name, one in asked.items()):
-                return
-            phase = int((time.monotonic() - begun) * rate * count)
+    def _period(self) -> dict[str, dict[str, tuple[Array, Array]]]:
+        """Places of all frames over one period of the mode, by machine."""
+        return {
+            name: self.stage.shown[name].scene.placements(one.swing(self._mode, self.amplitude))
+            for name, one in self.readings.items()
+        }
+
+    def _follow(self) -> None:
+        """Follow the controls, and swing the machines while that is asked for.
+
+        However fast a slider moves, only where it has come to is computed.
+        """
+        while not self.ended.is_set():
+            if self.changed.wait(1 / SMOOTH if self.period else 0.1):
+                self.changed.clear()
+                self.update()
             with self.lock, self.server.atomic():
-                for name, frames in periods.items():
-                    self.stage.shown[name].move(
-                        {
-                            frame: (turn[phase % len(turn)], at[phase % len(at)])
-                            for frame, (turn, at) in frames.items()
-                        }
-                    )
-            time.sleep(1 / 30)
+                for name, frames in self.period.items():
+                    self.stage.shown[name].move(self._at(frames, time.monotonic() * self.rate))
+
+    @staticmethod
+    def _at(
+        frames: dict[str, tuple[Array, Array]], periods: float
+    ) -> dict[str, tuple[Array, Array]]:
+        """Where frames are after so many periods."""
+        return {
+            frame: (
+                turn[int(periods * len(turn)) % len(turn)],
+                at[int(periods * len(at)) % len(at)],
+            )
+            for frame, (turn, at) in frames.items()
+        }
