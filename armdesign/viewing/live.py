@@ -11,6 +11,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.swing import round_amplitude
+from armdesign.errors import ArmDesignError
 from armdesign.units import deg, mm
 from armdesign.viewing.page_words import reading_words
 from armdesign.viewing.reading import Reading, reading, swing_words
@@ -100,16 +101,16 @@ class Viewer:
             self.names = gui.add_checkbox("Names of pins", False)
             self.over = gui.add_checkbox("New machine", True, visible="new" in self.stage.shown)
         self.labels = self.stage.shown["today"].label(False)
+        self._set_pose(self.view.q)
         self._connect()
 
     def _joint_slider(self, joint: Joint, low: float, high: float) -> Any:
         unit, factor, step = ("°", deg, 0.1) if joint.revolute else ("mm", mm, 1.0)
-        ends = np.ceil(low / factor / step) * step, np.floor(high / factor / step) * step
-        index = self.view.machine.joints.index(joint.name)
-        ends = round(float(ends[0]), 1), round(float(ends[1]), 1)
-        begin = min(max(round(float(self.view.q[index]) / factor, 1), ends[0]), ends[1])
-        label = f"{joint.name} [{unit}]"
-        return self.server.gui.add_slider(label, *ends, step, begin)
+        least, most = np.ceil(low / factor / step) * step, np.floor(high / factor / step) * step
+        if most - least < step:  # hardly any range
+            least, most, step = low / factor, high / factor, (high - low) / factor / 10
+        ends = round(float(least), 6), round(float(most), 6)
+        return self.server.gui.add_slider(f"{joint.name} [{unit}]", *ends, step, ends[0])
 
     def _connect(self) -> None:
         for control in (*self.joints, self.mass, self.mode, self.swing):
@@ -131,9 +132,13 @@ class Viewer:
         self._case_chosen()
 
     def _set_pose(self, q: Array) -> None:
-        for slider, joint, value in zip(self.joints, self.view.machine.arm.joints, q, strict=True):
-            shown = value / (deg if joint.revolute else mm)
-            slider.value = float(np.clip(round(shown, 1), slider.min, slider.max))
+        """Bring the sliders as near to a pose as their steps are, which is kept exactly.
+
+        A worst pose often lies on a limit, and next to it the machine holds no load.
+        """
+        for slider, value in zip(self.joints, q / self._factors, strict=True):
+            slider.value = float(np.clip(round(value, 1), slider.min, slider.max))
+        self.exact = [slider.value for slider in self.joints], np.array(q)
 
     def _show(self) -> None:
         self.stage.swept.visible = self.region.value
@@ -146,10 +151,15 @@ class Viewer:
 
     @property
     def q(self) -> Array:
-        """The pose of the sliders (nq,) [rad, m]."""
+        """The pose of the sliders (nq,) [rad, m], or the exact one that they were brought to."""
+        values = [slider.value for slider in self.joints]
+        return self.exact[1] if values == self.exact[0] else np.array(values) * self._factors
+
+    @property
+    def _factors(self) -> Array:
+        """Units of the sliders [rad, m]."""
         joints = self.view.machine.arm.joints
-        factors = [deg if joint.revolute else mm for joint in joints]
-        return np.array([s.value * f for s, f in zip(self.joints, factors, strict=True)])
+        return np.array([deg if joint.revolute else mm for joint in joints])
 
     def loaded(self, machine: Machine) -> Machine:
         """A machine under the chosen load case, with the slider's mass."""
@@ -159,14 +169,18 @@ class Viewer:
             return chosen
         return chosen.with_payload(float(self.mass.value))
 
+    def _reading(self, machine: Machine, q: Array) -> Reading:
+        try:
+            return reading(self.loaded(machine), q, self.view.damping)
+        except ArmDesignError as error:  # no load case says where a mass sits
+            return Reading(machine=machine, q=q, fault=str(error))
+
     def update(self) -> None:
         """Read the controls, and show pose and numbers; a mode as a period to be swung through."""
         with self.lock:
             q = self.q
             machines = self.view.machines.items()
-            self.readings = {
-                name: reading(self.loaded(one), q, self.view.damping) for name, one in machines
-            }
+            self.readings = {name: self._reading(one, q) for name, one in machines}
             self.stage.place(q)
             self.stage.shown["today"].bear(self.readings["today"].machine.payload)
             self.words.content = self._words()

@@ -169,7 +169,7 @@ class Stage:
             side, begin = self.scene.near_side(move.link)
             at = np.array(known[move.name].at)
             old = at + (begin - 2 * radius - at @ side) * side
-            name = f"/new/{move.link}/moved_{move.name}"
+            name = node("/new", move.link, f"moved_{move.name}")
             arrows[move.name] = self.server.scene.add_arrows(
                 name,
                 np.array([[old, old + move.by]]),
@@ -219,11 +219,11 @@ class Shown:
         cases = (case for case in scene.machine.payloads if case.link)
         frames |= dict.fromkeys(str(case.link) for case in cases)
         self.frames = {
-            name: server.scene.add_frame(f"{under}/{name}", show_axes=False) for name in frames
+            name: server.scene.add_frame(node(under, name), show_axes=False) for name in frames
         }
         for solid in scene.solids if beside is None else differing(scene, beside):
             server.scene.add_mesh_simple(
-                f"{under}/{solid.frame}/{solid.name.replace('/', '_')}",
+                node(under, solid.frame, solid.name),
                 solid.mesh.vertices.astype(np.float32),
                 solid.mesh.faces.astype(np.uint32),
                 color=rgb(MARK) if ghost else rgb(solid.colour),
@@ -236,7 +236,7 @@ class Shown:
         if beside is None:
             tool = scene.marks[-1]
             server.scene.add_icosphere(
-                f"{under}/{tool.frame}/tool",
+                node(under, tool.frame, "tool"),
                 radius=TOOL * scene.size,
                 color=rgb(MARK),
                 position=tool.at,
@@ -267,7 +267,7 @@ class Shown:
             return
         radius = (3 * case.mass / (4 * np.pi * DENSITY)) ** (1 / 3)
         self.load = self.server.scene.add_icosphere(
-            f"{self.under}/{case.link}/load",
+            node(self.under, case.link, "load"),
             radius=radius,
             color=GREY,
             opacity=0.8,
@@ -278,7 +278,7 @@ class Shown:
         """Names beside pins and tool."""
         return [
             self.server.scene.add_label(
-                f"{self.under}/{mark.frame}/name_{mark.name}",
+                node(self.under, mark.frame, f"name_{mark.name}"),
                 mark.name,
                 position=mark.at,
                 visible=shown,
@@ -293,6 +293,11 @@ def wxyz(rotation: Array) -> Array:
     from viser.transforms import SO3
 
     return np.asarray(SO3.from_matrix(rotation).wxyz)
+
+
+def node(under: str, *names: str) -> str:
+    """Name in the tree of the scene; a slash in a link's name makes no branch."""
+    return "/".join([under, *(name.replace("/", "_") for name in names)])
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -86,6 +86,20 @@ def test_sliders_change_pose_and_reading() -> None:
         assert viewer.mass.value == machine.payload.mass
 
 
+def test_the_worst_pose_is_exact_though_it_lies_on_a_limit() -> None:
+    """Sliders have steps; a pose beside the limit would drop the load."""
+    machine = named("excavator_20t")
+    with viewing(machine) as viewer:
+        viewer.to_worst_pose()
+        viewer.update()
+        worst = viewer.view.worst
+        assert viewer.readings["today"].machine.payload.name == worst.payload == "full"
+        assert viewer.readings["today"].frequencies[0] == pytest.approx(worst.frequency, rel=1e-9)
+        viewer.joints[0].value -= 1.0
+        assert viewer.q[0] == pytest.approx(viewer.joints[0].value * deg)
+        assert viewer.q[0] != worst.q[0]
+
+
 def test_modes_move_the_machine_and_end_where_it_stands() -> None:
     machine = named("paper_1dof")
     with viewing(machine) as viewer:
