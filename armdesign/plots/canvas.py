@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -82,9 +82,14 @@ def figure(
         fig = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(fig)
         axes = fig.subplots(rows, columns, squeeze=False).ravel()
-    for shown in (fig, *axes):  # what a notebook shows of either
-        shown._repr_png_ = partial(_png, fig)
+    show_in_notebooks(fig, axes)
     return fig, axes
+
+
+def show_in_notebooks(fig: Any, axes: Iterable[Any]) -> None:
+    """Let a notebook show the figure where the value of a cell is the figure or axes of it."""
+    for shown in (fig, *axes):
+        shown._repr_png_ = partial(_png, fig)
 
 
 def _png(fig: Any) -> bytes:

@@ -13,7 +13,16 @@ from armdesign.drawing.colours import SPRING, actuator_colours
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.tool_range import tool_range
-from armdesign.plots.canvas import COMPUTED, INK, MARK, WIDTH, figure, literal, title_of
+from armdesign.plots.canvas import (
+    COMPUTED,
+    INK,
+    MARK,
+    WIDTH,
+    figure,
+    literal,
+    show_in_notebooks,
+    title_of,
+)
 from armdesign.plots.labels import place_labels
 from armdesign.plots.machine_words import (
     ends,
@@ -149,7 +158,9 @@ def new_axes(limits: Array, beside: bool = False) -> list[Any]:
         return list(figure(1, WIDTH, height)[1])
     fig, _ = figure(1, WIDTH, height)
     fig.clf()
-    return list(fig.subplots(1, 2, width_ratios=[1 - BESIDE, BESIDE]))
+    axes = list(fig.subplots(1, 2, width_ratios=[1 - BESIDE, BESIDE]))
+    show_in_notebooks(fig, axes)
+    return axes
 
 
 def frame(ax: Any, limits: Array, view: SideView, room: float = LABEL_ROOM) -> None:
