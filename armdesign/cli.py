@@ -161,7 +161,8 @@ def validate(run: OverWorkspace) -> None:
     with run.writing(out) as folder:
         output.write_validations(validations, folder)
         plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
-        output.write_plain_report(title, items, captions, provenance, folder)
+        drawn = model, validations["worst"].sweeps[0].q
+        output.write_plain_report(title, items, captions, drawn, provenance, folder)
     tables = {"validation": answer.frame}
     run.show(items, lambda: of_validation(answer), tables)
 
@@ -349,7 +350,8 @@ def paper(run: Run) -> None:
         for name, formula in pictures.items():
             plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
         provenance = run.origin().sheet({"": reproduced.machine})
-        output.write_plain_report(title, sheets, captions, provenance, folder)
+        drawn = reproduced.machine, None
+        output.write_plain_report(title, sheets, captions, drawn, provenance, folder)
     errors = reproduced.errors.reset_index()
     run.show(sheets, tables={"paper": reproduced.frame, "paper_errors": errors})
 

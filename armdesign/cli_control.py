@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from armdesign.options import (
     CornerOption,
     DampingOption,
@@ -37,7 +39,7 @@ def control(
 
     from armdesign.control.bandwidth_map import bandwidth_map, default_points
     from armdesign.frequency.workspace import Workspace
-    from armdesign.report.bandwidths import bandwidth_sheets
+    from armdesign.report.bandwidths import bandwidth_sentence, bandwidth_sheets
     from armdesign.sweeps.numbers import of_bandwidths
     from armdesign.units import deg
 
@@ -59,7 +61,7 @@ def control(
                 filter=filter,  # type: ignore[arg-type]
                 corner=2 * math.pi * corner or None,
             )
-    sheets = bandwidth_sheets(maps, run.units.units)
+    sheets: list[Any] = [*bandwidth_sheets(maps, run.units.units), bandwidth_sentence(maps)]
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
     loops = {"damping": damping, "delay": delay, "filter": filter, "corner": corner}
     origin = run.origin(new=new, **loops, **margins)

@@ -67,9 +67,10 @@ def view(
     from armdesign.viewing.player import player
 
     with run.progress("filming"):
-        text = player(seen)
+        text, remark = player(seen)
     with run.writing(out) as folder:
         (folder / "view.html").write_text(text, encoding="utf-8")
+    run.show([remark] if remark else [])
 
 
 def _serve(run: OverWorkspace, seen: View, port: int | None, no_open: bool) -> None:
@@ -79,12 +80,18 @@ def _serve(run: OverWorkspace, seen: View, port: int | None, no_open: bool) -> N
     with run.progress("beginning"):
         viewer = Viewer(seen, port)
     try:
-        tell(f"{viewer.address} shows {seen.machine.name} on this computer alone; Ctrl-C ends it")
-        sys.stdout.flush()
+        words = f"{viewer.address} shows {seen.machine.name} on this computer alone"
+        _say(run, f"{words}; Ctrl-C ends it")
         if not no_open:
             webbrowser.open(viewer.address)
         viewer.wait()
     except KeyboardInterrupt:
-        tell("ended")
+        _say(run, "ended")
     finally:
         viewer.stop()
+
+
+def _say(run: OverWorkspace, text: str) -> None:
+    """A sentence on stderr, unless nothing is to be shown."""
+    if not run.quiet:
+        tell(text, sys.stderr)

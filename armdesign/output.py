@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
+    from armdesign.arrays import Array
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -226,13 +227,16 @@ def write_plain_report(
     title: str,
     items: Sequence[Sheet | str],
     captions: Mapping[str, str],
+    drawn: tuple[Machine, Array | None],
     provenance: Sheet,
     folder: Path,
 ) -> None:
     """Write the report of a command that tells tables and pictures, by their files' captions.
 
-    Its lead is the first sentence among the items.
+    Its lead is the first sentence among the items. A machine is drawn at a pose; None: with its
+    joints in the middle.
     """
+    from armdesign import plots
     from armdesign.report.contents import Picture
     from armdesign.report.map_reports import plain_report
 
@@ -240,12 +244,18 @@ def write_plain_report(
     pictures = [Picture(caption=words, file=file) for file, words in captions.items()]
     tables = [item for item in items if item is not lead]
     sections: dict[str, tuple[list[Sheet | str], list[Picture]]]
-    sections = {"Results": (tables, pictures), "Provenance": ([provenance], [])}
+    plots.save(plots.machine_drawing(*drawn).figure, folder / "machine.png")
+    machine = Picture(caption="The machine to scale, with its pins", file="machine.png")
+    sections = {
+        "Results": (tables, pictures),
+        "The machine": ([], [machine]),
+        "Provenance": ([provenance], []),
+    }
     write_page(plain_report(title, lead, sections), folder)
 
 
 def write_control_report(
-    maps: Mapping[str, BandwidthMap], sheets: Sequence[Sheet], origin: Origin, folder: Path
+    maps: Mapping[str, BandwidthMap], items: Sequence[Sheet | str], origin: Origin, folder: Path
 ) -> None:
     """Write bandwidths of machines by label, with their report."""
     captions = {}
@@ -257,7 +267,7 @@ def write_control_report(
     first = next(iter(maps.values())).machine
     title = f"{first.section.title or first.name}: bandwidth of position loops"
     provenance = origin.sheet({label: one.machine for label, one in maps.items()})
-    write_plain_report(title, sheets, captions, provenance, folder)
+    write_plain_report(title, items, captions, (first, None), provenance, folder)
 
 
 def write_report(

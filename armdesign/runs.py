@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from armdesign.report.sheet import Sheet
 
 Command = Callable[..., None]
+SHOWING = ("quiet", "json")  # options that decide no answer
 
 
 def command(function: Command) -> Command:
@@ -226,11 +227,12 @@ class Run(Shown):
     out: OutOption = None
 
     def origin(self, *groups: Any, **more: Any) -> Origin:
-        """When and how the command was begun, with all its options, for reports."""
+        """When and how the command was begun, with all options that decide its answer."""
         from armdesign.report.provenance import Origin
 
         options = {p.name: getattr(one, p.name) for one in (self, *groups) for p in _options(one)}
-        return Origin(command=command_line(), options=options | more, begun=self.begun)
+        deciding = {name: value for name, value in options.items() if name not in SHOWING}
+        return Origin(command=command_line(), options=deciding | more, begun=self.begun)
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""

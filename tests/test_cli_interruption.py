@@ -86,6 +86,7 @@ def test_ended_in_the_middle(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_ended_while_files_move(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -111,6 +112,7 @@ def inside_plot(tree: ast.Module) -> set[ast.AST]:
     return {node for method in methods for node in ast.walk(method)}
 
 
+@cache
 def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     """Dotted names of all imports, inside functions too, but not those for type checkers alone."""
     left_out = for_type_checkers(tree) | (set() if drawing else inside_plot(tree))
@@ -126,6 +128,7 @@ def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     return names
 
 
+@cache
 def own(tree: ast.Module) -> set[str]:
     """Modules of the package that a module imports, but for those with which its results draw
     themselves.

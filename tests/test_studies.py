@@ -173,6 +173,7 @@ def test_large_swings_finds_its_headline() -> None:
     assert table["rod_bar"].max() < 3  # empty: as measured, at most 3 bar
 
 
+@pytest.mark.slow
 def test_rocking_finds_its_headline() -> None:
     """The worst pose is refined off the grid, so that a coarse one is enough; tracks as stiff as
     rock take nothing.
@@ -235,6 +236,7 @@ def test_study_is_short_and_asks_one_question(path: Path) -> None:
     assert lines[0].endswith("?")
 
 
+@pytest.mark.slow
 def test_calibration_finds_its_headline() -> None:
     module = study("08_calibration")
     words = module.__doc__ or ""

@@ -22,7 +22,7 @@ from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
 
-BANDWIDTH = "bandwidth of the narrowest loop, -3 dB [Hz]"
+BANDWIDTH = "bandwidth of narrowest loop [Hz]"
 TITLES = {
     "proportional": "position loops alone",
     "damped": "+ pressure feedback, common gains",

@@ -29,7 +29,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
         title = f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz"
         ax.set_title(title, fontsize=10)
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("cylinder speed / commanded speed")
+    axes[0].set_ylabel("cylinder speed / command")
     if runs:
-        axes[0].legend(frameon=False)
+        axes[0].legend(frameon=False, loc="lower center", fontsize=8)
     return fig

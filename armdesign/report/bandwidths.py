@@ -36,6 +36,17 @@ def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) 
     return [*sheets, _promises_sheet(maps)]
 
 
+def bandwidth_sentence(maps: Mapping[str, BandwidthMap]) -> str:
+    """What the loops reach at the worst pose of the last machine, beside its lowest frequency."""
+    last = list(maps.values())[-1]
+    hertz = {scheme: float(last.worst(scheme)[f"{scheme}_hz"]) for scheme in NAMES}
+    return (
+        f"Position loops alone reach {hertz['proportional']:.2g} Hz at the worst pose of"
+        f" {last.machine.name}, with pressure feedback {hertz['own']:.2g} Hz; its lowest natural"
+        f" frequency is {float(last.softest['f1_hz']):.3g} Hz."
+    )
+
+
 def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
     """Bandwidth and tracking error of every controller, with and without feed-forward."""
     rows = []

@@ -91,8 +91,8 @@ def of_visual(visual: Visual) -> Mesh:
     """A visual of a URDF in its link's frame."""
     pieces = convex_pieces(visual)
     if visual.kind == "mesh":
-        corners = pieces.reshape(-1, 3)
-        return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+        corners, places = np.unique(pieces.reshape(-1, 3), axis=0, return_inverse=True)
+        return Mesh(corners, places.reshape(-1, 3))
     return joined(_hull(corners) for corners in pieces)
 
 

@@ -6,6 +6,7 @@ others standing, then every mode. Beside the machine stands what it oscillates w
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,19 @@ from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.swing import round_amplitude
 from armdesign.errors import printable
 from armdesign.viewing.page_words import escaped, scale_words
-from armdesign.viewing.reading import PHASES, Reading, pose_words, reading, rows, swing_words
+from armdesign.viewing.reading import (
+    ALONE,
+    DAMPED,
+    FAULT,
+    LIMITING,
+    LOWEST,
+    PHASES,
+    Reading,
+    pose_words,
+    reading,
+    rows,
+    swing_words,
+)
 from armdesign.viewing.stage import Stage
 
 if TYPE_CHECKING:
@@ -25,11 +38,25 @@ FRAME = 0.1  # [s] between two poses of a sweep
 THERE_AND_BACK = 6.0  # [s] of each joint through its range
 PERIODS = 3  # of each mode
 LARGEST = 1_500_000  # bytes
+FILMED = ((FAULT, LOWEST, LIMITING), (ALONE, DAMPED))  # rows of a reading, line by line
+LINE = 72  # letters
 
 
-def player(view: View) -> str:
-    """The text of the HTML file."""
-    stage = Stage(view)
+def player(view: View) -> tuple[str, str]:
+    """The text of the HTML file, and a remark where links had to be simplified; else none.
+
+    A film with large meshes is made once more with links as plates of their outlines.
+    """
+    page = _filmed(view)
+    if len(page.encode()) <= LARGEST:
+        return page, ""
+    megabytes = len(page.encode()) / 1e6
+    remark = f"links are shown as plates: with their meshes the file would have {megabytes:.1f} MB"
+    return _filmed(view, plates=True), remark
+
+
+def _filmed(view: View, plates: bool = False) -> str:
+    stage = Stage(view, plates=plates)
     try:
         film = _Film(stage, view)
         for j in range(len(view.machine.joints)):
@@ -95,9 +122,11 @@ class _Film:
         }
         lines = [printable(pose_words(self.view.machine, q))]
         for name, one in readings.items():
-            told = ", ".join(f"{what} {value}" for what, value in rows(one)[:2])
-            lines.append(printable(f"{name}: {told}" if len(readings) > 1 else told))
-            lines += [printable(f"{what} {value}") for what, value in rows(one)[3:4]]
+            before = f"{name}: " if len(readings) > 1 else ""
+            told = dict(rows(one))
+            for whats in FILMED:
+                words = ", ".join(f"{what} {told[what]}" for what in whats if what in told)
+                lines += textwrap.wrap(printable(before + words), LINE) if words else []
         text = "\n".join(lines)
         if text != self.words.text:
             self.words.text = text
@@ -111,7 +140,7 @@ def legend(view: View) -> str:
     load = escaped(f"load case {machine.payload.name}")
     over = f"<br>today, and new see-through: {escaped(view.new.name)}" if view.new else ""
     style = (
-        "position:fixed;right:12px;top:8px;z-index:9;font:13px/1.5 sans-serif;color:#20262e;"
+        "position:fixed;left:12px;top:8px;z-index:9;font:13px/1.5 sans-serif;color:#20262e;"
         "background:#ffffffcc;padding:4px 8px;pointer-events:none"
     )
     return (

@@ -24,6 +24,8 @@ from armdesign.units import deg, mm
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
+FAULT, LOWEST, LIMITING = "no frequency", "lowest frequency", "limited by"  # names of rows
+ALONE, DAMPED = "bandwidth, position loops", "with pressure feedback"
 PHASES = 24  # of one period of an animated mode
 SLOWED = 1.5  # [Hz]: faster modes are shown swinging as fast as this
 
@@ -101,10 +103,10 @@ def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading
 def rows(one: Reading) -> list[tuple[str, str]]:
     """A reading as rows of a table: what, and its value with unit."""
     if one.fault:
-        return [("no frequency", one.fault)]
+        return [(FAULT, one.fault)]
     name, share = one.limiting
     lowest, *higher = (f"{f:.3g} Hz" for f in one.frequencies)
-    lines = [("lowest frequency", lowest), ("limited by", f"{name} ({100 * share:.0f} %)")]
+    lines = [(LOWEST, lowest), (LIMITING, f"{name} ({100 * share:.0f} %)")]
     if higher:
         lines.append(("higher modes", ", ".join(higher)))
     width = one.bandwidth
@@ -112,8 +114,8 @@ def rows(one: Reading) -> list[tuple[str, str]]:
         return [*lines, ("no bandwidth", width)]
     return [
         *lines,
-        ("bandwidth, position loops", f"{width.proportional:.2g} Hz"),
-        ("with pressure feedback", f"{width.damped:.2g} Hz"),
+        (ALONE, f"{width.proportional:.2g} Hz"),
+        (DAMPED, f"{width.damped:.2g} Hz"),
         ("damping ratio", f"{width.damping:.2g}"),
     ]
 

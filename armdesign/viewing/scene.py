@@ -108,13 +108,18 @@ class Scene:
         return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
 
 
-def scene_of(machine: Machine) -> Scene:
-    """The scene of a machine."""
+def scene_of(machine: Machine, plates: bool = False) -> Scene:
+    """The scene of a machine.
+
+    Args:
+        machine: the machine.
+        plates: whether its links are plates of outlines, whatever visuals the URDF has.
+    """
     view = side_view(machine, middle_pose(machine))
     plane = PicturePlane(machine.arm, machine.tool.link)
     arm, colours = machine.arm, actuator_colours(machine)
     across = {link: arm.link_rotation(plane.zero, link)[0].T @ plane.across for link in arm.links}
-    solids = [*_links(machine, plane, view), *_drives(machine, view.size)]
+    solids = [*_links(machine, plane, view, plates), *_drives(machine, view.size)]
     for (cylinder, linkage, _), shape in zip(
         shown_cylinders(machine), view.cylinders, strict=True
     ):
@@ -155,12 +160,12 @@ def _turned(along: Array, across: Array) -> Array:
 # ------------------------------------------------------------------------------------------ solids
 
 
-def _links(machine: Machine, plane: PicturePlane, view: SideView) -> Iterator[Solid]:
+def _links(machine: Machine, plane: PicturePlane, view: SideView, plates: bool) -> Iterator[Solid]:
     """Bodies: visuals of their links, one solid of each colour, or plates of outlines."""
     folder = (machine.source.parent / (machine.section.urdf or "")).parent
     shapes = visuals(machine.urdf_text, folder)
     for body in view.bodies:
-        if body.source != "visuals":
+        if plates or body.source != "visuals":
             yield from _plates(machine, plane, body, view.size)
             continue
         for link in body.links:

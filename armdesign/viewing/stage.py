@@ -132,6 +132,7 @@ class Stage:
     Args:
         view: what is looked at.
         port: of the server; None: the first free one.
+        plates: whether links are plates of their outlines, which is less to send.
 
     Attributes:
         shown: the machines by what they are called.
@@ -139,12 +140,12 @@ class Stage:
         above: a place over all that is seen [m].
     """
 
-    def __init__(self, view: View, port: int | None = None) -> None:
+    def __init__(self, view: View, port: int | None = None, plates: bool = False) -> None:
         self.server = server = serve(port, view.machine.section.title or view.machine.name)
-        self.scene = scene_of(view.machine)
+        self.scene = scene_of(view.machine, plates)
         self.shown = {"today": Shown(server, self.scene, "/today")}
         if view.new is not None:
-            self.shown["new"] = Shown(server, scene_of(view.new), "/new", self.scene)
+            self.shown["new"] = Shown(server, scene_of(view.new, plates), "/new", self.scene)
         add_ground(server, self.scene)
         self.swept = add_region(server, view.region)
         low, high = extent(self.scene, view.region)

@@ -19,6 +19,7 @@ def test_it_writes_bandwidths_gains_and_picture(
         "bandwidth.csv",
         "gains.csv",
         "bandwidth.png",
+        "machine.png",
         "report.html",
         "report.json",
     }

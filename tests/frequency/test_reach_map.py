@@ -223,6 +223,7 @@ def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
     assert np.nanmax(above) < 1.02
 
 
+@pytest.mark.slow
 def test_quasi_random_poses_make_the_picture_of_the_grid() -> None:
     """Whatever the poses of the workspace, a cell is the least over all poses that bring the tool.
 

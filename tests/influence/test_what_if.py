@@ -53,6 +53,7 @@ def test_areas_and_speeds_follow_the_bore(answer: ad.WhatIf) -> None:
     assert speed == pytest.approx(1 / (1 + square) - 1)
 
 
+@pytest.mark.slow
 def test_linear_estimates_of_derivatives_and_of_differences_agree() -> None:
     """The worst frequency over all load cases by multipliers; of each load case by two maps."""
     changes = {"cylinder.boom.closed_length_mm": 1830.0}

@@ -107,6 +107,7 @@ def test_what_is_idle_cannot_vary() -> None:
         ad.optimize(FROZEN, space, vary=("cylinder.bucket.bore_mm",))
 
 
+@pytest.mark.slow
 def test_motors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every cylinder idle: the slewing motor has a map, and nothing to design."""
     still = {"joints": ["swing"], "frozen.boom": 0.3, "frozen.stick": -1.0, "frozen.bucket": -1.0}

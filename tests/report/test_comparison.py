@@ -37,6 +37,7 @@ def test_two_versions_in_one_workspace() -> None:
     )
 
 
+@pytest.mark.slow
 def test_values_of_the_files_stay_in_the_files_units() -> None:
     """A key names its unit (bore_mm), so either habit prints the number that stands in the file,
     and says so.

@@ -13,6 +13,7 @@ from tests.design.designs import MACHINES, workspace_of
 BANDS = ad.Bands(structure=(0.0, 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("catalogue", ["5mm", "free"])
 def test_what_buildability_costs(catalogue: str) -> None:
     """The gain of the machine as written beside that of the best start, before any steps."""

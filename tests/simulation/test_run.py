@@ -20,6 +20,7 @@ def stopped(pose: tuple[float, float, float], size: float) -> ad.Simulation:
     return simulate(machine, pose, up, payload="empty", duration=7.0, tolerance=1e-7)
 
 
+@pytest.mark.slow
 def test_a_stop_rings_at_the_linear_frequency_or_says_what_cavitated() -> None:
     """Issue 13: within 1 % of the linear frequency of the pose, which is that of the arm where it
     stands in the end; else the chambers are named that ran empty, by their pressures.

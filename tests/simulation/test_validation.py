@@ -163,6 +163,7 @@ def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: s
         assert found == pytest.approx(damped, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_dry_friction_stands_beside() -> None:
     """With the dry friction of the file: the sweep without it is that of the machine without, the
     one with it is told too. Viscous friction is small, as in the model that the file is from.
@@ -277,6 +278,7 @@ def test_machines_side_by_side_are_as_alone() -> None:
     pd.testing.assert_frame_equal(validate_maps(maps)[1].frame, alone.frame, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_deviation_vanishes_with_amplitude() -> None:
     """From a sweep that swings the pressures hard to one a hundred times smaller."""
     machine = machines.rigid("excavator_20t").replace({"damped": False}).with_payload("full")

@@ -18,6 +18,7 @@ from tests.simulation import valves as helpers
 from tests.simulation.valves import WORST
 
 
+@pytest.mark.slow
 def test_air() -> None:
     """β(p) of each chamber at its static pressure, as in the linear answer; the sweep is small
     enough for it.
@@ -32,6 +33,7 @@ def test_air() -> None:
     assert abs(half.deviation) < abs(full.deviation) < 0.01
 
 
+@pytest.mark.slow
 def test_air_behind_valves_that_leak() -> None:
     """The valve's flow, not the load, sets the pressures, and they the oil's stiffness; the
     damping is the leak's.
@@ -95,6 +97,7 @@ def test_creep() -> None:
     assert {run.remark for run in validate(machine, WORST, cylinders=["boom"]).runs} == {"creep"}
 
 
+@pytest.mark.slow
 def test_tank_leakage_is_no_creep() -> None:
     """Both chambers lose oil; but none leaks at return pressure, and the valve feeds the other:
     sweeps run there.

@@ -55,6 +55,7 @@ def test_a_sweep_answers_as_the_map_of_each_machine() -> None:
         assert row["error"] == ""
 
 
+@pytest.mark.slow
 def test_two_processes_and_a_journal_answer_to_the_last_digit(tmp_path: Path) -> None:
     journal = tmp_path / "j.sqlite"
     alone = ad.sweep("paper_1dof", WRONG, points=5)

@@ -84,6 +84,7 @@ def test_a_start_that_fails_is_named() -> None:
     assert at.names[int(at.values.argmin())] in starts.failed[0]
 
 
+@pytest.mark.slow
 def test_failed_starts_are_printed_once_for_every_reason() -> None:
     design = ad.optimize(
         named("paper_1dof"), Workspace.grid(named("paper_1dof"), points=5), starts=1

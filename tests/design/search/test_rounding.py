@@ -71,6 +71,7 @@ def test_comments_stay() -> None:
     assert len(before) > 10
 
 
+@pytest.mark.slow
 def test_saved_and_read_again_it_meets_the_same_checks(tmp_path: Path) -> None:
     design = excavator_design()
     machine = ad.load(design.machine.save(tmp_path / "written.toml"))

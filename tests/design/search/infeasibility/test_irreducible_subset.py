@@ -303,6 +303,7 @@ def test_granting_what_a_conflict_says_gives_a_design(
     )
 
 
+@pytest.mark.slow
 def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
     """What pins with free sizes must give is not enough for a catalogue: its own sizes are asked
     at once.
@@ -380,6 +381,7 @@ def test_no_holding_share_above_one_is_asked_for() -> None:
     ad.optimize(machine, workspace, granted, ("areas",), starts=1)
 
 
+@pytest.mark.slow
 def test_no_holding_share_above_one_is_asked_for_with_a_catalogue() -> None:
     """By enumeration: of bores in steps of 0.1 mm the least that holds the load at all.
 

@@ -1,0 +1,180 @@
+"""The viewer and its film as a reader sees them, in the system's Chromium without a display."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.frequency.modes import natural_modes
+from armdesign.viewing import player
+from armdesign.viewing.live import Viewer
+from armdesign.viewing.reading import rows
+from armdesign.viewing.view import view_of
+from tests.chromium import SOFTWARE, launched
+from tests.machines import named
+
+pytestmark = pytest.mark.slow
+
+PATIENCE = 120  # [s] for a scene drawn without a graphics card
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    yield from launched(*SOFTWARE)
+
+
+def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
+    """A tab with a page, and what it said and asked for that it should not."""
+    tab = browser.new_page(viewport={"width": 800, "height": 480})
+    tab.set_default_timeout(1000 * PATIENCE)
+    wrong: list[str] = []
+    tab.on("console", lambda m: wrong.append(m.text) if m.type == "error" else None)
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    allowed = (address, address.replace("http", "ws"), "data:", "blob:")
+    tab.on(
+        "request", lambda r: None if r.url.startswith(allowed) else wrong.append(f"asks {r.url}")
+    )
+    tab.on(
+        "websocket", lambda s: None if s.url.startswith(allowed) else wrong.append(f"asks {s.url}")
+    )
+    tab.goto(address)
+    tab.wait_for_selector("canvas")
+    return tab, wrong
+
+
+def picture(tab: Any, part: str = "canvas") -> np.ndarray:
+    """Pixels of a part of the page (height, width, 3)."""
+    from PIL import Image
+
+    data = tab.locator(part).first.screenshot(timeout=1000 * PATIENCE)
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
+
+
+def blue(pixels: np.ndarray) -> int:
+    """Pixels in the colour of the first actuator's barrel (#0072B2), in light or shade."""
+    red, green, blue = np.moveaxis(pixels, 2, 0)
+    return int(((blue - red > 70) & (blue > green + 25)).sum())
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    """Whether a condition comes true in time."""
+    end = time.monotonic() + PATIENCE
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.5)
+    return condition()
+
+
+@pytest.fixture
+def viewer() -> Iterator[Viewer]:
+    machine = named("paper_1dof")
+    viewer = Viewer(view_of(machine, workspace=ad.Workspace.grid(machine, 3), damping=0.02))
+    viewer.region.value = False
+    yield viewer
+    viewer.stop()
+
+
+def test_geometry_is_in_the_scene_and_a_slider_changes_the_reading(
+    browser: Any, viewer: Viewer
+) -> None:
+    tab, wrong = opened(browser, viewer.address)
+    assert until(lambda: blue(picture(tab)) > 50)
+    viewer.stage.shown["today"].top.visible = False
+    assert until(lambda: blue(picture(tab)) == 0)
+    viewer.stage.shown["today"].top.visible = True
+    assert until(lambda: blue(picture(tab)) > 50)
+    before, q = tab.inner_text("#armdesign"), viewer.q.copy()
+    thumb = tab.locator("[role=slider]").first
+    thumb.focus()
+    for _ in range(5):
+        thumb.press("ArrowRight")
+    assert until(lambda: bool(np.all(viewer.q > q)))
+    assert until(lambda: tab.inner_text("#armdesign") != before)
+    lowest = natural_modes(viewer.view.machine.at(viewer.q)).frequencies[0, 0]
+    assert until(lambda: f"{lowest:.3g} Hz" in tab.inner_text("#armdesign"))
+    for what, value in rows(viewer.readings["today"]):
+        assert what in tab.inner_text("#armdesign")
+        assert value in tab.inner_text("#armdesign")
+    assert not wrong
+    tab.close()
+
+
+def test_the_film_moves_and_needs_no_network(browser: Any, tmp_path: Path) -> None:
+    machine = named("paper_1dof")
+    view = view_of(machine, workspace=ad.Workspace.grid(machine, 3), damping=0.02)
+    text, remark = player.player(view)
+    assert not remark
+    path = tmp_path / "view.html"
+    path.write_text(text, encoding="utf-8")
+    tab, wrong = opened(browser, path.as_uri())
+    clock = tab.locator("input").first
+    pictures = []
+    for moment in (1.0, 3.0):
+        clock.fill(str(moment))
+        clock.press("Enter")
+        assert until(lambda: blue(picture(tab)) > 50)
+        pictures.append(picture(tab))
+    above, below = (pictures[0][part] != pictures[1][part] for part in _halves(pictures[0]))
+    assert above.any()  # words
+    assert below.any()  # the machine
+    assert html.escape(str(machine.section.title)) in tab.inner_html("#legend")
+    assert not wrong
+    tab.close()
+
+
+def _halves(pixels: np.ndarray) -> tuple[slice, slice]:
+    third = len(pixels) // 3
+    return slice(0, third), slice(third, None)
+
+
+def test_the_film_of_the_20_t_machine_says_what_the_machine_does() -> None:
+    """Words and places of the film itself, decoded as its own page does; at most 1.5 MB."""
+    machine = named("excavator_20t")
+    view = view_of(machine, workspace=ad.Workspace.grid(machine, 4))
+    text, remark = player.player(view)
+    assert not remark
+    assert len(text.encode()) <= 1_500_000
+    said = [message["updates"]["text"] for message in recorded(text) if _is_label(message)]
+    expected = natural_modes(machine.at(view.q)).frequencies[0]
+    assert said[0].splitlines()[1].startswith(f"lowest frequency {expected[0]:.3g} Hz")
+    assert len(set(said)) > 100
+    for mode, frequency in enumerate(expected):
+        assert any(f"mode {mode + 1}: {frequency:.3g} Hz" in words for words in said)
+    rods = [m for m in recorded(text) if m.get("name", "").endswith("boom.rod/boom.rod")]
+    assert rods
+
+
+def test_large_meshes_become_plates(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = named("paper_1dof")
+    view = view_of(machine, workspace=ad.Workspace.grid(machine, 3))
+    whole, _ = player.player(view)
+    monkeypatch.setattr(player, "LARGEST", len(whole.encode()) - 1)
+    simple, remark = player.player(view)
+    assert "plates" in remark
+    assert len(simple) < len(whole)
+
+
+def recorded(page: str) -> list[dict[str, Any]]:
+    """Messages of a film."""
+    import msgspec
+    import zstandard
+
+    match = re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)
+    assert match
+    data = zstandard.ZstdDecompressor().decompressobj().decompress(base64.b64decode(match[1])[8:])
+    length = int.from_bytes(data[:8], "little")
+    content = msgspec.msgpack.decode(data[8 : 8 + length])
+    return [message for _, message in content["messages"]]
+
+
+def _is_label(message: dict[str, Any]) -> bool:
+    return message.get("name") == "/reading" and "text" in message.get("updates", {})
