@@ -138,7 +138,10 @@ def _triangles(matrices: Array) -> Array:
     """Triangles of matrices (n, nq, nq) in a row (e,); of several stacks side by side (e, k)."""
     rows, columns, factor = _pairs(matrices.shape[-1])
     entries = matrices[..., rows, columns] * factor
-    return entries.ravel() if entries.ndim == 2 else entries.reshape(len(entries), -1).T
+    if entries.ndim == 2:
+        return np.asarray(entries.ravel())
+    count, *size = entries.shape
+    return np.asarray(entries.reshape(count, math.prod(size)).T)
 
 
 def _matrices(triangles: Array, nq: int) -> Array:

@@ -434,3 +434,15 @@ def test_multipliers_of_a_programme_meet_its_optimality_conditions() -> None:
         step.high_multipliers * (high - step.change),
     )
     assert_allclose(at_ends, 0, atol=1e-6)
+
+
+def test_a_programme_without_a_variable_is_its_lowest_eigenvalue() -> None:
+    """By numpy: every entry of x is held."""
+    random = np.random.default_rng(4)
+    base = random.normal(size=(3, 2, 2))
+    base = base + np.swapaxes(base, 1, 2)
+    slopes, held = np.broadcast_to(np.eye(2), (1, 3, 2, 2)), np.full(1, 0.5)
+    step = best_step(base, slopes, np.ones(1), np.zeros((1, 1)), held, held)
+    assert step.value == pytest.approx(np.linalg.eigvalsh(base).min() + 0.5, abs=1e-7)
+    assert_allclose(step.change, held)
+    assert step.high_multipliers == pytest.approx(1, abs=1e-6)
