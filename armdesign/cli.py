@@ -127,6 +127,7 @@ def optimize(
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        run.go_on(out)
         options: dict[str, Any] = {"vary": listed(vary), **search.settings}
         if least:
             options |= {"of": least, "frequency": frequency}
@@ -183,12 +184,15 @@ def design(run: OverWorkspace, search: DrawnSearch) -> None:
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        run.go_on(out)
         options = {"vary": ("areas", "pins"), **search.settings}
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
-        made = out / output.made_of(model)
-        with run.keeping(lambda: output.keep_machine(answer, out), f"armdesign validate {made}"):
+        try:
             both = validate_maps([answer.before, answer.after])
+        except KeyboardInterrupt:
+            output.keep_machine(answer, out)
+            raise
         proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
         sheets = design_sheets(answer, run.units.units)
@@ -385,6 +389,7 @@ def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
     output.stops.clear()
+    output.kept.clear()
     with as_interrupt() as signals, printing():
         try:
             output.refuse_archive()

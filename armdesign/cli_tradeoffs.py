@@ -30,6 +30,7 @@ def pareto(
     with run.progress("searching for the best design under each limit"):
         limits = read_values(values, against)
         model, workspace, out = run.open_workspace()
+        run.go_on(out)
         stopped: Stopped | None = None
         try:
             front = trade_off(
@@ -48,9 +49,7 @@ def pareto(
         plots.save(front.plot().figure, folder / "pareto.png")
     run.show([pareto_sheet(front, run.units.units)], tables={"pareto": table})
     if stopped is not None:
-        rest = stopped.rest
-        values = ",".join(f"{limit:g}" if limit % 1 else f"{limit:.1f}" for limit in rest)
-        run.interrupted(stopped, {"--values": values, "--out": f"{out}_rest"})
+        raise stopped
 
 
 @command
@@ -67,6 +66,7 @@ def steps(run: OverWorkspace, search: Search) -> None:
     with run.progress("searching for the best pins to move"):
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        run.go_on(out)
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
         answer = with_more_and_more_pins(model, workspace, **{"workers": cores, **search.settings})
         table = answer.frame

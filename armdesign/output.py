@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 UNBOUNDED = 10_000  # columns, where the output is no terminal
 stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
+kept: list[Path] = []  # journals with which the same command goes on
 changed: list[Path] = []  # files that this process has written
 
 
@@ -291,17 +292,9 @@ def write_report(
     write_page(design_report(design, proofs, pictures, origin, units), folder)
 
 
-def command_line(options: Mapping[str, str] | None = None) -> str:
-    """The command as typed in the terminal; ``options`` replace those of the same name in it."""
-    words, replaced = [], False
-    for word in sys.argv[1:]:
-        name = word.partition("=")[0]
-        if replaced or (replaced := name in (options or {})):
-            replaced = replaced and word == name
-            continue
-        words.append(word)
-    more = [word for option in (options or {}).items() for word in option]
-    return shlex.join(["armdesign", *words, *more])
+def command_line() -> str:
+    """The command as typed in the terminal."""
+    return shlex.join(["armdesign", *sys.argv[1:]])
 
 
 def made_of(machine: Machine) -> str:
@@ -387,8 +380,9 @@ def interruption() -> str:
     where = "".join(f" {note}" for note in getattr(stop, "__notes__", ()))
     go_on = f"; {stop.args[0]}" if stop.args else ""
     folders = dict.fromkeys(str(path.parent) for path in changed)
-    written = f"finished files are in {', '.join(folders)}/" if folders else "nothing was written"
-    return f"interrupted{where}; {written}{go_on}"
+    left = [f"finished files are in {', '.join(folders)}/"] if folders else []
+    left += [f"what was finished is kept in {path}" for path in kept]
+    return f"interrupted{where}; {'; '.join(left) or 'nothing was written'}{go_on}"
 
 
 def tell_error(error: ArmDesignError) -> None:

@@ -11,7 +11,7 @@ import dataclasses
 import inspect
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
@@ -39,7 +39,7 @@ from armdesign.options import (
     grid_points,
     offered_sizes,
 )
-from armdesign.output import changed, check_out, command_line, outputs, show, stops, tell
+from armdesign.output import changed, check_out, command_line, kept, outputs, show, stops, tell
 from armdesign.progress import progress
 
 if TYPE_CHECKING:
@@ -118,12 +118,14 @@ class Shown:
         quiet: whether it shows nothing.
         json: whether it shows one JSON document.
         begun: when.
+        until_end: what lasts as long as the command.
     """
 
     command: str
     quiet: QuietOption = False
     json: JsonOption = False
     begun: datetime = field(default_factory=lambda: datetime.now(UTC), init=False)
+    until_end: ExitStack = field(default_factory=ExitStack, init=False, repr=False)
 
     @cached_property
     def document(self) -> Document:
@@ -137,7 +139,8 @@ class Shown:
     def answering(self) -> Iterator[None]:
         """Print the document after the block, if it is asked for, whatever ended the block."""
         try:
-            yield
+            with self.until_end:
+                yield
             if self.json:
                 self.document.finished = True
         except ArmDesignError as error:
@@ -187,24 +190,6 @@ class Shown:
             sys.exit(2)
 
     @contextmanager
-    def keeping(self, write: Callable[[], None], then: str) -> Iterator[None]:
-        """Write what is finished if Ctrl-C ends the block; ``then`` is how to go on."""
-        try:
-            yield
-        except KeyboardInterrupt as stop:
-            write()
-            stop.args = (f"go on with: {then}",)
-            raise
-
-    def interrupted(self, stop: KeyboardInterrupt, options: Mapping[str, str]) -> None:
-        """End as Ctrl-C does, after what was finished is written; say how to go on.
-
-        ``options`` take the place of those of the same name in the command as typed.
-        """
-        stop.args = (f"go on with: {command_line(options)}",)
-        raise stop
-
-    @contextmanager
     def writing(self, folder: Path) -> Iterator[Path]:
         """A folder to write into, whose files move to ``folder`` when complete, all or none."""
         with outputs(folder, silent=self.quiet or self.json) as place:
@@ -233,6 +218,33 @@ class Run(Shown):
         options = {p.name: getattr(one, p.name) for one in (self, *groups) for p in _options(one)}
         deciding = {name: value for name, value in options.items() if name not in SHOWING}
         return Origin(command=command_line(), options=deciding | more, begun=self.begun)
+
+    def go_on(self, out: Path) -> None:
+        """Keep finished pieces until the command has ended well, and go on with those of another.
+
+        Their journal is a file in the folder for files, named after the command.
+        """
+        self.until_end.enter_context(self._keeping(out / f"{self.command}.sqlite"))
+
+    @contextmanager
+    def _keeping(self, path: Path) -> Iterator[None]:
+        from armdesign.journal.finished import keeping
+
+        with keeping(path) as pieces:
+            try:
+                yield
+            except KeyboardInterrupt as stop:
+                if pieces.entries:
+                    kept.append(path)
+                    stop.args = (f"go on with: {command_line()}",)
+                raise
+            except (OSError, SystemExit):  # the files are in place, and nobody reads the rest
+                pieces.served = bool(changed)
+                raise
+        if pieces.answered and not self.quiet:
+            pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
+            told = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
+            tell(f"armdesign: {told}", sys.stderr)
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""

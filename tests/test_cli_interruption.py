@@ -157,7 +157,9 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
 def test_a_trade_off_keeps_finished_values(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Ctrl-C at the third of four values: two are written, and the command for the rest works."""
+    """Ctrl-C at the third of four values: two are written, and the command for the rest works: it
+    writes what the undisturbed one writes.
+    """
     from armdesign.design import pareto
 
     real, values = pareto.optimize, ["0.97", "0.98", "0.99", "1.0"]
@@ -169,35 +171,50 @@ def test_a_trade_off_keeps_finished_values(
         return real(*words, **options)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pareto, "optimize", interrupted)
     words = ["pareto", "paper_1dof", f"--values={','.join(values)}", "--vary", "areas"]
-    assert main([*words, "--points", "9"], monkeypatch) == 130
-    table = pd.read_csv("out/pareto_paper_1dof/pareto.csv")
-    assert table["limit"].to_list() == [0.97, 0.98]
+    words += ["--points", "9"]
+    assert main([*words, "--out", "undisturbed"], monkeypatch) == 0
+    assert not capsys.readouterr().err
+    monkeypatch.setattr(pareto, "optimize", interrupted)
+    assert main(words, monkeypatch) == 130
+    out = Path("out", "pareto_paper_1dof")
+    assert pd.read_csv(out / "pareto.csv")["limit"].to_list() == [0.97, 0.98]
     said = capsys.readouterr().err.strip()
     assert said == (
-        "armdesign: interrupted at value 3 of 4; finished files are in out/pareto_paper_1dof/; go"
-        " on with: armdesign pareto paper_1dof --vary areas --points 9 --values 0.99,1.0 --out"
-        " out/pareto_paper_1dof_rest"
+        "armdesign: interrupted at value 3 of 4; finished files are in out/pareto_paper_1dof/;"
+        " what was finished is kept in out/pareto_paper_1dof/pareto.sqlite; go on with: armdesign"
+        " pareto paper_1dof --values=0.97,0.98,0.99,1.0 --vary areas --points 9"
     )
     monkeypatch.setattr(pareto, "optimize", real)
     assert main(shlex.split(said.split("armdesign ")[-1]), monkeypatch) == 0
-    rest = pd.read_csv("out/pareto_paper_1dof_rest/pareto.csv")
-    assert rest["limit"].to_list() == [0.99, 1.0]
+    assert "2 pieces were finished before" in capsys.readouterr().err
+    for file in ("pareto.csv", "pareto.png"):
+        assert (out / file).read_bytes() == Path("undisturbed", file).read_bytes()
+    assert {path.name for path in out.iterdir()} == {"pareto.csv", "pareto.png"}
 
 
 def test_a_design_outlives_its_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Its machine file is there, and the same command need not find it again."""
+
     def interrupted(_: object) -> None:
         raise KeyboardInterrupt
 
+    def refused(*_: object) -> None:
+        raise AssertionError("searched again")
+
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("armdesign.simulation.validation.validate_maps", interrupted)
-    assert main(["design", "paper_1dof", "--points", "5", "--starts", "1"], monkeypatch) == 130
-    made = "out/design_paper_1dof/paper_1dof_optimized.toml"
+    words = ["design", "paper_1dof", "--points", "5", "--starts", "1"]
+    assert main(words, monkeypatch) == 130
+    out = Path("out/design_paper_1dof")
     assert capsys.readouterr().err.strip() == (
-        "armdesign: interrupted; finished files are in out/design_paper_1dof/; go on with:"
-        f" armdesign validate {made}"
+        "armdesign: interrupted; finished files are in out/design_paper_1dof/; what was finished"
+        " is kept in out/design_paper_1dof/design.sqlite; go on with: armdesign design paper_1dof"
+        " --points 5 --starts 1"
     )
-    assert ad.load(made).name
+    text = ad.load(out / "paper_1dof_optimized.toml").text
+    monkeypatch.setattr("armdesign.design.design.multistart", refused)
+    assert main(words, monkeypatch) == 130
+    assert ad.load(out / "paper_1dof_optimized.toml").text == text

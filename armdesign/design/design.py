@@ -19,6 +19,7 @@ from armdesign.design.bound.certificate import Bound, bound_of
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
+from armdesign.design.kept_designs import finished_design
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call, documented
 from armdesign.design.requirements.check import slacks, static_loads
@@ -342,7 +343,10 @@ def optimize(
     def under(problem: Problem) -> Design:
         return design_of(problem, sizes, starts, seed, workers, command=command, given=given)
 
-    return design_or_proof(problem, under, sizes is not None)
+    identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
+    return finished_design(
+        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
+    )
 
 
 def design_of(
@@ -417,7 +421,10 @@ def size_cylinders(
         search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
         return Design.of(search, Starts((hertz(search.squared),)), command=command)
 
-    return design_or_proof(problem, under, sizes is not None)
+    identity = [command, repr(sizes)]
+    return finished_design(
+        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
+    )
 
 
 def _names(machine: Machine) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from armdesign.design.catalogue.alternation import (
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.design import Design
+from armdesign.design.kept_designs import finished_design
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
@@ -111,16 +112,20 @@ def least(
         bands=bands, catalogue=catalogue,
     )  # fmt: skip
     least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
-    if sizes is not None:
-        refuse_fixed_sizes(problem)
-        if not problem.vector.moving:
+
+    def found() -> Design:
+        if sizes is not None and not problem.vector.moving:
             search, selection = least_amount.with_given_pins(sizes)
             return Design.of(search, Starts((selection.frequency,)), selection, command=command)
-    search, outcomes = least_amount.under_today(starts, seed, workers)
-    search = least_amount.search(search)
+        search, outcomes = least_amount.under_today(starts, seed, workers)
+        search = least_amount.search(search)
+        if sizes is not None:
+            search = least_amount.with_sizes(search, sizes)
+        return least_amount.rounded(search, outcomes, command)
+
     if sizes is not None:
-        search = least_amount.with_sizes(search, sizes)
-    return least_amount.rounded(search, outcomes, command)
+        refuse_fixed_sizes(problem)
+    return finished_design(Design, problem, [command, repr(sizes)], found)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:

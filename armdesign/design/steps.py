@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ import numpy as np
 
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design, design_of
+from armdesign.design.kept_designs import form
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.provenance import call
@@ -27,6 +28,7 @@ from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.journal.finished import Form, all_finished
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 
@@ -250,14 +252,28 @@ def _designs(
     """Design of each search, or why there is none."""
     from joblib import Parallel, delayed
 
-    tasks = (delayed(_design)(s.problem, s.x, sizes, command) for s in searches)
-    return list(Parallel(workers)(tasks))
+    designs = form(Design, [search.problem for search in searches])
+
+    def identity(k: int) -> Any:
+        return [searches[k].problem.identity, command, repr(sizes), searches[k].x.tolist()]
+
+    def found(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
+        some = ((k, searches[k]) for k in numbers)
+        tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
+        yield from Parallel(workers, return_as="generator_unordered")(tasks)
+
+    def write(k: int, design: Design | InfeasibleError) -> Mapping[str, Any] | None:
+        return None if isinstance(design, InfeasibleError) else designs.write(k, design)
+
+    both: Form[Design | InfeasibleError] = Form(write=write, read=designs.read)
+    return all_finished("design", len(searches), identity, found, both)
 
 
 def _design(
-    problem: Problem, x: Any, sizes: Sizes | None, command: str
-) -> Design | InfeasibleError:
+    k: int, problem: Problem, x: Any, sizes: Sizes | None, command: str
+) -> tuple[int, Design | InfeasibleError]:
+    """The design of a search, or why there is none, with the number of the search."""
     try:
-        return design_of(problem, sizes, 1, command=command, given=(np.asarray(x), ()))
+        return k, design_of(problem, sizes, 1, command=command, given=(np.asarray(x), ()))
     except InfeasibleError as error:
-        return error
+        return k, error

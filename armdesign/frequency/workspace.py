@@ -20,6 +20,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
 from armdesign.frequency.reach_plane import poses_on_cells
 from armdesign.frequency.spread import tipping_joints, turned_onto_pitch_limits
+from armdesign.journal.keys import digest
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -180,6 +181,13 @@ class Workspace(ReadOnly):
     def ranges(self) -> Array:
         """Ends of the grid (nq, 2) [rad, m]."""
         return np.array([[axis[0], axis[-1]] for axis in self.axes])
+
+    @cached_property
+    def identity(self) -> str:
+        """A digest of everything in which two workspaces can differ."""
+        arrays = [self.q, self.weights, *self.axes, *(self.cells or ())]
+        both = [array.tobytes().hex() for array in arrays]
+        return digest([both, self.q.shape, self.end_margin, self.kind, self.machine.identity])
 
     @cached_property
     def rigid(self) -> RigidPoses:

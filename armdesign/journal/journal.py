@@ -52,7 +52,9 @@ class Entry:
 class Journal:
     """An open journal; a context, at whose end it is closed."""
 
-    def __init__(self, path: Path, files: Mapping[str, str], version: str, new: bool) -> None:
+    def __init__(
+        self, path: Path, files: Mapping[str, str], version: str, new: bool, otherwise: str = NEW
+    ) -> None:
         """Open a journal, or begin it.
 
         Args:
@@ -60,15 +62,16 @@ class Journal:
             files: digests of the files that all cases begin with, by name.
             version: of the package.
             new: whether one that exists is set aside.
+            otherwise: what to do about one that cannot be gone on with.
 
         Raises:
             ArmDesignError: it cannot be used, another run writes it, it is damaged, or belongs to
                 other files or another version.
         """
-        self.path = path
+        self.path, self._otherwise = path, otherwise
         if new:
             _set_aside(path)
-        _refuse_emptied(path)
+        self._refuse_emptied()
         with self._in_words():
             path.parent.mkdir(parents=True, exist_ok=True)
             self._database = _connected(path)
@@ -145,22 +148,31 @@ class Journal:
         form = self._database.execute("PRAGMA user_version").fetchone()[0]
         if form != FORMAT:
             fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
-            raise ArmDesignError(str(self.path), fault, NEW)
+            raise ArmDesignError(str(self.path), fault, self._otherwise)
         if self._database.execute("PRAGMA integrity_check").fetchone()[0] != "ok":
             raise self._damaged()
         if about["version"] != version:
             fault = f"was written by armdesign {about['version']}, this is {version}"
-            raise ArmDesignError(str(self.path), fault, NEW)
+            raise ArmDesignError(str(self.path), fault, self._otherwise)
         before = json.loads(about["files"])
         changed = [name for name in files if before.get(name) != files[name]]
         if changed or before.keys() != dict(files).keys():
             gone = [name for name in before if name not in files]
             names = ", ".join([*changed, *gone])
             fault = f"belongs to another state of {names}"
-            raise ArmDesignError(str(self.path), fault, f"restore that, or {NEW}")
+            raise ArmDesignError(str(self.path), fault, f"restore that, or {self._otherwise}")
+
+    def _refuse_emptied(self) -> None:
+        """Raise for a file without a byte beside a log: SQLite would delete the log."""
+        log = self.path.with_name(f"{self.path.name}-wal")
+        with contextlib.suppress(OSError):
+            if self.path.stat().st_size == 0 and log.stat().st_size > 0:
+                raise self._damaged()
 
     def _damaged(self) -> ArmDesignError:
-        return ArmDesignError(str(self.path), "is damaged", f"restore a copy, or {NEW}")
+        return ArmDesignError(
+            str(self.path), "is damaged", f"restore a copy, or {self._otherwise}"
+        )
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:
@@ -198,14 +210,6 @@ def _connected(path: Path) -> sqlite3.Connection:
         database.close()
         raise
     return database
-
-
-def _refuse_emptied(path: Path) -> None:
-    """Raise for a file without a byte beside a log: SQLite would delete the log."""
-    log = path.with_name(f"{path.name}-wal")
-    with contextlib.suppress(OSError):
-        if path.stat().st_size == 0 and log.stat().st_size > 0:
-            raise ArmDesignError(str(path), "is damaged", f"restore a copy, or {NEW}")
 
 
 def _set_aside(path: Path) -> None:

@@ -291,6 +291,11 @@ class Machine:
         return KeyLines(self.text).line_of(path)
 
     @property
+    def identity(self) -> list[str]:
+        """Everything in which two machines can differ: texts, load cases and the one at work."""
+        return [self.text, self.urdf_text, repr(self.payloads), repr(self.payload)]
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Joint names in the order of q."""
         return self.arm.names

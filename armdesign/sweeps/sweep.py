@@ -226,7 +226,7 @@ def _study(
         fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
         raise ArmDesignError("options", fault, remedy) from None
     return Study(
-        name=digest([shared, [_identity(one) for one in machines.values()]]),
+        name=digest([shared, [one.identity for one in machines.values()]]),
         version=version("armdesign"),
         machines=machines,
         task=task,
@@ -234,11 +234,6 @@ def _study(
         workspace=workspace,
         points=points,
     )
-
-
-def _identity(machine: Machine) -> list[str]:
-    """Everything in which two machines can differ: texts, load cases and the one at work."""
-    return [machine.text, machine.urdf_text, repr(machine.payloads), repr(machine.payload)]
 
 
 def files_of(machines: Iterable[Machine]) -> dict[str, str]:
@@ -274,7 +269,7 @@ def _cases(
         fault = f"{study.task} counts all load cases together"
         raise ArmDesignError("payloads", fault, "leave payloads out")
     for name, machine in study.machines.items():
-        identity = digest([study.name, _identity(machine)])
+        identity = digest([study.name, machine.identity])
         for payload in payloads or (None,):
             if payload is not None:
                 machine.with_payload(payload)  # refused before anything is computed

@@ -18,7 +18,9 @@ programme certify the bound, see ``dual_bound``. Own masses are affine in the ar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +46,7 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
+from armdesign.journal.finished import Form, finished
 
 # the bound of areas: programmes with more poses each
 ROUNDS_OF_AREAS = 6
@@ -158,6 +161,23 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
         x: a good design, as in ``upper_bound``.
         rows: rows that may enter.
     """
+
+    def read(_: int, answer: Mapping[str, Any]) -> Bound | None:
+        if not answer:
+            return None
+        words = {name: tuple(answer[name]) for name in ("held", "assumptions")}
+        return Bound(**{**answer, **words})
+
+    return finished(
+        "bound",
+        lambda: [problem.identity, x.tolist(), rows.tolist()],
+        lambda: _bound_of(problem, x, rows),
+        Form(write=lambda _, bound: asdict(bound) if bound else {}, read=read),
+    )
+
+
+def _bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
+    """The bound, computed."""
     dynamics = problem.dynamics
     if not dynamics.corners.gain:
         return upper_bound(problem.softest, x, rows)

@@ -20,6 +20,7 @@ from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
+from armdesign.journal.keys import digest
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
 
@@ -107,6 +108,21 @@ class Problem:
         """Ends of every entry of x: a pin keeps to its own box, an area to its chosen size."""
         low, high = np.array([self._ends(v) for v in self.vector.variables]).T
         return low, high
+
+    @cached_property
+    def identity(self) -> str:
+        """A digest of everything in which two problems can differ."""
+        vector, corners = self.vector, self.dynamics.corners
+        return digest(
+            [
+                [vector.machine.identity, corners.today.identity, corners.workspace.identity],
+                [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
+                [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
+                [repr(corners.bands), corners.gain, corners.proportional],
+                {name: repr(value) for name, value in vars(self.requirements).items()},
+                [repr(self.sizes), repr(self.margins), repr(self.grid)],
+            ]
+        )
 
     def _ends(self, v: Variable) -> tuple[float, float]:
         if v.pin is not None:

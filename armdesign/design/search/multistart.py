@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
+from armdesign.journal.finished import Form, all_finished, finished
 from armdesign.machine.machine import Machine
 from armdesign.progress import counted
 
@@ -204,7 +205,14 @@ def _with(x: Array, other: Array, entries: Array) -> Array:
 
 def run_to_end(search: Search, trust: float) -> Search:
     """The search run until nothing is gained, with the equal design whose pins move least."""
-    return with_least_moved_pins(search.run(trust=trust, tolerance=1e-5))
+    settings: dict[str, Any] = {"trust": trust, "tolerance": 1e-5}
+    run = finished(
+        "run",
+        lambda: _identity(search, "run", settings),
+        lambda: search.run(**settings),
+        _form([search]),
+    )
+    return with_least_moved_pins(run)
 
 
 def with_least_moved_pins(search: Search) -> Search:
@@ -213,20 +221,65 @@ def with_least_moved_pins(search: Search) -> Search:
 
 
 def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Search]:
-    """Follow searches, in this process or in several."""
-    if workers <= 1 or len(searches) < 2:
-        return [follow(search, **settings) for search in counted(searches, "start")]
-    from joblib import Parallel, delayed
+    """Follow searches, in this process or in several; finished ones are kept in the journal."""
 
-    tasks = [delayed(_outcome)(s.problem, s.x, s.rows, s.holding, settings) for s in searches]
+    def followed(numbers: list[int]) -> Iterator[tuple[int, Search]]:
+        some = [(k, searches[k]) for k in numbers]
+        if workers <= 1 or len(some) < 2:
+            yield from ((k, follow(search, **settings)) for k, search in counted(some, "start"))
+            return
+        from joblib import Parallel, delayed
+
+        tasks = [
+            delayed(_outcome)(k, s.problem, s.x, s.rows, s.holding, settings) for k, s in some
+        ]
+        outcomes = Parallel(workers, return_as="generator_unordered")(tasks)
+        for k, outcome in counted(outcomes, "start", len(tasks)):
+            yield k, replace(searches[k], **outcome).look()
+
+    def identity(k: int) -> Any:
+        return _identity(searches[k], "follow", settings)
+
+    return all_finished("start", len(searches), identity, followed, _form(searches))
+
+
+def _identity(search: Search, what: str, settings: Mapping[str, Any]) -> Any:
+    """Everything that decides what becomes of a search."""
+    within = search.within and [end.tolist() for end in search.within]
+    at = [search.x.tolist(), search.rows.tolist(), search.holding.tolist()]
     return [
-        replace(search, **outcome).look()
-        for search, outcome in zip(
-            searches,
-            counted(Parallel(workers, return_as="generator")(tasks), "start", len(tasks)),
-            strict=True,
-        )
+        search.problem.identity,
+        at,
+        search.reference,
+        search.strictness,
+        within,
+        what,
+        settings,
     ]
+
+
+def _form(searches: Sequence[Search]) -> Form[Search]:
+    """How what became of searches is kept: fields that changed, not the problem."""
+
+    def read(k: int, answer: Mapping[str, Any]) -> Search:
+        x, reference = np.array(answer["x"]), answer["reference"]
+        rows, holding = (np.array(answer[name], dtype=int) for name in ("rows", "holding"))
+        search = replace(searches[k], x=x, rows=rows, holding=holding, reference=reference)
+        return search.look()
+
+    def write(_: int, search: Search) -> dict[str, Any]:
+        return {name: _plain(value) for name, value in _changed(search).items()}
+
+    return Form(write=write, read=read)
+
+
+def _changed(search: Search) -> dict[str, Any]:
+    """The fields of a search that change while it is followed."""
+    return {name: getattr(search, name) for name in ("x", "rows", "holding", "reference")}
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else float(value)
 
 
 def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
@@ -246,8 +299,8 @@ def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
 
 
 def _outcome(
-    problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
-) -> dict[str, Any]:
-    """Result of ``follow`` to send between processes: the fields that changed, not the problem."""
+    k: int, problem: Problem, x: Array, rows: Array, holding: Array, settings: dict[str, Any]
+) -> tuple[int, dict[str, Any]]:
+    """Result of ``follow`` to send between processes, with the number of the search."""
     search = follow(Search(problem=problem, x=x, rows=rows, holding=holding), **settings)
-    return {name: getattr(search, name) for name in ("x", "rows", "holding", "reference")}
+    return k, _changed(search)

@@ -1,0 +1,95 @@
+"""Designs in a journal: what is kept of them, and the designs of that.
+
+Kept are the texts and numbers that took long to find. Maps are made anew of them, and requirements
+judged anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from armdesign.design.catalogue.branch_and_bound import SizeSelection
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.rounding import CheckedMachine
+from armdesign.journal.finished import Form, finished
+from armdesign.machine.machine import Machine
+
+if TYPE_CHECKING:
+    from armdesign.design.design import Design
+
+NUMBERS = ("prices", "at_margin", "unrounded", "starts", "failed_starts")
+
+
+def finished_design(
+    make: type[Design], problem: Problem, identity: Any, compute: Callable[[], Design]
+) -> Design:
+    """The design of a problem from the journal, or computed and kept there.
+
+    ``identity`` is everything beside the problem that decides it.
+    """
+    return finished("design", lambda: [problem.identity, identity], compute, form(make, [problem]))
+
+
+def form(make: type[Design], problems: Sequence[Problem]) -> Form[Design]:
+    """How designs of problems are kept."""
+    return Form(
+        write=lambda k, design: kept(design, problems[k]),
+        read=lambda k, answer: make(**fields_of(answer, problems[k])),
+    )
+
+
+def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
+    """What a journal keeps of a design of a problem; None where that would not be all."""
+    own, today = design.problem, problem.machine
+    limits = {
+        name: value
+        for name, value in vars(own.requirements).items()
+        if value != getattr(problem.requirements, name)
+    }
+    numbers = all(isinstance(value, float) for value in limits.values())
+    same = replace(problem, requirements=own.requirements, sizes=own.sizes)
+    if not numbers or same.identity != own.identity or design.machine.urdf_text != today.urdf_text:
+        return None
+    return {
+        "text": design.machine.text,
+        "source": design.machine.source.name,
+        "limits": limits,
+        "sizes": own.sizes,
+        "x": design.x.tolist(),
+        "watched": design.watched.tolist(),
+        "selection": design.selection and asdict(design.selection),
+        **{name: getattr(design, name) for name in NUMBERS},
+    }
+
+
+def fields_of(answer: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
+    """Fields of the design of a problem that a journal has kept."""
+    sizes = tuple(size and (size[0], size[1]) for size in answer["sizes"])
+    requirements = replace(problem.requirements, **answer["limits"])
+    problem, today = replace(problem, requirements=requirements, sizes=sizes), problem.machine
+    source = today.source.with_name(answer["source"])
+    machine = Machine.from_text(answer["text"], today.urdf_text, source).loaded_like(today)
+    return {
+        "machine": machine,
+        "today": today,
+        "requirements": requirements,
+        "checks": CheckedMachine.of(machine, problem).checks,
+        "workspace": problem.workspace,
+        "problem": problem,
+        "x": np.array(answer["x"]),
+        "watched": np.array(answer["watched"], dtype=int),
+        "selection": _selection(answer["selection"]),
+        **{name: answer[name] for name in NUMBERS},
+        **{name: tuple(answer[name]) for name in ("starts", "failed_starts")},
+    }
+
+
+def _selection(fields: Mapping[str, Any] | None) -> SizeSelection | None:
+    if fields is None:
+        return None
+    sizes = tuple((bore, rod) for bore, rod in fields["sizes"])
+    return SizeSelection(**{**fields, "sizes": sizes})

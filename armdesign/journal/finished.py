@@ -1,0 +1,148 @@
+"""Finished pieces of a long command: what its journal has is not computed again.
+
+A command opens its journal with ``keeping``; what computes below it asks for its pieces with
+``finished`` or ``all_finished`` and need not know whether there is one. The process that opened
+the journal writes it alone. A piece's key is a digest of everything that decides it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from armdesign.errors import InfeasibleError
+from armdesign.journal.journal import Entry, Journal
+from armdesign.journal.keys import digest
+
+ANEW = "delete it to begin anew"
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form(Generic[T]):
+    """How a piece is kept.
+
+    Attributes:
+        write: what a journal can hold of it; None: it is not kept.
+        read: the piece of that.
+
+    Both are given its number among those that were asked for first.
+    """
+
+    write: Callable[[int, T], Mapping[str, Any] | None]
+    read: Callable[[int, Mapping[str, Any]], T]
+
+
+@dataclass(eq=False)
+class Pieces:
+    """The pieces in an open journal.
+
+    Attributes:
+        journal: where they are kept.
+        entries: all that are finished, by their keys.
+        answered: how many were asked for and had been finished before.
+        served: whether the journal has done its service, and goes when it is closed.
+    """
+
+    journal: Journal
+    entries: dict[str, Entry]
+    answered: int = 0
+    served: bool = False
+    version: str = field(default_factory=lambda: version("armdesign"))
+
+    def key(self, what: str, identity: Any) -> str:
+        """The key of a piece."""
+        return digest([self.version, what, identity])
+
+    def keep(self, key: str, what: str, answer: Mapping[str, Any], seconds: float) -> None:
+        """Write a piece, which is on the disk when this returns."""
+        entry = Entry(answer=answer, seconds=seconds)
+        self.entries[key] = entry
+        self.journal.keep(key, what, entry)
+
+
+_open: list[Pieces] = []
+
+
+@contextmanager
+def keeping(path: Path) -> Iterator[Pieces]:
+    """Keep the pieces that are finished in the block in a journal, until the block has ended well.
+
+    Where it is interrupted or fails the journal stays, unless there is nothing in it; where it
+    proves that there is no answer, that is one too.
+
+    Raises:
+        ArmDesignError: the journal cannot be written, is damaged, or another run writes it.
+    """
+    fresh = [folder for folder in path.absolute().parents if not folder.exists()]
+    goes = False
+    try:
+        with Journal(path, {}, version("armdesign"), new=False, otherwise=ANEW) as journal:
+            pieces = Pieces(journal, journal.entries())
+            _open.append(pieces)
+            try:
+                yield pieces
+                pieces.served = True
+            except InfeasibleError:
+                pieces.served = True
+                raise
+            finally:
+                _open.remove(pieces)
+                goes = pieces.served or not pieces.entries
+    finally:
+        for end in ("", "-wal", "-shm") if goes else ():
+            path.with_name(path.name + end).unlink(missing_ok=True)
+        for folder in fresh:  # the innermost first
+            with suppress(OSError):  # not there, or not empty
+                folder.rmdir()
+
+
+def finished(what: str, identity: Callable[[], Any], compute: Callable[[], T], form: Form[T]) -> T:
+    """A piece from the journal that is open, or computed and kept there; without one computed.
+
+    Args:
+        what: the word for it.
+        identity: gives everything that decides it, but for the version, as JSON has it.
+        compute: it.
+        form: how it is kept.
+    """
+    return all_finished(what, 1, lambda _: identity(), lambda _: [(0, compute())], form)[0]
+
+
+def all_finished(
+    what: str,
+    count: int,
+    identity: Callable[[int], Any],
+    compute: Callable[[list[int]], Iterable[tuple[int, T]]],
+    form: Form[T],
+) -> list[T]:
+    """Several pieces, each as by ``finished``, in their order.
+
+    Args:
+        what: the word for one of them.
+        count: how many.
+        identity: of each, by its number.
+        compute: gives those of some numbers as they come, each with its number.
+        form: how they are kept.
+    """
+    if not _open:
+        done = dict(compute(list(range(count))))
+        return [done[k] for k in range(count)]
+    pieces = _open[-1]
+    keys = [pieces.key(what, identity(k)) for k in range(count)]
+    known = {k: pieces.entries[key] for k, key in enumerate(keys) if key in pieces.entries}
+    pieces.answered += len(known)
+    done = {k: form.read(k, entry.answer) for k, entry in known.items()}
+    missing, began = [k for k in range(count) if k not in known], time.monotonic()
+    for k, piece in compute(missing) if missing else ():
+        answer = form.write(k, piece)
+        if answer is not None:
+            pieces.keep(keys[k], what, answer, time.monotonic() - began)
+        done[k], began = piece, time.monotonic()
+    return [done[k] for k in range(count)]
