@@ -1,5 +1,5 @@
-"""The benchmark against other optimisers is fair: what rivals are told of a design is what ours is
-judged by.
+"""Benchmarks: jobs cost no more than agreed, in counts; and the one against other optimisers is
+fair: what rivals are told of a design is what ours is judged by.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from armdesign import Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.multistart import formulate
 from benchmarks import against_optimisers
+from benchmarks.__main__ import ALLOWED, table
 from tests import machines
 
 
@@ -31,3 +32,17 @@ def test_rivals_see_the_same(name: str) -> None:
     )
     assert missed.max() == pytest.approx(ours.max(), rel=1e-9)
     assert missed.max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        *("map", "sizes", "design"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("conflict", "validate")),
+    ],
+)
+def test_jobs_cost_no_more_than_agreed(job: str) -> None:
+    """Poses, rows, programmes, factorisations, cells of the bound, right-hand sides."""
+    counts = table([job])
+    assert len(counts) > 0
+    assert (counts["ratio"] <= ALLOWED).all(), counts.to_string()

@@ -4,7 +4,8 @@ Between the poses of a joint grid, places and frequencies are interpolated; the 
 cell is then computed. Were the frequency linear in the joints, its least over all poses with the
 tool in a cell would be at a vertex: all joints but two at a limit, the tool on the cell's border.
 So poses are taken where the surfaces of limits cross borders, the best of each cell is moved to
-the cell's corners, and poses inside the joint box and about the best are tried as well.
+the cell's corners, poses inside the joint box and about the best are tried as well, and the tool
+is led over the rim into cells of which it reaches but a corner.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.joint_grid import nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.reach_plane import place_and_pitch, places, reach_and_height
+from armdesign.frequency.reach_rim import led_into_cells, poses_over_rim
 from armdesign.frequency.spread import (
     box_poses,
     joints_without_effect,
@@ -35,6 +37,11 @@ INSIDE = 20_000  # poses inside the joint box, half as many on its faces, edges 
 VALUES = 40  # of both joints on a surface of limits
 NEAR = 12  # random poses about the lowest of each cell,
 WIDTHS = 0.6, 0.3, 0.15  # and how far from it, in steps between the poses inside
+FEW = 5  # poses tried in a cell that is but a sliver,
+ASTRAY = 4.0, 1.0, 0.3  # and how far astray from its lowest others are led back, in such steps
+INEXACT = (
+    0.01  # relative error of an interpolated frequency from which poses about it are computed
+)
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
@@ -83,7 +90,7 @@ def reach_map(cases: Sequence[CasePoses], points: Array, cells: int | None = Non
         size = max(0.01, *np.ptp(known[:, :2], axis=0)) / (cells or min(CELLS, few))
         reach, height = (np.arange(x.min(), x.max() + size, size) for x in known.T[:2])
         for case, of_one in zip(cases, of_case, strict=True) if between else ():
-            parts.append(_Between(case, of_one, known[:, 2].min()).lowest(reach, height))
+            parts.append(_Between(case, of_one).lowest(reach, height))
     x, z, frequency = np.concatenate(parts).T
     least = np.full((len(reach), len(height)), np.inf)
     np.minimum.at(least, (nearest(reach, x), nearest(height, z)), frequency)
@@ -96,37 +103,64 @@ class _Between:
     Args:
         case: the load case over the joint grid.
         points: reach, height and frequency (m, 3) at its poses.
-        least: frequency below which nothing lies [Hz].
     """
 
-    def __init__(self, case: CasePoses, points: Array, least: float) -> None:
+    def __init__(self, case: CasePoses, points: Array) -> None:
         self.case, self.machine, self.workspace = case, case.machine, case.workspace
-        self.ranges, self.least = self.workspace.ranges, least
+        self.ranges = self.workspace.ranges
         self.nodes = self._at_nodes(points[:, 2])
 
     def lowest(self, reach: Array, height: Array) -> Array:
         """Reach, height and frequency (n, 3) of the lowest pose of each cell that has any.
 
-        Sought on interpolated frequencies; that of the pose which is found is computed.
+        Sought on interpolated frequencies; those of the poses found are computed.
         """
         cells, fixed = (reach, height), joints_without_effect(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)
-        q, points = self._lowest(cells, np.concatenate([inside, self._on_borders(cells)]))
+        q, points = self._tried(np.concatenate([inside, self._on_borders(cells)]))
+        tried = np.bincount(_cell(points, *cells), minlength=len(reach) * len(height))
+        over = poses_over_rim(self.machine, self.ranges, q, points[:, :2], cells)
+        q, points = self._lowest(cells, over, q, points)
+        for width in ASTRAY:
+            few = tried[_cell(points, *cells)] < FEW
+            led = self._led_back(q[few], points[few], cells, width)
+            q, points = self._lowest(cells, led, q, points)
         for width in WIDTHS:
             q, points = self._lowest(cells, self._around(q, width), q, points)
             q, points = self._lowest(cells, self._to_corners(q, points, cells), q, points)
-        points[:, 2] = np.maximum(_computed(self.machine, q)[:, 2], self.least)
-        return points
+        points = self._made_exact(q, points, cells)
+        return points[np.isfinite(points[:, 2])]
+
+    def _made_exact(self, q: Array, points: Array, cells: tuple[Array, Array]) -> Array:
+        """Points (n, 3) with computed frequencies.
+
+        Where these are far from the interpolated ones, poses about are computed as well.
+        """
+        exact = _computed(self.machine, q)
+        off = np.abs(points[:, 2] / exact[:, 2] - 1) > INEXACT
+        q, points = q[off], exact[off]
+        for width in WIDTHS:
+            led = self._led_back(q, points, cells, width)
+            near, _ = self._tried(np.concatenate([led, self._to_corners(q, points, cells)]))
+            points = np.concatenate([points, _computed(self.machine, near)])
+            best = _lowest_of_cells(points, *cells)
+            q, points = np.concatenate([q, near])[best], points[best]
+        return np.concatenate([exact, points])
+
+    def _tried(self, poses: Array) -> tuple[Array, Array]:
+        """Poses at which the load case exists and their points; some are turned back for it."""
+        q, points, beyond = self.at(poses)
+        if len(beyond):
+            others = self.at(self._turned_back(beyond))
+            q, points = np.concatenate([q, others[0]]), np.concatenate([points, others[1]])
+        return q, points
 
     def _lowest(
-        self, cells: tuple[Array, Array], poses: Array, *known: Array
+        self, cells: tuple[Array, Array], poses: Array, q: Array, points: Array
     ) -> tuple[Array, Array]:
-        """The lowest pose of each cell and its point, among some poses and the known ones."""
-        q, points, beyond = self.at(poses)
-        parts = [known, (q, points)] if known else [(q, points)]
-        if len(beyond):
-            parts.append(self.at(self._turned_back(beyond))[:2])
-        q, points = (np.concatenate(part) for part in zip(*parts, strict=True))
+        """The lowest pose of each cell and its point, among some poses and known ones."""
+        tried = self._tried(poses)
+        q, points = np.concatenate([q, tried[0]]), np.concatenate([points, tried[1]])
         best = _lowest_of_cells(points, *cells)
         return q[best], points[best]
 
@@ -136,6 +170,15 @@ class _Between:
         share = width * INSIDE ** (-1 / len(low))
         random = np.random.default_rng(0).uniform(-1, 1, (NEAR, *q.shape))
         return np.clip(q + share * (high - low) * random, low, high).reshape(-1, len(low))
+
+    def _led_back(
+        self, q: Array, points: Array, cells: tuple[Array, Array], width: float
+    ) -> Array:
+        """Random poses about poses (n, nq), led back to the cells of their points (n, 3)."""
+        at = (nearest(axis, place) for axis, place in zip(cells, points.T, strict=False))
+        middles = np.stack([axis[i] for axis, i in zip(cells, at, strict=True)], axis=1)
+        starts, goals = self._around(q, width), np.tile(middles, (NEAR, 1))
+        return led_into_cells(self.machine, self.ranges, starts, goals, cells)
 
     def _to_corners(self, q: Array, points: Array, cells: tuple[Array, Array]) -> Array:
         """Poses moved so that the tool is at the corners of its cell (Newton, slopes kept).
@@ -241,20 +284,33 @@ class _Between:
 
 
 def _computed(case: Machine, q: Array) -> Array:
-    """Reach, height and lowest frequency (n, 3) at poses in stroke, beyond limits too."""
+    """Reach, height and lowest frequency (n, 3) at poses in stroke, beyond limits too.
+
+    No frequency (NaN) where a cylinder is at its dead centre.
+    """
     parts = [np.empty((0, 3))]
     for rows in chunks(len(q)) if len(q) else ():
         poses = case.evaluate(case.rigid_poses(q[rows]))
-        reach = case.arm.reach(poses.q, poses.tool)
-        parts.append(np.stack([reach, poses.tool[:, 2], lowest_frequency(poses)], axis=1))
+        places = case.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+        frequency = np.full(len(poses.q), np.nan)
+        stiff = np.isfinite(poses.stiffness_matrix).all(axis=(1, 2))
+        if not stiff.all():
+            poses = case.evaluate(case.rigid_poses(q[rows][stiff]))
+        frequency[stiff] = lowest_frequency(poses) if stiff.any() else np.nan
+        parts.append(np.column_stack([*places, frequency]))
     return np.concatenate(parts)
 
 
 def _lowest_of_cells(points: Array, reach: Array, height: Array) -> Array:
     """Which of the points (reach, height, frequency) is the lowest of each cell that has any."""
-    cell = nearest(reach, points[:, 0]) * len(height) + nearest(height, points[:, 1])
+    cell = _cell(points, reach, height)
     order = np.lexsort((points[:, 2], cell))
     return np.asarray(order[np.unique(cell[order], return_index=True)[1]])
+
+
+def _cell(points: Array, reach: Array, height: Array) -> Array:
+    """Number of the cell in which each of the points (reach, height, …) lies (n,)."""
+    return nearest(reach, points[:, 0]) * len(height) + nearest(height, points[:, 1])
 
 
 def _crossings(start: Array, end: Array, at_start: Array, at_end: Array) -> Array:

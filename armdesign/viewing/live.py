@@ -11,6 +11,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.swing import round_amplitude
+from armdesign.errors import ArmDesignError
 from armdesign.units import deg, mm
 from armdesign.viewing.page_words import reading_words
 from armdesign.viewing.reading import Reading, reading, swing_words
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from armdesign.mechanism.urdf import Joint
     from armdesign.viewing.view import View
 
+SMOOTH = 30  # pictures a second of a swinging machine
 HEAVIER = 1.5  # most of the payload's slider over the largest mass of the file
 
 
@@ -41,11 +43,14 @@ class Viewer:
         self.lock = threading.RLock()
         self.amplitude = round_amplitude(self.stage.scene.size)
         self.ended = threading.Event()
+        self.changed = threading.Event()
         self.readings: dict[str, Reading] = {}
+        self.period: dict[str, dict[str, tuple[Array, Array]]] = {}
+        self.rate = 1.0
         self._add_controls()
         self.update()
-        self.animation = threading.Thread(target=self._animate, daemon=True)
-        self.animation.start()
+        self.following = threading.Thread(target=self._follow, daemon=True)
+        self.following.start()
 
     @property
     def address(self) -> str:
@@ -60,7 +65,7 @@ class Viewer:
     def stop(self) -> None:
         """End the server."""
         self.ended.set()
-        self.animation.join(timeout=2.0)
+        self.following.join(timeout=2.0)
         self.stage.stop()
 
     # ---------------------------------------------------------------------------------- controls
@@ -96,32 +101,29 @@ class Viewer:
             self.names = gui.add_checkbox("Names of pins", False)
             self.over = gui.add_checkbox("New machine", True, visible="new" in self.stage.shown)
         self.labels = self.stage.shown["today"].label(False)
+        self._set_pose(self.view.q)
         self._connect()
 
     def _joint_slider(self, joint: Joint, low: float, high: float) -> Any:
         unit, factor, step = ("°", deg, 0.1) if joint.revolute else ("mm", mm, 1.0)
-        ends = np.ceil(low / factor / step) * step, np.floor(high / factor / step) * step
-        index = self.view.machine.joints.index(joint.name)
-        ends = round(float(ends[0]), 1), round(float(ends[1]), 1)
-        begin = min(max(round(float(self.view.q[index]) / factor, 1), ends[0]), ends[1])
-        label = f"{joint.name} [{unit}]"
-        return self.server.gui.add_slider(label, *ends, step, begin)
+        least, most = np.ceil(low / factor / step) * step, np.floor(high / factor / step) * step
+        if most - least < step:  # hardly any range
+            least, most, step = low / factor, high / factor, (high - low) / factor / 10
+        ends = round(float(least), 6), round(float(most), 6)
+        return self.server.gui.add_slider(f"{joint.name} [{unit}]", *ends, step, ends[0])
 
     def _connect(self) -> None:
-        for slider in self.joints:
-            slider.on_update(lambda _: self.update())
-        self.mass.on_update(lambda _: self.update())
+        for control in (*self.joints, self.mass, self.mode, self.swing):
+            control.on_update(lambda _: self.changed.set())
         self.case.on_update(lambda _: self._case_chosen())
         self.to_worst.on_click(lambda _: self.to_worst_pose())
-        self.mode.on_update(lambda _: self.update())
-        self.swing.on_update(lambda _: self.update())
         for box in (self.region, self.names, self.over):
             box.on_update(lambda _: self._show())
 
     def _case_chosen(self) -> None:
         masses = {case.name: case.mass for case in self.view.machine.payloads}
         self.mass.value = masses[self.case.value]
-        self.update()
+        self.changed.set()
 
     def to_worst_pose(self) -> None:
         """Bring the sliders to the worst pose and its load case."""
@@ -130,9 +132,13 @@ class Viewer:
         self._case_chosen()
 
     def _set_pose(self, q: Array) -> None:
-        for slider, joint, value in zip(self.joints, self.view.machine.arm.joints, q, strict=True):
-            shown = value / (deg if joint.revolute else mm)
-            slider.value = float(np.clip(round(shown, 1), slider.min, slider.max))
+        """Bring the sliders as near to a pose as their steps are, which is kept exactly.
+
+        A worst pose often lies on a limit, and next to it the machine holds no load.
+        """
+        for slider, value in zip(self.joints, q / self._factors, strict=True):
+            slider.value = float(np.clip(round(value, 1), slider.min, slider.max))
+        self.exact = [slider.value for slider in self.joints], np.array(q)
 
     def _show(self) -> None:
         self.stage.swept.visible = self.region.value
@@ -145,10 +151,15 @@ class Viewer:
 
     @property
     def q(self) -> Array:
-        """The pose of the sliders (nq,) [rad, m]."""
+        """The pose of the sliders (nq,) [rad, m], or the exact one that they were brought to."""
+        values = [slider.value for slider in self.joints]
+        return self.exact[1] if values == self.exact[0] else np.array(values) * self._factors
+
+    @property
+    def _factors(self) -> Array:
+        """Units of the sliders [rad, m]."""
         joints = self.view.machine.arm.joints
-        factors = [deg if joint.revolute else mm for joint in joints]
-        return np.array([s.value * f for s, f in zip(self.joints, factors, strict=True)])
+        return np.array([deg if joint.revolute else mm for joint in joints])
 
     def loaded(self, machine: Machine) -> Machine:
         """A machine under the chosen load case, with the slider's mass."""
@@ -158,64 +169,67 @@ class Viewer:
             return chosen
         return chosen.with_payload(float(self.mass.value))
 
+    def _reading(self, machine: Machine, q: Array) -> Reading:
+        try:
+            return reading(self.loaded(machine), q, self.view.damping)
+        except ArmDesignError as error:  # no load case says where a mass sits
+            return Reading(machine=machine, q=q, fault=str(error))
+
     def update(self) -> None:
-        """Read the sliders, and show pose and numbers."""
+        """Read the controls, and show pose and numbers; a mode as a period to be swung through."""
         with self.lock:
             q = self.q
             machines = self.view.machines.items()
-            self.readings = {
-                name: reading(self.loaded(one), q, self.view.damping) for name, one in machines
-            }
+            self.readings = {name: self._reading(one, q) for name, one in machines}
             self.stage.place(q)
             self.stage.shown["today"].bear(self.readings["today"].machine.payload)
             self.words.content = self._words()
+            self.period = self._period() if self._swings else {}
+
+    @property
+    def _swings(self) -> bool:
+        return bool(self.swing.value and self.readings["today"].modes is not None)
 
     def _words(self) -> str:
         """The read-out as HTML; everything that files say is escaped."""
-        swing, first = "", self.readings["today"]
-        if self.swing.value and first.modes is not None:
-            swing = swing_words(first, int(self.mode.value) - 1, self.amplitude)[0]
+        swing = ""
+        if self._swings:
+            swing, self.rate = swing_words(self.readings["today"], self._mode, self.amplitude)
         return reading_words(self.readings, swing, self.view.region)
 
-    def _animate(self) -> None:
-        """Swing the machines while it is asked for."""
-        moved = False
-        while not self.ended.is_set():
-            if not self.swing.value:
-                if moved:
-                    self.update()
-                moved = False
-                time.sleep(0.1)
-                continue
-            moved = True
-            with self.lock:
-                periods = {
-                    name: self.stage.shown[name].scene.placements(
-                        one.swing(int(self.mode.value) - 1, self.amplitude)
-                    )
-                    for name, one in self.readings.items()
-                }
-                readings = dict(self.readings)
-            if readings["today"].modes is None:
-                time.sleep(0.1)
-                continue
-            rate = swing_words(readings["today"], int(self.mode.value) - 1, self.amplitude)[1]
-            self._swing(periods, rate, readings)
+    @property
+    def _mode(self) -> int:
+        return int(self.mode.value) - 1
 
-    def _swing(self, periods: dict[str, Any], rate: float, asked: dict[str, Reading]) -> None:
-        """Show periods over and over until another pose, mode or stillness is asked for."""
-        count = max(len(at) for one in periods.values() for _, at in one.values())
-        begun, mode = time.monotonic(), self.mode.value
-        while not self.ended.is_set() and self.swing.value and self.mode.value == mode:
-            if any(self.readings.get(name) is not one for name, one in asked.items()):
-                return
-            phase = int((time.monotonic() - begun) * rate * count)
+    def _period(self) -> dict[str, dict[str, tuple[Array, Array]]]:
+        """Places of all frames over one period of the mode, by machine."""
+        return {
+            name: self.stage.shown[name].scene.placements(one.swing(self._mode, self.amplitude))
+            for name, one in self.readings.items()
+        }
+
+    def _follow(self) -> None:
+        """Follow the controls, and swing the machines while that is asked for.
+
+        However fast a slider moves, only where it has come to is computed.
+        """
+        while not self.ended.is_set():
+            if self.changed.wait(1 / SMOOTH if self.period else 0.1):
+                self.changed.clear()
+                self.update()
             with self.lock, self.server.atomic():
-                for name, frames in periods.items():
-                    self.stage.shown[name].move(
-                        {
-                            frame: (turn[phase % len(turn)], at[phase % len(at)])
-                            for frame, (turn, at) in frames.items()
-                        }
-                    )
-            time.sleep(1 / 30)
+                for name, frames in self.period.items():
+                    self.stage.shown[name].move(self._at(frames, time.monotonic() * self.rate))
+
+    @staticmethod
+    def _at(
+        frames: dict[str, tuple[Array, Array]], periods: float
+    ) -> dict[str, tuple[Array, Array]]:
+        """Where frames are after so many periods."""
+        return {
+            frame: (
+                turn[int(periods * len(turn)) % len(turn)],
+                at[int(periods * len(at)) % len(at)],
+            )
+            for frame, (turn, at) in frames.items()
+        }

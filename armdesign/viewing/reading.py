@@ -78,7 +78,7 @@ class Reading:
     def swing(self, mode: int, amplitude: float) -> Array:
         """Coordinates (n, k) over one period of a mode, so far at the tool [m]; at rest first."""
         still = self.machine.arm.with_springs(self.q[None])
-        if self.modes is None:
+        if self.modes is None or mode >= len(self.frequencies):
             return np.asarray(still)
         there = swung(self.machine, self.q[None], self.modes.shapes[:, :, mode], amplitude)
         phase = np.sin(2 * np.pi * np.arange(PHASES) / PHASES)[:, None]

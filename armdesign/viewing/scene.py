@@ -18,7 +18,6 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.joint_arcs import middle_pose
-from armdesign.drawing.outlines import Body
 from armdesign.drawing.plane import PicturePlane
 from armdesign.drawing.side_view import CylinderShape, SideView, shown_cylinders, side_view
 from armdesign.drawing.visuals import visuals
@@ -30,11 +29,13 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.arm import RigidPoses
 
-PLATE = 0.035  # of the machine's size: thickness of bodies without visuals
+# thickness of bodies without visuals, over the machine's size: cylinders stand out on both sides
+PLATE = 0.008
 DRIVE = 0.03  # of the machine's size: radius of a motor or spring about its joint
 APART = 1.5  # between the middles of parallel cylinders, over their diameter
 BAR_WIDTH, BOLT = 0.6, 0.5  # diameters of bars and pins, over the bore
-BODY, ROD, BAR, PIN = "#C9A227", "#C7CCD1", "#6B7280", "#1F2933"
+BODY, NEXT_BODY = "#C9A227", "#8A6D12"
+ROD, BAR, PIN = "#C7CCD1", "#6B7280", "#1F2933"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,7 +74,7 @@ class Scene:
         marks: pins, joints and tool.
         size: larger side of the machine in its middle pose [m].
         ground: height of the ground [m].
-        across: direction across the machine, all joints at 0 (3,).
+        across: direction across the machine to its far side, all joints at 0 (3,).
     """
 
     machine: Machine
@@ -101,6 +102,14 @@ class Scene:
             across = frames[link][0] @ side
             frames |= _between_pins(cylinder.name, linkage, rigid, across)
         return frames
+
+    def near_side(self, link: str) -> tuple[Array, float]:
+        """Direction across the machine (3,) in a link's frame, and where the link begins [m]."""
+        arm = self.machine.arm
+        zero = arm.kinematics(np.zeros((1, len(arm.joints))))
+        side = arm.link_rotation(zero, link)[0].T @ self.across
+        own = [one.mesh.vertices for one in self.solids if one.frame == link]
+        return side, min((float((corners @ side).min()) for corners in own), default=0.0)
 
     def heading(self, q: Array) -> Array:
         """Rotation (3, 3) by which slewing has turned the arm at q (nq,)."""
@@ -164,9 +173,9 @@ def _links(machine: Machine, plane: PicturePlane, view: SideView, plates: bool) 
     """Bodies: visuals of their links, one solid of each colour, or plates of outlines."""
     folder = (machine.source.parent / (machine.section.urdf or "")).parent
     shapes = visuals(machine.urdf_text, folder)
-    for body in view.bodies:
+    for order, body in enumerate(view.bodies):
         if plates or body.source != "visuals":
-            yield from _plates(machine, plane, body, view.size)
+            yield from _plate(machine, plane, view, order)
             continue
         for link in body.links:
             coloured = [(_hex(shape.colour), shape) for shape in shapes[link]]
@@ -185,16 +194,20 @@ def _hex(colour: tuple[float, ...] | None) -> str:
     return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in colour[:3])
 
 
-def _plates(machine: Machine, plane: PicturePlane, body: Body, size: float) -> Iterator[Solid]:
+def _plate(machine: Machine, plane: PicturePlane, view: SideView, order: int) -> Iterator[Solid]:
+    """A body as the plate of its outline; neighbours differ in shade and thickness."""
+    body = view.bodies[order]
     axes = plane.plate(body.link)
     pins = (pin for linkage in machine.linkages for pin in linkage.pins)
     normal = np.cross(*axes)
     offsets = [float(np.array(pin.at) @ normal) for pin in pins if pin.link == body.link]
     middle = (float(np.mean(offsets)) if offsets else 0.0) * normal
-    meshes = [plate(outline, axes, middle, PLATE * size) for outline in body.polygons]
+    thickness = PLATE * view.size * (1 + order % 2 / 2)
+    meshes = [plate(outline, axes, middle, thickness) for outline in body.polygons]
     if meshes:
+        colour = (BODY, NEXT_BODY)[order % 2]
         name = f"links/{body.link}"
-        yield Solid(name=name, frame=body.link, mesh=joined(meshes), colour=BODY)
+        yield Solid(name=name, frame=body.link, mesh=joined(meshes), colour=colour)
 
 
 def _cylinder(

@@ -17,12 +17,16 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
+from armdesign.drawing.moved_pins import moved_pins
+from armdesign.drawing.side_view import side_view
 from armdesign.errors import ArmDesignError
 from armdesign.plots.canvas import MARK
+from armdesign.units import mm
 from armdesign.viewing.scene import Scene, Solid, scene_of
 
 if TYPE_CHECKING:
     from armdesign.machine.load_case import LoadCase
+    from armdesign.machine.machine import Machine
     from armdesign.viewing.region import Region
     from armdesign.viewing.view import View
 
@@ -31,8 +35,8 @@ PORT = 8080  # the first that is tried
 PORTS = 100  # how many are
 DENSITY = 3000.0  # [kg/m³] of a drawn load
 TOOL = 0.008  # of the machine's size: radius of its mark
-GHOST = 0.3  # opacity of the other machine
-BLUE = (86, 145, 200)
+ARROW = 0.003  # of the machine's size: radius of the arrow of a moved pin
+GHOST = 0.45  # opacity of the other machine
 GREY = (120, 130, 140)
 FIELD = np.radians(35.0)  # of view, from below upwards
 CLOSE = 1.1  # distance of the first view over the width of what is to be seen,
@@ -146,11 +150,42 @@ class Stage:
         self.shown = {"today": Shown(server, self.scene, "/today")}
         if view.new is not None:
             self.shown["new"] = Shown(server, scene_of(view.new, plates), "/new", self.scene)
+            self.arrows = self._arrows(view.machine, view.new)
         add_ground(server, self.scene)
         self.swept = add_region(server, view.region)
         low, high = extent(self.scene, view.region)
         self.above = np.array([(low[0] + high[0]) / 2, 0.0, high[2]])
         look(server, low, high + WORDS * (high[2] - low[2]) * np.eye(3)[2])
+
+    def _arrows(self, machine: Machine, new: Machine) -> dict[str, Any]:
+        """Arrows from old to new places of moved pins, with their way.
+
+        They lie on the near side of their link, which would hide them.
+        """
+        known = {mark.name: mark for mark in self.scene.marks}
+        radius, arrows = ARROW * self.scene.size, {}
+        views = (side_view(one, middle_pose(machine)) for one in (machine, new))
+        for move in moved_pins(*views):
+            side, begin = self.scene.near_side(move.link)
+            at = np.array(known[move.name].at)
+            old = at + (begin - 2 * radius - at @ side) * side
+            name = node("/new", move.link, f"moved_{move.name}")
+            arrows[move.name] = self.server.scene.add_arrows(
+                name,
+                np.array([[old, old + move.by]]),
+                rgb(MARK),
+                shaft_radius=radius,
+                head_radius=2 * radius,
+                head_length=min(4 * radius, move.distance / 2),
+            )
+            self.server.scene.add_label(
+                f"{name}_words",
+                f"{move.name} {move.distance / mm:.0f} mm",
+                position=old + move.by,
+                font_screen_scale=0.7,
+                anchor="bottom-center",
+            )
+        return arrows
 
     def place(self, q: Array) -> None:
         """Bring all machines into a pose q (nq,), and the region to the side of the arm."""
@@ -184,14 +219,14 @@ class Shown:
         cases = (case for case in scene.machine.payloads if case.link)
         frames |= dict.fromkeys(str(case.link) for case in cases)
         self.frames = {
-            name: server.scene.add_frame(f"{under}/{name}", show_axes=False) for name in frames
+            name: server.scene.add_frame(node(under, name), show_axes=False) for name in frames
         }
         for solid in scene.solids if beside is None else differing(scene, beside):
             server.scene.add_mesh_simple(
-                f"{under}/{solid.frame}/{solid.name.replace('/', '_')}",
+                node(under, solid.frame, solid.name),
                 solid.mesh.vertices.astype(np.float32),
                 solid.mesh.faces.astype(np.uint32),
-                color=BLUE if ghost else rgb(solid.colour),
+                color=rgb(MARK) if ghost else rgb(solid.colour),
                 opacity=GHOST if ghost else None,
                 flat_shading=True,
                 side="double",
@@ -201,7 +236,7 @@ class Shown:
         if beside is None:
             tool = scene.marks[-1]
             server.scene.add_icosphere(
-                f"{under}/{tool.frame}/tool",
+                node(under, tool.frame, "tool"),
                 radius=TOOL * scene.size,
                 color=rgb(MARK),
                 position=tool.at,
@@ -232,7 +267,7 @@ class Shown:
             return
         radius = (3 * case.mass / (4 * np.pi * DENSITY)) ** (1 / 3)
         self.load = self.server.scene.add_icosphere(
-            f"{self.under}/{case.link}/load",
+            node(self.under, case.link, "load"),
             radius=radius,
             color=GREY,
             opacity=0.8,
@@ -243,7 +278,7 @@ class Shown:
         """Names beside pins and tool."""
         return [
             self.server.scene.add_label(
-                f"{self.under}/{mark.frame}/name_{mark.name}",
+                node(self.under, mark.frame, f"name_{mark.name}"),
                 mark.name,
                 position=mark.at,
                 visible=shown,
@@ -260,6 +295,11 @@ def wxyz(rotation: Array) -> Array:
     return np.asarray(SO3.from_matrix(rotation).wxyz)
 
 
+def node(under: str, *names: str) -> str:
+    """Name in the tree of the scene; a slash in a link's name makes no branch."""
+    return "/".join([under, *(name.replace("/", "_") for name in names)])
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     """Red, green and blue of ``#RRGGBB``."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
@@ -267,13 +307,18 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def differing(scene: Scene, other: Scene) -> list[Solid]:
-    """Solids that another scene has not: links of another shape, and all cylinders and pins."""
+    """Solids that another scene has not: links of another shape, cylinders of another table."""
     links = [one.mesh.vertices for one in other.solids if one.name.startswith("links/")]
+    tables, others = (one.machine.section.cylinder for one in (scene, other))
+    changed = [f"{name}." for name, table in tables.items() if others.get(name) != table]
     return [
         one
         for one in scene.solids
-        if not one.name.startswith("links/")
-        or not any(np.array_equal(one.mesh.vertices, corners) for corners in links)
+        if one.name.removeprefix("pins/").startswith(tuple(changed))
+        or (
+            one.name.startswith("links/")
+            and not any(np.array_equal(one.mesh.vertices, corners) for corners in links)
+        )
     ]
 
 

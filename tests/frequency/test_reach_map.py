@@ -6,6 +6,8 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
+from scipy.spatial import cKDTree
 
 import armdesign as ad
 from armdesign import plots
@@ -18,7 +20,7 @@ from tests.frequency.cached import mapped
 
 @pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
 def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
-    """Cells between grid poses are interpolated, which cannot go below the least grid value."""
+    """The worst poses of these machines are on their grids."""
     found = mapped(name)
     reach = found.reach_map()
     assert reach.frequency.shape == (len(reach.reach), len(reach.height))
@@ -219,8 +221,59 @@ def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
     reached = np.isfinite(lowest)
     above = reach.frequency[reached] / lowest[reached]
     assert reached.sum() > 3000
-    assert np.isnan(above).sum() <= 2
+    assert not np.isnan(above).any()
     assert np.nanmax(above) < 1.02
+
+
+def blank_but_reached(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> list[float]:
+    """Brute force: blank cells into which poses are bred that come ever nearer to them.
+
+    How far from its border each of these cells is reached, in shares of a cell.
+    """
+    machine, rng, margin = found.machine, np.random.default_rng(seed), found.workspace.end_margin
+    known, axes = np.isfinite(reach.frequency), (reach.reach, reach.height)
+    blank = np.argwhere(binary_dilation(known, np.ones((3, 3))) & ~known)
+    middles = np.stack([axis[i] for axis, i in zip(axes, blank.T, strict=True)], axis=1)
+    size, (low, high) = reach.reach[1] - reach.reach[0], machine.range_within(margin).T
+
+    def able(case: ad.Machine, q: np.ndarray) -> np.ndarray:
+        return case.holds(q) & (case.margins(q).min(axis=1) >= margin)
+
+    def place(q: np.ndarray) -> np.ndarray:
+        rigid = machine.arm.kinematics(q)
+        tool = machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
+        return np.stack([machine.arm.reach(q, tool), tool[:, 2]], axis=1)
+
+    deepest = np.full(len(blank), np.inf)
+    for payload in machine.payloads:
+        case = machine.with_payload(payload.name)
+        q = low + rng.random((60_000, len(low))) * (high - low)
+        ended = rng.random(q.shape) < rng.choice([0, 0.3, 0.6], len(q))[:, None]
+        q = np.where(ended, np.where(rng.random(q.shape) < 0.5, low, high), q)
+        q = q[able(case, q)]
+        far, best = cKDTree(place(q)).query(middles, 30, p=np.inf)
+        bred, far = q[best], far / size - 0.5
+        for _ in range(40):
+            sizes = 0.03 * 10 ** rng.uniform(-3, 0, (*bred.shape[:2], 1))
+            moves = rng.normal(size=bred.shape) * (rng.random(bred.shape) < 0.7)
+            child = np.clip(bred + sizes * moves * (high - low), low, high)
+            flat = child.reshape(-1, len(low))
+            its = np.abs(place(flat).reshape(*far.shape, 2) - middles[:, None]).max(axis=2)
+            its = np.where(able(case, flat).reshape(far.shape), its / size - 0.5, np.inf)
+            both = np.concatenate([far, its], axis=1)
+            best = np.argsort(both, axis=1)[:, :30]
+            bred = np.concatenate([bred, child], axis=1)[np.arange(len(bred))[:, None], best]
+            far = np.take_along_axis(both, best, axis=1)
+        deepest = np.minimum(deepest, far[:, 0])
+    return [-depth for depth in deepest if depth < 0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["excavator_20t", "branched", "spatial", "random_6"])
+def test_no_cell_that_can_be_reached_is_blank(name: str) -> None:
+    """But for slivers: of each machine one to four cells were blank, reached up to 0.6 % deep."""
+    found = ad.frequency_map(machines.named(name))
+    assert max(blank_but_reached(found, found.reach_map(), 1), default=0.0) < 2e-3
 
 
 @pytest.mark.slow

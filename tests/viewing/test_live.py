@@ -86,6 +86,20 @@ def test_sliders_change_pose_and_reading() -> None:
         assert viewer.mass.value == machine.payload.mass
 
 
+def test_the_worst_pose_is_exact_though_it_lies_on_a_limit() -> None:
+    """Sliders have steps; a pose beside the limit would drop the load."""
+    machine = named("excavator_20t")
+    with viewing(machine) as viewer:
+        viewer.to_worst_pose()
+        viewer.update()
+        worst = viewer.view.worst
+        assert viewer.readings["today"].machine.payload.name == worst.payload == "full"
+        assert viewer.readings["today"].frequencies[0] == pytest.approx(worst.frequency, rel=1e-9)
+        viewer.joints[0].value -= 1.0
+        assert viewer.q[0] == pytest.approx(viewer.joints[0].value * deg)
+        assert viewer.q[0] != worst.q[0]
+
+
 def test_modes_move_the_machine_and_end_where_it_stands() -> None:
     machine = named("paper_1dof")
     with viewing(machine) as viewer:
@@ -105,16 +119,20 @@ def test_modes_move_the_machine_and_end_where_it_stands() -> None:
 
 
 def test_the_new_machine_stands_over_todays() -> None:
-    """Only what differs of it is shown: its cylinders and pins, not the links that both have."""
-    machine = named("paper_1dof")
-    new = machine.replace({"fluid.bulk_modulus_MPa": 800})
+    """Only what differs of it is shown: changed cylinders, and moved pins as arrows."""
+    machine = named("loader_crane")
+    at = machine.linkages[0].base.at
+    moved = [1e3 * at[0], 1e3 * at[1], 1e3 * at[2] + 5.0]
+    new = machine.replace({"cylinder.lift.base.at_mm": moved, "fluid.bulk_modulus_MPa": 800})
     with viewing(machine, new) as viewer:
-        names = {
-            one.name
-            for one in stage.differing(viewer.stage.shown["new"].scene, viewer.stage.scene)
-        }
-        assert {"lift.barrel", "lift.rod"} <= names
-        assert not any(name.startswith("links/") for name in names)
+        shown = viewer.stage.shown["new"].scene
+        names = {one.name for one in stage.differing(shown, viewer.stage.scene)}
+        parts = ("lift.barrel", "lift.rod", "pins/lift.base", "pins/lift.rod_end")
+        assert names == set(parts)
+        arrows = viewer.stage.arrows
+        assert list(arrows) == ["lift.base"]
+        begin, end = np.array(arrows["lift.base"].points)[0]
+        np.testing.assert_allclose(end - begin, [0, 0, 5e-3], atol=1e-6)
         frequencies = [one.frequencies[0] for one in viewer.readings.values()]
         assert frequencies[1] < frequencies[0]
         for value in frequencies:

@@ -1,0 +1,114 @@
+"""Poses that bring the tool into cells of which the reach covers but a corner.
+
+The rim of what a tool reaches cuts slivers off square cells that poses spread over joint space
+miss. From the nearest places that are known the tool is led towards each cell beside them, joints
+within their ranges and the load case's link within its pitch range: damped Gauss–Newton steps, in
+which joints that lean against an end stay there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.frequency.joint_grid import nearest
+from armdesign.frequency.reach_plane import place_and_slopes
+from armdesign.machine.machine import Machine
+
+STARTS = 12  # known places from which the tool is led into a cell
+STEPS = 40  # at most
+STALLED = 0.99  # of what was missed a step before, at which it is given up
+LEANING = 2  # times that joints are looked for which lean against an end
+WITHIN = 1e-4  # of a cell, how far from its border the tool is to be
+DAMPING = 1e-3  # of a cell, motion that a joint's whole range must make at least
+PROBE = 1e-6  # change of a joint [rad, m] by which the slope of a pitch is taken
+
+
+def poses_over_rim(
+    machine: Machine, ranges: Array, q: Array, place: Array, cells: tuple[Array, Array]
+) -> Array:
+    """Poses (n, nq) with the tool in, or near, cells beside those that hold a known place.
+
+    Args:
+        machine: with the load case at work.
+        ranges: of the joints (nq, 2) [rad, m].
+        q: known poses (m, nq).
+        place: reach and height of their tools (m, 2) [m].
+        cells: middles of the cells, along reach and along height [m].
+    """
+    from scipy.spatial import cKDTree
+
+    middles = _beside(place, cells)
+    if len(middles) == 0:
+        return q[:0]
+    _, near = cKDTree(place).query(middles, k=min(STARTS, len(q)))
+    near = near.reshape(len(middles), -1)
+    goals = np.repeat(middles, near.shape[1], axis=0)
+    return led_into_cells(machine, ranges, q[near.ravel()], goals, cells)
+
+
+def _beside(place: Array, cells: tuple[Array, Array]) -> Array:
+    """Middles (m, 2) of the cells that hold no place (n, 2), but one of whose neighbours does."""
+    from scipy.ndimage import binary_dilation
+
+    holds = np.zeros([len(axis) for axis in cells], dtype=bool)
+    holds[nearest(cells[0], place[:, 0]), nearest(cells[1], place[:, 1])] = True
+    beside = np.nonzero(binary_dilation(holds, np.ones((3, 3))) & ~holds)
+    return np.stack([axis[i] for axis, i in zip(cells, beside, strict=True)], axis=1)
+
+
+def led_into_cells(
+    machine: Machine, ranges: Array, starts: Array, middles: Array, cells: tuple[Array, Array]
+) -> Array:
+    """Poses (n, nq) with the tool in, or near, the cells about middles (n, 2), from starts."""
+    (low, high), size = ranges.T, max(float(axis[1] - axis[0]) for axis in cells if len(axis) > 1)
+    half = (0.5 - WITHIN) * size
+    q, left, before = starts.copy(), np.arange(len(starts)), np.full(len(starts), np.inf)
+    for _ in range(STEPS):
+        place, slope = place_and_slopes(machine, q[left])
+        lacks = np.clip(place, middles[left] - half, middles[left] + half) - place
+        beyond, tips = _tipped(machine, q[left], size)
+        error = np.column_stack([lacks, -beyond])
+        missed = np.linalg.norm(error, axis=1)
+        nearer = (missed > 0) & (missed < STALLED * before[left])
+        before[left] = missed
+        left, error = left[nearer], error[nearer]
+        slopes = np.concatenate([slope, tips[:, None]], axis=1)[nearer] * (high - low)
+        q[left] = np.clip(q[left] + _step(slopes, error, q[left], ranges, size), low, high)
+    return q
+
+
+def _step(slopes: Array, error: Array, q: Array, ranges: Array, size: float) -> Array:
+    """Motion (n, nq) that makes good an error, without the joints that lean against an end.
+
+    Args:
+        slopes: of places and pitch by shares of the joint ranges (n, 3, nq).
+        error: what places and pitch lack (n, 3).
+        q: from where (n, nq).
+        ranges: of the joints (nq, 2).
+        size: of a cell.
+    """
+    low, high = ranges.T
+    free, way = np.ones(q.shape, dtype=bool), np.zeros_like(q)
+    for _ in range(LEANING + 1):
+        part = slopes * free[:, None]
+        square = part @ part.swapaxes(1, 2) + (DAMPING * size) ** 2 * np.eye(error.shape[1])
+        way = (part.swapaxes(1, 2) @ np.linalg.solve(square, error[..., None]))[..., 0]
+        free &= ~((q <= low) & (way < 0)) & ~((q >= high) & (way > 0))
+    return np.asarray(way * (high - low))
+
+
+def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
+    """How far a load case's link is out of its pitch range (n,), and the slopes (n, nq).
+
+    An angle of one radian counts as a cell's size, in which places are measured.
+    """
+
+    def excess(poses: Array) -> Array:
+        return machine.pitch_excess(machine.arm.kinematics(poses), machine.payload)
+
+    beyond, slopes = excess(q), np.zeros_like(q)
+    tipped = beyond > 0
+    for joint, probe in enumerate(PROBE * np.eye(q.shape[1])) if tipped.any() else ():
+        slopes[tipped, joint] = (excess(q[tipped] + probe) - beyond[tipped]) / PROBE
+    return np.maximum(beyond, 0.0) * size, slopes * size
