@@ -1,7 +1,8 @@
 """What a second worker gains on 200 maps and on 24 designs, against one in the same run.
 
-Both have processes of their own, started before the clock; ``python -m benchmarks.sweep`` prints a
-table and writes it beside, as JSON.
+One worker is this process, two are processes of their own, whose first cases, while they start,
+are left out. ``python -m benchmarks.sweep`` takes some minutes on two idle cores, tells on
+stderr how far it is, prints a table and writes it beside, as JSON. On busy cores it says nothing.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ def seconds(task: str, count: int, arguments: dict[str, Any], workers: int) -> f
     """Seconds between the first and the last answer, over the share of cases between them."""
     changes = {"fluid.bulk_modulus_MPa": [900.0 + n for n in range(count)]}
     moments: list[float] = []
-    answers = ad.sweep(
-        changes=changes,
-        task=task,
-        workers=workers,
-        say=lambda _: moments.append(time.perf_counter()),
-        **arguments,
-    )
+
+    def say(words: str) -> None:
+        moments.append(time.perf_counter())
+        print(f"\r{task}, {workers} of 2 workers: {words} ", end="", file=sys.stderr, flush=True)
+
+    answers = ad.sweep(changes=changes, task=task, workers=workers, say=say, **arguments)
+    print(file=sys.stderr)
     assert not answers.failures
     first = 2 * workers  # the first ones start the processes and load what they need
     return (moments[-1] - moments[first - 1]) * count / (count - first)
