@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, field
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -446,3 +447,29 @@ def test_a_programme_without_a_variable_is_its_lowest_eigenvalue() -> None:
     assert step.value == pytest.approx(np.linalg.eigvalsh(base).min() + 0.5, abs=1e-7)
     assert_allclose(step.change, held)
     assert step.high_multipliers == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_is_that_of_a_modelling_language(seed: int) -> None:
+    """The programme as mathematics, by cvxpy: λ, violation and weights of a random problem."""
+    random = np.random.default_rng(seed)
+    n, nq, nx, m = random.integers((2, 2, 1, 1), (6, 5, 5, 6)).tolist()
+    base, slopes = random.normal(size=(n, nq, nq)), random.normal(size=(nx, n, nq, nq))
+    base, slopes = base + np.swapaxes(base, 1, 2), slopes + np.swapaxes(slopes, 2, 3)
+    value, jacobian = random.normal(size=m), random.normal(size=(m, nx))
+    low, high = -random.uniform(0.1, 1.0, nx), random.uniform(0.1, 1.0, nx)
+    step = best_step(base, slopes, value, jacobian, low, high)
+
+    x, level, excess = cp.Variable(nx), cp.Variable(), cp.Variable(m)
+    matrices = [
+        base[j] + sum(x[v] * slopes[v, j] for v in range(nx)) - level * np.eye(nq) >> 0
+        for j in range(n)
+    ]
+    rest = [value + jacobian @ x + excess >= 0, excess >= 0, x >= low, x <= high]
+    programme = cp.Problem(cp.Maximize(level - PENALTY * cp.sum(excess)), [*matrices, *rest])
+    programme.solve(solver="CLARABEL")
+    assert step.value == pytest.approx(level.value, abs=1e-5)
+    assert step.violation == pytest.approx(excess.value.sum(), abs=1e-5)
+    assert_allclose(step.change, x.value, atol=1e-4)
+    assert_allclose(step.multipliers, rest[0].dual_value, atol=1e-3)
+    assert_allclose(step.weights, [one.dual_value for one in matrices], atol=1e-3)
