@@ -1,0 +1,95 @@
+"""Long commands killed or interrupted at random moments, and again: the same command goes on with
+what was finished, and writes what the undisturbed one writes, to the last digit.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CASES = {
+    signal.SIGKILL: "optimize paper_1dof --points 5 --out out",
+    signal.SIGINT: "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out",
+}
+
+# The command in children of a process that has opened all libraries; each is ended at a random
+# moment until one comes to its end.
+DISTURBED = """
+import contextlib, io, os, random, shlex, signal, sys, time
+from pathlib import Path
+from armdesign import cli
+
+words, number, moments = shlex.split(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+
+def child(folder):
+    Path(folder).mkdir(exist_ok=True)
+    process = os.fork()
+    if process:
+        return process
+    os.chdir(folder)
+    for stream, name in ((1, "stdout"), (2, "stderr")):
+        os.dup2(os.open(f"../{name}", os.O_CREAT | os.O_WRONLY | os.O_TRUNC), stream)
+    sys.argv = ["armdesign", *words]
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = end.code or 0
+    sys.stdout.flush()
+    os._exit(code)
+
+def ended(process):
+    status = os.waitpid(process, 0)[1]
+    return os.waitstatus_to_exitcode(status)
+
+def files(folder):
+    return {p.name: p.read_bytes() for p in Path(folder, "out").iterdir()}
+
+for folder in ("warm", "undisturbed"):
+    began = time.monotonic()
+    assert ended(child(folder)) == 0, Path("stderr").read_text()
+    seconds = time.monotonic() - began
+
+random.seed(1)
+left = kills = 0
+while True:
+    process = child("disturbed")
+    if kills < moments:
+        time.sleep(random.uniform(0.1, 0.6) * seconds)
+        os.kill(process, number)
+        kills += 1
+    code = ended(process)
+    journals = list(Path("disturbed/out").glob("*.sqlite"))
+    left += len(journals)
+    if code == 0:
+        assert not journals
+        assert files("disturbed") == files("undisturbed")
+        if kills >= moments:
+            break
+        for path in Path("disturbed/out").iterdir():
+            path.unlink()
+    elif number == signal.SIGINT:
+        said = Path("stderr").read_text()
+        assert code == 130, said
+        if "what was finished is kept in out/" in said:
+            command = shlex.join(["armdesign", *words])
+            assert journals and said.endswith(f"go on with: {command}\\n"), said
+        else:  # before the journal was opened, or after the files were in place
+            assert "nothing was written" in said or "finished files are in out/" in said, said
+    else:
+        assert code == -number, Path("stderr").read_text()
+assert left, "no run left anything to go on with"
+print(kills, left)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", CASES)
+def test_ended_at_random_moments(number: signal.Signals, tmp_path: Path) -> None:
+    words = [sys.executable, "-c", DISTURBED, CASES[number], str(int(number)), "4"]
+    run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stderr
