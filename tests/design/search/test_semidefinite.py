@@ -16,7 +16,7 @@ from armdesign.design.bound.certificate import bound_of_areas
 from armdesign.design.program.constraints import constraints_at, convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.prices import prices
-from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, best_step, dual_bound
+from armdesign.design.search.semidefinite import ProgrammeStep, dual_bound
 from armdesign.design.search.sequential_sdp import Linearised, Search, Trial
 from armdesign.design.search.trust_region import Box
 from armdesign.errors import InfeasibleError
@@ -399,50 +399,3 @@ def test_machine_at_the_optimum_is_what_x_says() -> None:
     machine = as_machine(problem, solved(problem).x)
     volume = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, problem.machine)]
     assert volume[0] <= volume[1] * (1 + 1e-9)
-
-
-# -------------------------------------------------------------------------------- the programme
-
-
-def test_multipliers_of_a_programme_meet_its_optimality_conditions() -> None:
-    """Feasible, complementary, stationary in x and λ (KKT); entries that are held are constants.
-
-    Of random matrices and limits, of which one is missed at every x in the box.
-    """
-    random = np.random.default_rng(3)
-    n, nq, nx, m = 5, 3, 4, 6
-    base, slopes = random.normal(size=(n, nq, nq)), random.normal(size=(nx, n, nq, nq))
-    base, slopes = (part + np.swapaxes(part, -1, -2) for part in (base, slopes))
-    value, jacobian = random.uniform(0, 1, m), random.normal(size=(m, nx))
-    value[0], jacobian[0] = -0.3, 0.0
-    low, high = np.array([-1.0, -1.0, 0.2, -1.0]), np.array([1.0, 0.5, 0.2, 1.0])
-    step = best_step(base, slopes, value, jacobian, low, high)
-    matrices = base + np.einsum("v,vnij->nij", step.change, slopes)
-    assert np.linalg.eigvalsh(matrices).min() == pytest.approx(step.value, abs=1e-7)
-    limits = value + jacobian @ step.change
-    assert step.violation == pytest.approx(0.3, abs=1e-7)
-    assert limits[1:].min() > -1e-7
-    assert_allclose(step.multipliers[1:] * limits[1:], 0, atol=1e-6)
-    assert step.multipliers[0] == pytest.approx(PENALTY, rel=1e-6)
-    assert np.linalg.eigvalsh(step.weights).min() > -1e-7
-    assert np.trace(step.weights, axis1=1, axis2=2).sum() == pytest.approx(1, abs=1e-6)
-    pull = np.einsum("nij,vnij->v", step.weights, slopes) + step.multipliers @ jacobian
-    assert_allclose(pull + step.low_multipliers - step.high_multipliers, 0, atol=1e-6)
-    assert step.change[2] == 0.2
-    at_ends = (
-        step.low_multipliers * (step.change - low),
-        step.high_multipliers * (high - step.change),
-    )
-    assert_allclose(at_ends, 0, atol=1e-6)
-
-
-def test_a_programme_without_a_variable_is_its_lowest_eigenvalue() -> None:
-    """By numpy: every entry of x is held."""
-    random = np.random.default_rng(4)
-    base = random.normal(size=(3, 2, 2))
-    base = base + np.swapaxes(base, 1, 2)
-    slopes, held = np.broadcast_to(np.eye(2), (1, 3, 2, 2)), np.full(1, 0.5)
-    step = best_step(base, slopes, np.ones(1), np.zeros((1, 1)), held, held)
-    assert step.value == pytest.approx(np.linalg.eigvalsh(base).min() + 0.5, abs=1e-7)
-    assert_allclose(step.change, held)
-    assert step.high_multipliers == pytest.approx(1, abs=1e-6)
