@@ -338,6 +338,7 @@ def paper(run: Run) -> None:
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 
     out = run.folder()
+    run.go_on(out)
     with run.progress("sweeping 40 configurations"):
         reproduced = reproduction.reproduce()
         listed_errata, scanned, bias = errata(reproduced.mechanism), scan(), sweep_bias()

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.journal.finished import Form, finished
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.paper.configurations import LENGTHS, MACHINE, MASSES, Mechanism, error_of, grid
@@ -159,42 +160,68 @@ def _configured(machine: Machine, mass: float, length: float) -> Machine:
 
 def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measurement, ...]:
     """All runs side by side, about the preload that the authors' valve leaves (``Experiment``)."""
-    pose, small = np.zeros(1), [Experiment.of(machine, np.zeros(1), 0, 0) for machine in machines]
+    small = [Experiment.of(machine, np.zeros(1), 0, 0) for machine in machines]
     amplitudes = [experiment.default_amplitude() for experiment in small]
-    cases = [
-        Case(
-            machine=m,
-            q=pose,
-            command={m.cylinders[0].name: sweep},
-            duration=sweep.duration,
-            rate=RATE,
-            preloaded=one.preloaded,
-        )
-        for m, one in zip(machines, small, strict=True)
-    ]
-    held = [
-        experiment.case(experiment.swept_sine(amplitude))
-        for experiment, amplitude in zip(small, amplitudes, strict=True)
-    ]
-    runs = simulate_all(cases, tolerance=COARSE), simulate_all(held, tolerance=FINE)
-    rows = zip(small, amplitudes, *runs, strict=True)
-    return tuple(_measured(sweep, *row) for row in rows)
-
-
-def _measured(
-    sweep: SweptSine, small: Experiment, amplitude: float, motion: Simulation, held: Simulation
-) -> Measurement:
-    part = f"{small.machine.name}: sweep"
-    peak = spectral_peak(motion.time, motion.speeds[:, 0], (sweep.start, sweep.stop), part)
-    fit = small.fit(held)
-    return Measurement(
-        swept=peak,
-        drift=float(motion.extensions[-1, 0] - motion.extensions[0, 0]),
-        least_pressure=float(motion.pressures.min()),
-        identified=float(fit.natural_frequencies[0]),
-        damping=float(fit.damping_ratios[0]),
-        amplitude=amplitude,
+    rows: Form[list[tuple[float, ...]]] = Form(
+        write=lambda _, rows: {"rows": rows}, read=lambda _, answer: answer["rows"]
     )
+
+    def identity() -> list[Any]:
+        return [repr(sweep), [machine.identity for machine in machines]]
+
+    def swept() -> list[tuple[float, ...]]:
+        cases = [_open_loop(experiment, sweep) for experiment in small]
+        part, runs = f"{machines[0].name}: sweep", simulate_all(cases, tolerance=COARSE)
+        return [_swept(sweep, motion, part) for motion in runs]
+
+    def fitted() -> list[tuple[float, ...]]:
+        pairs = zip(small, amplitudes, strict=True)
+        held = [one.case(one.swept_sine(amplitude)) for one, amplitude in pairs]
+        runs = simulate_all(held, tolerance=FINE)
+        return [
+            _fitted(experiment, motion) for experiment, motion in zip(small, runs, strict=True)
+        ]
+
+    one_way = finished("configurations the paper's way", identity, swept, rows)
+    other_way = finished("configurations at small amplitude", identity, fitted, rows)
+    return tuple(
+        Measurement(
+            swept=peak,
+            drift=drift,
+            least_pressure=least,
+            identified=frequency,
+            damping=damping,
+            amplitude=amplitude,
+        )
+        for (peak, drift, least), (frequency, damping), amplitude in zip(
+            one_way, other_way, amplitudes, strict=True
+        )
+    )
+
+
+def _open_loop(small: Experiment, sweep: SweptSine) -> Case:
+    """The paper's sweep of an experiment's machine."""
+    return Case(
+        machine=small.machine,
+        q=np.zeros(1),
+        command={small.machine.cylinders[0].name: sweep},
+        duration=sweep.duration,
+        rate=RATE,
+        preloaded=small.preloaded,
+    )
+
+
+def _swept(sweep: SweptSine, motion: Simulation, part: str) -> tuple[float, ...]:
+    """Highest line [Hz], drift [m] and least pressure [Pa] of an open-loop sweep."""
+    peak = spectral_peak(motion.time, motion.speeds[:, 0], (sweep.start, sweep.stop), part)
+    drift = float(motion.extensions[-1, 0] - motion.extensions[0, 0])
+    return float(peak), drift, float(motion.pressures.min())
+
+
+def _fitted(experiment: Experiment, motion: Simulation) -> tuple[float, ...]:
+    """Natural frequency [Hz] and damping ratio of a small sweep."""
+    fit = experiment.fit(motion)
+    return float(fit.natural_frequencies[0]), float(fit.damping_ratios[0])
 
 
 def _fixed(values: Any) -> Array:
