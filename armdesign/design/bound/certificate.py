@@ -36,11 +36,12 @@ from armdesign.design.program.constraints import (
 )
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import (
-    best_step,
     bound_of_moving_mass,
     certificate,
     contradicted,
     dual_bound,
+    padded,
+    programme,
 )
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
@@ -64,7 +65,9 @@ def bound_of_areas(search: Search) -> float | None:
         return None
     linear, low, high = enclosed
     bound = _bound_of_poses(
-        search, (linear.values, linear.jacobian, np.zeros(len(low)), high - low), (low, high)
+        search,
+        (*padded(linear.values, linear.jacobian), np.zeros(len(low)), high - low),
+        (low, high),
     )
     return hertz(bound * search.reference) if math.isfinite(bound) else None
 
@@ -81,8 +84,9 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
     light = problem.dynamics.scaled_fixed_mass(x, rows)
     chosen = np.flatnonzero(np.isin(rows, search.active(squared)))
     for _ in range(ROUNDS_OF_AREAS):
+        one = programme(len(chosen), base.shape[1], len(room[0]), len(ends[0]))
         try:
-            step = best_step(base[chosen], slopes[:, chosen], *room)
+            step = one.solve(base[chosen], slopes[:, chosen], *room)
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         of_chords = dual_bound(step, base[chosen], slopes[:, chosen], *room)

@@ -54,10 +54,10 @@ from armdesign.design.bound.motors import motor_joints, motor_stiffness
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep, best_step, positive_part
+from armdesign.design.search.semidefinite import ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
-ROWS, COLUMNS = 36, 72  # of a programme
+ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 SAMPLES = 4000  # designs of each cylinder drawn at first, of which
 ROUNDS = 15  # of programmes before branching
@@ -205,7 +205,7 @@ class LagrangianDual:
             ),
             light=self.reference * float(np.einsum("nij,nij->", weight, self.fixed.mass[pick])),
             mixed=step.value - step.violation,
-            mixture=step.change,
+            mixture=step.change[: len(self.columns)],
         )
 
     def _step(self, inverse: Array, base: Array) -> ProgrammeStep:
@@ -214,12 +214,20 @@ class LagrangianDual:
         Shares ≥ 0 sum to one for each drive.
         """
         count, nd, (budget, today) = len(self.columns), len(self.drives), self.budget
-        slopes, whole = self._matrices(inverse, self.rows), np.zeros((nd, count))
+        slopes, whole, oil = (
+            np.zeros((COLUMNS, *base.shape)),
+            np.zeros((nd, COLUMNS)),
+            np.zeros((2, COLUMNS)),
+        )
+        slopes[:count] = self._matrices(inverse, self.rows)
         whole[self.columns.drive, np.arange(count)] = 1.0
-        oil = -(self.columns.volume / today).T
+        oil[:, :count] = -(self.columns.volume / today).T
         value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
-        limits = np.concatenate([oil, -whole, whole])
-        return best_step(base, slopes, value, limits, np.zeros(count), np.ones(count))
+        high = (np.arange(COLUMNS) < count).astype(float)
+        one = programme(len(self.rows), base.shape[1], len(value), COLUMNS)
+        return one.solve(
+            base, slopes, value, np.concatenate([oil, -whole, whole]), np.zeros(COLUMNS), high
+        )
 
     def _pick(self, rows: Array) -> tuple[Array, ...]:
         """Index of rows over the free coordinates, the others held."""

@@ -21,7 +21,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.catalogue.separable import AllowedSizes
 from armdesign.design.program.corners import Corners
-from armdesign.design.search.semidefinite import best_step, certificate
+from armdesign.design.search.semidefinite import certificate, programme
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
@@ -193,8 +193,9 @@ class _Mixtures:
             jacobian[:m, at] = allowed.changes[i][sizes].T
             jacobian[m + i, at], jacobian[m + nc + i, at], high[at] = -1.0, 1.0, 1.0
         value = np.concatenate([allowed.slack, np.ones(nc), -np.ones(nc)])
-        nothing = np.zeros(len(high))
-        step = best_step(poses.rest[rows], slopes, value, jacobian, nothing, high)
+        step = programme(ROWS, poses.rest.shape[1], len(value), len(high)).solve(
+            poses.rest[rows], slopes, value, jacobian, np.zeros(len(high)), high
+        )
         parts = [step.change[i * COLUMNS : i * COLUMNS + len(c)] for i, c in enumerate(columns)]
         mixture = [
             mix / mix.sum() if mix.sum() > 0 else np.full(len(mix), 1 / len(mix)) for mix in parts

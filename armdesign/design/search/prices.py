@@ -69,7 +69,7 @@ def marginal_prices(search: Search) -> dict[str, float]:
         return {}
     scale = 0.5 * search.reference / float(trial.squared.min())  # f ~ sqrt(λ)
     multipliers = np.zeros(len(at.values))
-    multipliers[model.kept] = search.strictness * step.multipliers
+    multipliers[model.kept] = search.strictness * step.multipliers[: len(model.kept)]
     # a limit that no variable moves has no price, whatever the solver's multiplier says
     multipliers[~np.any(at.jacobian[:, bounds[1] > bounds[0]] != 0, axis=1)] = 0.0
     # of the ends of x; the trust region's are left out

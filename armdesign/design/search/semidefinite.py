@@ -1,4 +1,4 @@
-"""Semidefinite programmes of the design: the only door to Clarabel.
+"""Semidefinite programmes of the design: the only door to cvxpy.
 
 Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,
 low ≤ x ≤ high, where A and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a
@@ -7,9 +7,10 @@ reference.
 
 from __future__ import annotations
 
-import math
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -34,123 +35,72 @@ class ProgrammeStep:
     weights: Array  # (n, nq, nq) of the matrix inequalities
 
 
-def best_step(
-    base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
-) -> ProgrammeStep:
-    """The programme with matrices ``base`` (n, nq, nq) and ``slopes`` (nx, n, nq, nq), solved.
+class StepProgramme:
+    """The programme with n poses, m constraints and nx variables, set up once for many data.
 
-    Constraints may be violated at a price, so that a step from an infeasible x exists. Entries of
-    x whose ends are one are no variables of the programme.
-
-    Raises:
-        InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
-    """
-    if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
-        fault = "stiffness or a requirement is not finite here"
-        raise InfeasibleError("design step", fault, "start elsewhere")
-    free, change = high > low, low.astype(float)
-    held = np.where(free, 0.0, low)
-    level = _levelled(base)
-    turned, nq = np.swapaxes(level, 1, 2), base.shape[1]
-    base_here = base + np.einsum("v,vnij->nij", held, slopes)
-    parts = (base_here, np.eye(nq), slopes[free])
-    triangles = (_triangles(level @ matrices @ turned) for matrices in parts)
-    cone = Cone(nq, *triangles)
-    room = value + jacobian @ held
-    x, price, dual = cone.solve(room, jacobian[:, free], low[free], high[free])
-    k, m = int(free.sum()), len(value)
-    change[free] = np.clip(x[:k], low[free], high[free])
-    of_limits, _, of_low, of_high = np.split(dual, [m, 2 * m, 2 * m + k])
-    multipliers = np.maximum(of_limits, 0.0)
-    weights = turned @ _matrices(price, nq) @ level
-    pull = np.einsum("nij,vnij->v", weights, slopes) + multipliers @ jacobian
-    ends = np.maximum(-pull, 0.0), np.maximum(pull, 0.0)  # of entries that are held
-    ends[0][free], ends[1][free] = of_low, of_high
-    return ProgrammeStep(
-        change=change,
-        value=float(x[k]),
-        violation=float(x[k + 1 :].sum()),
-        multipliers=multipliers,
-        low_multipliers=ends[0],
-        high_multipliers=ends[1],
-        weights=weights,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Cone:
-    """Matrix inequalities base + slopes·x − λ unit ⪰ 0 of nq rows each, as Clarabel takes them.
-
-    Triangles lie one after the other, off-diagonal entries times √2: (e,), (e,), (e, k).
+    Constraints may be violated at a price, so that a step from an infeasible x exists.
     """
 
-    nq: int
-    base: Array
-    unit: Array
-    slopes: Array
+    def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
+        import cvxpy as cp
+        from scipy.sparse import eye_array, kron
+
+        self.shape = (n, nq, m, nx)
+        upper = np.transpose(np.triu_indices(nq))
+        self._pairs = upper.T
+        entries = n * len(upper)
+        self._base, self._unit = cp.Parameter(entries), cp.Parameter(entries)
+        self._slopes = cp.Parameter((entries, nx))
+        self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
+        self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
+        self._change, self._lambda = cp.Variable(nx), cp.Variable()
+        self._excess = cp.Variable(m, nonneg=True)
+        place = np.zeros((nq * nq, len(upper)))
+        for k, (a, b) in enumerate(upper):
+            place[a * nq + b, k] = place[b * nq + a, k] = 1.0
+        triangles = self._base + self._slopes @ self._change - self._unit * self._lambda
+        whole = kron(eye_array(n), place, format="csr") @ triangles
+        self._matrices = cp.reshape(whole, (n, nq, nq), order="C") >> 0
+        self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
+        self._box = [self._change >= self._low, self._change <= self._high]
+        objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
+        self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
 
     def solve(
-        self, value: Array, jacobian: Array, low: Array, high: Array
-    ) -> tuple[Array, Array, Array]:
-        """Maximise λ less the price of excess e ≥ 0, value + jacobian·x + e ≥ 0, low ≤ x ≤ high.
+        self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
+    ) -> ProgrammeStep:
+        """Solve with matrices ``base`` (n, nq, nq) and ``slopes`` (nx, n, nq, nq).
 
-        Returns:
-            x, λ and e in a row; multipliers of the triangles, and of the rest.
+        Raises:
+            InfeasibleError: data that are not finite, as at a dead centre; the solver gave up.
         """
-        import clarabel
-        from scipy.sparse import block_array, csc_array, eye_array
-
-        m, k = jacobian.shape
-        excess, box = -eye_array(m), eye_array(k)
-        rows = [
-            [csc_array(-self.slopes), csc_array(self.unit[:, None]), None],
-            [csc_array(-jacobian), None, excess],
-            [None, None, excess],
-            [-box, None, None],
-            [box, None, None],
-        ]
-        right = np.concatenate([self.base, value, np.zeros(m), -low, high])
-        cost = np.concatenate([np.zeros(k), [-1.0], np.full(m, PENALTY)])
-        count, entries = len(self.base) // len(_pairs(self.nq)[0]), len(self.base)
-        cones = [clarabel.PSDTriangleConeT(self.nq)] * count
-        cones.append(clarabel.NonnegativeConeT(len(right) - entries))
-        settings = clarabel.DefaultSettings()
-        settings.verbose = settings.chordal_decomposition_enable = False
-        nothing = csc_array((len(cost), len(cost)))
-        whole = block_array(rows, format="csc")
-        answer = clarabel.DefaultSolver(nothing, cost, whole, right, cones, settings).solve()
-        if str(answer.status) not in ("Solved", "AlmostSolved"):
-            # "almost": every step is judged by its true objective
-            fault = f"the solver gave up ({answer.status})"
-            raise InfeasibleError("design step", fault, "loosen the requirements")
-        dual = np.array(answer.z)
-        return np.array(answer.x), dual[:entries], dual[entries:]
+        if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
+            fault = "stiffness or a requirement is not finite here"
+            raise InfeasibleError("design step", fault, "start elsewhere")
+        (a, b), level = self._pairs, _levelled(base)
+        turned, pair = np.swapaxes(level, 1, 2), (base, np.eye(base.shape[1]))
+        self._base.value, self._unit.value = (
+            (level @ matrix @ turned)[:, a, b].ravel() for matrix in pair
+        )
+        self._slopes.value = (level @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
+        self._value.value, self._jacobian.value = value, jacobian
+        self._low.value, self._high.value = low, high
+        _solve(self._problem)
+        return ProgrammeStep(
+            change=np.clip(np.asarray(self._change.value), low, high),
+            value=float(np.sum(self._lambda.value)),
+            violation=float(np.sum(self._excess.value)),
+            multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
+            low_multipliers=np.asarray(self._box[0].dual_value),
+            high_multipliers=np.asarray(self._box[1].dual_value),
+            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ level,
+        )
 
 
 @lru_cache(maxsize=8)
-def _pairs(nq: int) -> tuple[Array, Array, Array]:
-    """Rows and columns of a triangle's entries, column by column, and the factor of each."""
-    columns, rows = np.tril_indices(nq)
-    return rows, columns, np.where(rows == columns, 1.0, math.sqrt(2))
-
-
-def _triangles(matrices: Array) -> Array:
-    """Triangles of matrices (n, nq, nq) in a row (e,); of several stacks side by side (e, k)."""
-    rows, columns, factor = _pairs(matrices.shape[-1])
-    entries = matrices[..., rows, columns] * factor
-    if entries.ndim == 2:
-        return np.asarray(entries.ravel())
-    count, *size = entries.shape
-    return np.asarray(entries.reshape(count, math.prod(size)).T)
-
-
-def _matrices(triangles: Array, nq: int) -> Array:
-    """The matrices (n, nq, nq) of triangles in a row."""
-    rows, columns, factor = _pairs(nq)
-    entries = triangles.reshape(-1, len(rows)) / factor
-    matrices = np.empty((len(entries), nq, nq))
-    matrices[:, rows, columns] = matrices[:, columns, rows] = entries
-    return matrices
+def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
+    """The programme of this shape, set up once in a process; not for several threads at a time."""
+    return StepProgramme(n, nq, m, nx)
 
 
 def _levelled(base: Array) -> Array:
@@ -158,6 +108,12 @@ def _levelled(base: Array) -> Array:
     size, vectors = np.linalg.eigh(base)
     scaled = vectors / np.sqrt(np.maximum(np.abs(size), 1.0))[:, None, :]
     return np.asarray(np.swapaxes(scaled, 1, 2))
+
+
+def padded(value: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Constraints filled up to a multiple of 40, so that one programme serves many times."""
+    more = -len(value) % 40
+    return np.pad(value, (0, more), constant_values=1.0), np.pad(jacobian, ((0, more), (0, 0)))
 
 
 def positive_part(weights: Array) -> Array:
@@ -207,3 +163,19 @@ def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Ar
 def contradicted(bound: float, reached: float) -> bool:
     """Whether a bound is NaN, or below what an allowed design reaches; both in Hz or as ω²."""
     return not bound >= reached - MISSED_SHARE * abs(reached)
+
+
+def _solve(problem: Any) -> None:
+    import cvxpy as cp
+
+    try:
+        with warnings.catch_warnings():
+            # "solution may be inaccurate": every step is judged by its true objective
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL, warm_start=False)
+    except cp.SolverError as error:
+        fault = f"the solver gave up ({error})"
+        raise InfeasibleError("design step", fault, "loosen the requirements") from None
+    if problem.status not in ("optimal", "optimal_inaccurate"):
+        fault = f"the solver says {problem.status}"
+        raise InfeasibleError("design step", fault, "loosen the requirements")

@@ -18,7 +18,7 @@ from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.problem import Problem
 from armdesign.design.search import multistart as module
 from armdesign.design.search.multistart import follow, multistart
-from armdesign.design.search.semidefinite import best_step
+from armdesign.design.search.semidefinite import programme
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.errors import InfeasibleError
@@ -133,9 +133,10 @@ def test_a_search_at_a_dead_centre_ends_without_an_error(monkeypatch: pytest.Mon
     base, slopes = problem.dynamics.scaled_stiffness_and_gradient(
         problem.vector.start, np.arange(2)
     )
+    step = programme(2, 1, 1, len(problem.vector.start))
     ends = np.zeros(len(problem.vector.start))
     with pytest.raises(InfeasibleError, match="not finite"):
-        best_step(base, slopes * np.inf, np.ones(1), np.zeros((1, len(ends))), ends, ends)
+        step.solve(base, slopes * np.inf, np.ones(1), np.zeros((1, len(ends))), ends, ends)
 
 
 # ----------------------------------------------------------------------------------------- the end

@@ -6,7 +6,6 @@ import itertools
 import math
 from dataclasses import dataclass, field
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -17,7 +16,7 @@ from armdesign.design.bound.certificate import bound_of_areas
 from armdesign.design.program.constraints import constraints_at, convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.prices import prices
-from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, best_step, dual_bound
+from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, dual_bound, programme
 from armdesign.design.search.sequential_sdp import Linearised, Search, Trial
 from armdesign.design.search.trust_region import Box
 from armdesign.errors import InfeasibleError
@@ -417,7 +416,7 @@ def test_multipliers_of_a_programme_meet_its_optimality_conditions() -> None:
     value, jacobian = random.uniform(0, 1, m), random.normal(size=(m, nx))
     value[0], jacobian[0] = -0.3, 0.0
     low, high = np.array([-1.0, -1.0, 0.2, -1.0]), np.array([1.0, 0.5, 0.2, 1.0])
-    step = best_step(base, slopes, value, jacobian, low, high)
+    step = programme(n, nq, m, nx).solve(base, slopes, value, jacobian, low, high)
     matrices = base + np.einsum("v,vnij->nij", step.change, slopes)
     assert np.linalg.eigvalsh(matrices).min() == pytest.approx(step.value, abs=1e-7)
     limits = value + jacobian @ step.change
@@ -435,41 +434,3 @@ def test_multipliers_of_a_programme_meet_its_optimality_conditions() -> None:
         step.high_multipliers * (high - step.change),
     )
     assert_allclose(at_ends, 0, atol=1e-6)
-
-
-def test_a_programme_without_a_variable_is_its_lowest_eigenvalue() -> None:
-    """By numpy: every entry of x is held."""
-    random = np.random.default_rng(4)
-    base = random.normal(size=(3, 2, 2))
-    base = base + np.swapaxes(base, 1, 2)
-    slopes, held = np.broadcast_to(np.eye(2), (1, 3, 2, 2)), np.full(1, 0.5)
-    step = best_step(base, slopes, np.ones(1), np.zeros((1, 1)), held, held)
-    assert step.value == pytest.approx(np.linalg.eigvalsh(base).min() + 0.5, abs=1e-7)
-    assert_allclose(step.change, held)
-    assert step.high_multipliers == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_step_is_that_of_a_modelling_language(seed: int) -> None:
-    """The programme as mathematics, by cvxpy: λ, violation and weights of a random problem."""
-    random = np.random.default_rng(seed)
-    n, nq, nx, m = random.integers((2, 2, 1, 1), (6, 5, 5, 6)).tolist()
-    base, slopes = random.normal(size=(n, nq, nq)), random.normal(size=(nx, n, nq, nq))
-    base, slopes = base + np.swapaxes(base, 1, 2), slopes + np.swapaxes(slopes, 2, 3)
-    value, jacobian = random.normal(size=m), random.normal(size=(m, nx))
-    low, high = -random.uniform(0.1, 1.0, nx), random.uniform(0.1, 1.0, nx)
-    step = best_step(base, slopes, value, jacobian, low, high)
-
-    x, level, excess = cp.Variable(nx), cp.Variable(), cp.Variable(m)
-    matrices = [
-        base[j] + sum(x[v] * slopes[v, j] for v in range(nx)) - level * np.eye(nq) >> 0
-        for j in range(n)
-    ]
-    rest = [value + jacobian @ x + excess >= 0, excess >= 0, x >= low, x <= high]
-    programme = cp.Problem(cp.Maximize(level - PENALTY * cp.sum(excess)), [*matrices, *rest])
-    programme.solve(solver="CLARABEL")
-    assert step.value == pytest.approx(level.value, abs=1e-5)
-    assert step.violation == pytest.approx(excess.value.sum(), abs=1e-5)
-    assert_allclose(step.change, x.value, atol=1e-4)
-    assert_allclose(step.multipliers, rest[0].dual_value, atol=1e-3)
-    assert_allclose(step.weights, [one.dual_value for one in matrices], atol=1e-3)
