@@ -27,7 +27,7 @@ class Part(BaseModel):
 
 
 class Fault(Part):
-    """What is wrong, as on stderr."""
+    """A fault of the input, as on stderr."""
 
     part: str = Field(description="what is at fault: a key path, a file, an option, a cylinder")
     fault: str = Field(description="value with unit and allowed range")

@@ -37,9 +37,9 @@ def machine_names(incomplete: str) -> list[str]:
     from armdesign.machine.loading import shipped
 
     names = [name for name in shipped() if name.startswith(incomplete)]
-    here = sorted(Path().glob(f"{glob.escape(incomplete)}*"))
-    names += [f"{path}/" for path in here if path.is_dir() and not path.name.startswith(".")]
-    return [*names, *(str(path) for path in here if path.suffix == ".toml")]
+    paths = sorted(Path().glob(f"{glob.escape(incomplete)}*"))
+    names += [f"{path}/" for path in paths if path.is_dir() and not path.name.startswith(".")]
+    return [*names, *(str(path) for path in paths if path.suffix == ".toml")]
 
 
 FolderArgument = Annotated[Path, typer.Argument(help="Folder that a command has written into.")]

@@ -362,9 +362,9 @@ def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
 
 def refuse_archive() -> None:
     """Raise where the package's own files cannot be read, as from within a wheel."""
-    here = Path(__file__)
-    if not here.is_file():
-        archive = next((str(path) for path in here.parents if path.is_file()), str(here))
+    module = Path(__file__)
+    if not module.is_file():
+        archive = next((str(path) for path in module.parents if path.is_file()), str(module))
         remedy = f"install it: pip install {archive}"
         raise ArmDesignError("armdesign", f"cannot run from within {archive}", remedy)
 
@@ -375,7 +375,7 @@ def tell(text: str, file: TextIO | None = None) -> None:
 
 
 def interruption() -> str:
-    """What Ctrl-C or a signal leaves behind: where the work was, what is written, how to go on."""
+    """Sentence after Ctrl-C or a signal: where the work was, what is written, how to go on."""
     stop = stops[-1] if stops else KeyboardInterrupt()
     where = "".join(f" {note}" for note in getattr(stop, "__notes__", ()))
     go_on = f"; {stop.args[0]}" if stop.args else ""

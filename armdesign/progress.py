@@ -40,7 +40,7 @@ class Loop:
 
 @dataclass
 class Work:
-    """What is at work now: its text and its loops, the outermost first."""
+    """The work that goes on now: its text and its loops, the outermost first."""
 
     text: str
     update: Callable[[str], None]

@@ -111,7 +111,7 @@ def _default(one: dataclasses.Field[Any]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """What a command shows.
+    """A command that shows something.
 
     Attributes:
         command: its name.
@@ -243,8 +243,8 @@ class Run(Shown):
                 raise
         if pieces.answered and not self.quiet:
             pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
-            told = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
-            tell(f"armdesign: {told}", sys.stderr)
+            sentence = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
+            tell(f"armdesign: {sentence}", sys.stderr)
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""
@@ -315,7 +315,7 @@ class OverWorkspace(OfMachine):
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """How designs are searched for.
+    """Options of a search for designs.
 
     Attributes:
         catalogue: sizes to choose from.
@@ -341,7 +341,7 @@ class Search:
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnSearch(Search):
-    """How designs are searched for from several starts.
+    """Options of a search for designs from several starts.
 
     Attributes:
         starts: their number; None: as many as usually pay.

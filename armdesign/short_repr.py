@@ -11,7 +11,7 @@ LINES, COLUMNS = 10, 99
 
 
 def short_repr(result: Any) -> str:
-    """What a dataclass holds, without what has its default, as its class's ``__repr__``.
+    """Fields of a dataclass, without what has its default, as its class's ``__repr__``.
 
     Arrays of more than six numbers are told by shape, least and greatest; SI units, as inside.
     """
@@ -32,8 +32,8 @@ def machine_repr(machine: Any) -> str:
         "load cases": cases,
         "file": [str(machine.source)],
     }
-    told = ((what, ", ".join(words)) for what, words in lines.items())
-    return "\n".join([f"Machine {machine.name}", *(f"  {a}: {b}" for a, b in told if b)])
+    texts = ((what, ", ".join(words)) for what, words in lines.items())
+    return "\n".join([f"Machine {machine.name}", *(f"  {a}: {b}" for a, b in texts if b)])
 
 
 def _fields(value: Any, depth: int) -> str:

@@ -253,7 +253,7 @@ class _Table:
         return bool((cap != annulus).any())
 
     def _warnings(self, actuators: list[str], deviations: Array) -> list[str]:
-        """What a reader should know: columns that are not used, inclinometers, deviations."""
+        """Notes on the measurements: columns that are not used, inclinometers, deviations."""
         joints = [name for column in joint_columns(self.machine) for name in column.all]
         known = [*joints, *KNOWN, *(f"{a}_{end}" for a in actuators for end in ENDS), *UNUSED]
         known = list(dict.fromkeys(known))

@@ -1,4 +1,4 @@
-"""What a machine says to measurements: its frequencies and static pressures at the same poses.
+"""Predictions for measurements: frequencies and static pressures of a machine at their poses.
 
 Oil with air has β(p) at the measured pressures where there are some. An open chamber has infinite
 capacity, and a stuck piston leaves 1/c of what lies in series with it.
@@ -77,7 +77,7 @@ class Predictor:
         return self.machine.rigid_poses(positions(self.machine, self.measured))
 
     def __call__(self, machine: Machine) -> Prediction:
-        """What a variant of the machine answers to every measurement.
+        """Predictions of a variant of the machine for every measurement.
 
         The load pressure of an actuator is its static force over its bore area, p1 − p2 A2/A1.
 
@@ -102,7 +102,7 @@ class Predictor:
 
 
 def _geometry(machine: Machine) -> tuple[object, ...]:
-    """What poses follow from beside the measurements."""
+    """Numbers beside the measurements from which poses follow."""
     ends = tuple((one.closed_length, one.stroke) for one in machine.cylinders)
     return machine.linkages, ends, [spring.at for spring in machine.springs]
 

@@ -1,1 +1,1 @@
-"""How far and how calmly a controller can move the arm: margins, gains and bandwidth, per pose."""
+"""Control of the arm: margins, gains and bandwidth, per pose."""

@@ -59,7 +59,7 @@ CHUNK = 1_000  # poses whose frequency responses are in memory
 
 @dataclass(frozen=True, kw_only=True)
 class ControlOptions:
-    """What is asked of the controllers.
+    """Requirements on the controllers.
 
     Attributes:
         damping: ratio of all modes in place of the file's damping; None: the file's.

@@ -140,15 +140,15 @@ class _ControlledArm:
         return (self.spools(step[None]) - self.spools(0 * step[None]))[0] / step
 
     def picked(self, cases: object) -> _ControlledArm:
-        """The same: all cases are alike."""
+        """This system itself: all cases are alike."""
         return self
 
     def rates(self, time: Array, state: Array) -> Array:
         """Rates (n, size + nc) of the plant's states and of the filters'."""
         size, nq = self.plant.size, len(self.target)
         pressures = (state[:, : size - 2 * self.plant.nc] @ self.loops.load.T) - state[:, size:]
-        asked = (self.target - state[:, :nq]) * self.controller.position
-        speed = asked @ self.loops.moment_arms[0].T - self.controller.pressure * pressures
+        demand = (self.target - state[:, :nq]) * self.controller.position
+        speed = demand @ self.loops.moment_arms[0].T - self.controller.pressure * pressures
         command = self.spools(speed)
         evaluated = self.plant.evaluate(state[:, :size], command)
         return np.hstack([evaluated.rates, self.controller.corner[:, None] * pressures])

@@ -1,4 +1,4 @@
-"""What the loops act on: the arm, from demanded piston speeds to positions and load pressures.
+"""Plant of the loops: the arm, from demanded piston speeds to positions and load pressures.
 
 A controller demands a speed v_i of each piston; the static gain of its valve at rest (piston speed
 by spool position at constant force) makes a spool command of it. An extending and a retracting

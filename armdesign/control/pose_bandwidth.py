@@ -18,7 +18,7 @@ from armdesign.machine.poses import Poses
 
 @dataclass(frozen=True, kw_only=True)
 class PoseBandwidth:
-    """What controllers reach at a pose.
+    """Bandwidths of the controllers at a pose.
 
     Attributes:
         damping: ratio of the lowest mode, valves closed.

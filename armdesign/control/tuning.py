@@ -46,7 +46,7 @@ CREEP = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours: no lo
 
 @dataclass(frozen=True, kw_only=True)
 class Aim:
-    """What controllers must keep, and how they filter.
+    """Margins that controllers must keep, and their filter.
 
     Attributes:
         margin: balanced disk margin of all loops.

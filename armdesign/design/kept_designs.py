@@ -35,7 +35,7 @@ def finished_design(
 
 
 def form(make: type[Design], problems: Sequence[Problem]) -> Form[Design]:
-    """How designs of problems are kept."""
+    """Form in which designs of problems are kept."""
     return Form(
         write=lambda k, design: kept(design, problems[k]),
         read=lambda k, answer: make(**fields_of(answer, problems[k])),
@@ -43,7 +43,7 @@ def form(make: type[Design], problems: Sequence[Problem]) -> Form[Design]:
 
 
 def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
-    """What a journal keeps of a design of a problem; None where that would not be all."""
+    """Entry of a design of a problem in a journal; None where that would not be all."""
     own, today = design.problem, problem.machine
     limits = {
         name: value

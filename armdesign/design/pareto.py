@@ -184,9 +184,12 @@ def _front(
     tighter: Design | None = None
 
     def front() -> Pareto:
-        found = tuple(designs), tuple(designs.values())
         return Pareto(
-            against=against, today=machine, limits=found[0], designs=found[1], left_out=left_out
+            against=against,
+            today=machine,
+            limits=tuple(designs),
+            designs=tuple(designs.values()),
+            left_out=left_out,
         )
 
     try:

@@ -32,7 +32,7 @@ class PinMove:
 
     @property
     def distance(self) -> float:
-        """How far it moved [m]."""
+        """Distance between both places [m]."""
         return float(np.linalg.norm(self.by))
 
 

@@ -32,7 +32,7 @@ SOURCES = ("visuals", "outline", "pins")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body:
-    """What one coordinate moves before the next, as it looks from the side.
+    """Bodies that one coordinate moves before the next, from the side.
 
     Attributes:
         link: its first link, in whose plate the polygons are.
@@ -61,7 +61,7 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
     points = [_points(machine, plane, links) for links in groups]
     everywhere = np.concatenate([at for at in points if len(at)] or [np.zeros((1, 2))])
     size = float(np.ptp(everywhere, axis=0).max()) or 1.0
-    made = []
+    drawn = []
     for links, own in zip(groups, points, strict=True):
         seen = {
             "visuals": [_of_visuals(plane, link, shapes[link]) for link in links],
@@ -72,8 +72,8 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
         back = _back(plane, links[0])
         polygons = (p for shape in seen[source] for p in _polygons(shape, FINE * size))
         corners = tuple(placed(back, polygon) for polygon in polygons)
-        made.append(Body(link=links[0], links=links, source=source, polygons=corners))
-    return tuple(made)
+        drawn.append(Body(link=links[0], links=links, source=source, polygons=corners))
+    return tuple(drawn)
 
 
 def distance(polygons: Iterable[Array], point: Array) -> float:

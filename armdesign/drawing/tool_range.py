@@ -51,7 +51,7 @@ def tool_range(machine: Machine) -> tuple[Array, ...]:
 
 
 def _motions(plane: PicturePlane, j: int, lower: float, upper: float) -> Array:
-    """What moving one joint over its range does to the picture with all joints at 0 (m, 2, 3)."""
+    """Motion of one joint over its range, in the picture with all joints at 0 (m, 2, 3)."""
     arm = plane.arm
     turning = arm.coordinates[j].revolute
     count = math.ceil((upper - lower) / CHORD) + 1 if turning else STEPS

@@ -1,1 +1,1 @@
-"""What each number of a machine file is worth: derivatives, changes, tolerances."""
+"""Worth of each number of a machine file: derivatives, changes, tolerances."""

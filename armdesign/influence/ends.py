@@ -1,4 +1,4 @@
-"""What ends the poses: end stops, limits of joints and pitch; how a worst pose follows them.
+"""Ends of the poses: end stops, limits of joints and pitch; how a worst pose follows them.
 
 A worst pose at an end stop moves with every number that moves the stop. With c(q, p) ≥ 0 the room
 left to the ends, f the frequency and p a number, the worst frequency f* changes by

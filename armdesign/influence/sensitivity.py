@@ -37,7 +37,7 @@ SHOWN = 25  # numbers in the printed table; the CSV file has them all
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity(ReadOnly):
-    """What every number of a machine file is worth.
+    """Worth of every number of a machine file.
 
     Attributes:
         machine: the machine.
@@ -180,7 +180,7 @@ def _change(change: float) -> str:
 def sensitivity(
     machine: Machine, workspace: Workspace | None = None, within: float = WITHIN
 ) -> Sensitivity:
-    """How the worst frequency changes with every number of a machine's file.
+    """Change of the worst frequency with every number of a machine's file.
 
     Derivatives are exact: of K and M by a complex step along each number, of the worst pose by
     the multipliers of the ends that hold it. Numbers of a URDF are left as they are; those of

@@ -87,7 +87,7 @@ class Tolerances(ReadOnly):
 
     @property
     def linear_share(self) -> float:
-        """The same share by the derivatives."""
+        """Share of machines that reach the least frequency, by the derivatives."""
         return float(np.mean(self.linear >= self.least))
 
     @property
@@ -237,7 +237,7 @@ def tolerances(
     least: float | None = None,
     seed: int = 0,
 ) -> Tolerances:
-    """How the worst frequency differs among machines within the file's ``[tolerances]``.
+    """Distribution of the worst frequency of machines within the file's ``[tolerances]``.
 
     Args:
         machine: the machine; its file states the widths.

@@ -160,7 +160,7 @@ def what_if(
     *,
     more: More | None = None,
 ) -> WhatIf:
-    """What changes with other numbers in a machine's file, all changes at once.
+    """Effect of other numbers in a machine's file, all changes at once.
 
     Each machine is mapped over its own workspace, so that ranges may change, too.
 

@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Form(Generic[T]):
-    """How a piece is kept.
+    """Form in which a piece is kept.
 
     Attributes:
         write: what a journal can hold of it; None: it is not kept.

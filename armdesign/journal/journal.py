@@ -176,7 +176,7 @@ class Journal:
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:
-        """What SQLite and the system say, as errors of the package."""
+        """Faults of SQLite and the system, as errors of the package."""
         place = str(self.path)
         try:
             yield

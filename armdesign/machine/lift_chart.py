@@ -73,7 +73,7 @@ class ChartPoses:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LiftChart(ReadOnly):
-    """What a machine lifts at n points (ISO 10567); arrays are read-only.
+    """Lift of a machine at n points (ISO 10567); arrays are read-only.
 
     Attributes:
         machine: that lifts.

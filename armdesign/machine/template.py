@@ -135,7 +135,7 @@ class _Lines:
             self.lines += [*_wrapped(words), *_folded(line)]
 
     def _words(self, location: Location) -> str:
-        """What the schema says of a key, where it comes first; each or together wherever it is."""
+        """The schema's words on a key, where it comes first; each or together wherever it is."""
         words, how_many = _words(location)
         new = words if words not in self._said else ""
         self._said.add(words)
@@ -143,7 +143,7 @@ class _Lines:
 
 
 def _words(location: Location) -> tuple[str, str]:
-    """What a key means, and whether it is of each parallel actuator or of all together."""
+    """Meaning of a key, and whether it is of each parallel actuator or of all together."""
     *tables, key = location
     kind = annotation(tuple(tables))[0] if tables else MachineSection
     section = kind.__name__ if is_table(kind) else ""

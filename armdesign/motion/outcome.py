@@ -1,4 +1,4 @@
-"""What a simulated move leaves: oscillation of the tool about its drift, and when it has settled.
+"""Outcome of a simulated move: oscillation of the tool about its drift, and when it has settled.
 
 A commanded arm stops a little beside its plan and, with leaks, goes on creeping. Oscillation is
 therefore counted about a straight line in time, by least squares over ``PERIODS`` of the lowest
@@ -66,7 +66,7 @@ class MoveRun(ReadOnly):
 def move_run(
     run: Simulation, shaped: bool, end: float, frequency: float, tolerance: float, goal: Array
 ) -> MoveRun:
-    """What a run leaves.
+    """Residual oscillation of a run.
 
     Args:
         run: of the move, ``ring_time`` longer than its commands.

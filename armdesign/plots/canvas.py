@@ -205,7 +205,7 @@ def _make_literal(drawn: Any) -> None:
 
 
 def title_of(machine: Machine) -> str:
-    """What a machine is called in pictures, on one line."""
+    """Name of a machine in pictures, on one line."""
     return printable(machine.section.title or machine.name)
 
 

@@ -1,4 +1,4 @@
-"""What is written beside a drawn machine: pins, joints, pose, faults, sizes of cylinders."""
+"""Words beside a drawn machine: pins, joints, pose, faults, sizes of cylinders."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def pose_words(machine: Machine, view: SideView) -> str:
 
 
 def faults(machine: Machine, view: SideView) -> list[str]:
-    """What cannot be in a drawn pose: pins out of place, cylinders out of their stroke."""
+    """Faults of a drawn pose: pins out of place, cylinders out of their stroke."""
     words = [f"{name} lies outside the outline of its link" for name in view.stray_pins]
     for shape, length, wrong in zip(
         view.cylinders, view.lengths[0], view.out_of_stroke[0], strict=True
@@ -91,7 +91,7 @@ def ends(view: SideView) -> list[Label]:
 
 
 def sizes_legend(ax: Any, machines: Sequence[Machine]) -> None:
-    """What the colours mean: actuators with their sizes, of each machine."""
+    """Legend of the colours: actuators with their sizes, of each machine."""
     handles = []
     for name, colour in actuator_colours(machines[-1]).items():
         sizes = [text for machine in machines if (text := _sizes(machine, name))]

@@ -1,4 +1,4 @@
-"""What numbers of the machine file are worth: tornado, distribution, linear against exact."""
+"""Worth of the numbers of the machine file: tornado, distribution, linear against exact."""
 
 from __future__ import annotations
 

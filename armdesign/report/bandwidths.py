@@ -22,7 +22,7 @@ NAMES = {
 
 
 def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -> list[Sheet]:
-    """What the controllers reach, where the worst poses are, and what formulas promise.
+    """Bandwidths of the controllers, their worst poses, and promises of formulas.
 
     Args:
         maps: of one machine, or of several by their labels.
@@ -37,7 +37,7 @@ def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) 
 
 
 def bandwidth_sentence(maps: Mapping[str, BandwidthMap]) -> str:
-    """What the loops reach at the worst pose of the last machine, beside its lowest frequency."""
+    """Sentence on the last machine's bandwidth at its worst pose, beside its lowest frequency."""
     last = list(maps.values())[-1]
     hertz = {scheme: float(last.worst(scheme)[f"{scheme}_hz"]) for scheme in NAMES}
     return (
@@ -136,7 +136,7 @@ def _row_of(bandwidths: BandwidthMap, row: pd.Series[Any], units: Units) -> tupl
 
 
 def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
-    """What formulas of a single loop promise, and by how much too much."""
+    """Promises of formulas for a single loop, over what is reached."""
     rows = []
     for label, bandwidths in maps.items():
         works = bandwidths.frame[bandwidths.frame["works"]]

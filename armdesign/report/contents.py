@@ -1,4 +1,4 @@
-"""What a report says, in order: headline, sections with tables and pictures, and a drawn scene.
+"""Contents of a report, in order: headline, sections with tables and pictures, and a drawn scene.
 
 ``report.json`` keeps all of it beside the pictures, so that the page can be written again from a
 folder; nothing in it is code.

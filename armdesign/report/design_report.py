@@ -91,7 +91,7 @@ PICTURES = ("map", "lift", "moment", "frequency")  # how files of pictures begin
 
 
 def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> Section:
-    """What a buyer sees: lift chart, digging force, stroke times."""
+    """Section for a buyer: lift chart, digging force, stroke times."""
     machines = {"today": design.today, "new": design.machine}
     both = {label: (machine, design.workspace) for label, machine in machines.items()}
     return Section(
@@ -149,7 +149,7 @@ def _validation(proofs: Mapping[str, Validation], pictures: Sequence[Picture]) -
 
 
 def _assumptions(design: Design) -> tuple[str, ...]:
-    """Those of the frequencies, then of the bound."""
+    """Assumptions behind the frequencies, then behind the bound."""
     usual = assumptions(design.today, design.workspace)
     if design.certificate is None or design.bound is None:
         return usual

@@ -69,7 +69,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
 
 
 def bound_sheet(design: Design) -> Sheet:
-    """What the search reached, the upper bound on all designs of its kind, and the gap."""
+    """Result of the search, the upper bound on all designs of its kind, and the gap."""
     if design.certificate is None:
         bound, gap = "none is known", "–"
     elif design.bound is None:
@@ -134,7 +134,7 @@ def notes_on_starts(design: Design) -> str:
 
 
 def _buildability(design: Design) -> str:
-    """What steps of sizes, pins and strokes leave of the gain in real numbers; empty without."""
+    """Words on the gain that a catalogue leaves of that in real numbers; empty without one."""
     both = design.catalogue and design.selection is None and design.starts
     if design.made_for != "gain" or not both:
         return ""

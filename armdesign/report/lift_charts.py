@@ -58,7 +58,7 @@ def lift_frame(charts: Mapping[str, LiftChart]) -> pd.DataFrame:
 
 
 def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
-    """What machines lift, by reach and height."""
+    """Lift charts of machines, by reach and height."""
     if not charts:
         return Sheet(title=TITLE, rows=(), note="none: no two joints bring the tool onto a grid")
     first = next(iter(charts.values()))
@@ -113,7 +113,7 @@ def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
 
 
 def _note(chart: LiftChart, units: Units) -> str:
-    """What the chart says, and of which point."""
+    """Note on the meaning of the chart, and on its point."""
     point, share = chart.poses.point, f"{100 * HYDRAULIC_SHARE:.0f} %"
     x, _, z = (units.text(value, "m") for value in point.at)
     tips = f", or {100 * TIPPING_SHARE:.0f} % of what tips it"

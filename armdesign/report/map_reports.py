@@ -160,7 +160,7 @@ def _number(
 
 
 def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
-    """What the frequencies of a machine take for granted, as sentences."""
+    """Assumptions behind the frequencies of a machine, as sentences."""
     fluid, bands = machine.fluid, Bands.shown(machine)
     oil = f"Oil of {fluid.bulk_modulus / 1e6:.0f} MPa trapped in both chambers"
     oil += f", with {100 * fluid.air:.2g} % entrained air" if fluid.air else ", without air"

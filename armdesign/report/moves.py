@@ -112,7 +112,7 @@ def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
 
 
 def _remarks(move: Move) -> list[str]:
-    """What a reader should know besides."""
+    """Notes on the move and its shaper."""
     remarks = []
     if move.shaper.delay and move.shaper.high > move.shaper.low and not move.shaper.parts:
         shaper = move.shaper

@@ -24,7 +24,7 @@ DOTS = 72  # per inch of a picture
 
 
 def of_machine(machine: Machine) -> str:
-    """What the machine has, and its drawing to scale."""
+    """Parts of a machine, and its drawing to scale."""
     return _html([repr(machine)], machine.plot().figure)
 
 
@@ -47,7 +47,7 @@ def of_validation(validation: Validation) -> str:
 
 
 def of_simulation(simulation: Simulation) -> str:
-    """What limited the motion, and the run over time."""
+    """Shape of a run, with its events, and its motion over time."""
     return _html([repr(simulation)], simulation.plot())
 
 

@@ -292,7 +292,7 @@ def _loose(view: SideView) -> list[int]:
 
 
 def _points(view: SideView, loose: list[int], machine: Machine) -> tuple[dict[str, Any], ...]:
-    points, told = _all_points(view), list[dict[str, Any]]()
+    points, rows = _all_points(view), list[dict[str, Any]]()
     pins = {pin.name: pin for pin in view.pins}
     for i, (name, body) in enumerate(_carriers(view)):
         words = f"tool, on {machine.tool.link}" if name == "tool" else name
@@ -303,8 +303,8 @@ def _points(view: SideView, loose: list[int], machine: Machine) -> tuple[dict[st
         if i not in loose and body is not None:
             carried = _in_plate(view, body, points[:, i])
             at = None if carried is None else np.round(carried, 5).tolist()
-        told.append({"name": name, "words": words, "body": body if at else None, "at": at})
-    return tuple(told)
+        rows.append({"name": name, "words": words, "body": body if at else None, "at": at})
+    return tuple(rows)
 
 
 def _numbers(view: SideView, loose: list[int]) -> Array:

@@ -15,14 +15,14 @@ WIDEST = 6  # columns
 
 def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
     """The first cases of a sweep's frame; ``kept`` is how many the journal had already."""
-    told = [str(name) for name in frame.columns if not _idle(frame[name])]
-    shown = told[:WIDEST]
+    names = [str(name) for name in frame.columns if not _idle(frame[name])]
+    shown = names[:WIDEST]
     rows = frame[shown].head(MOST).to_dict("split")["data"]
     notes = [f"{len(frame)} cases, {kept} of them from the journal."] if kept else []
     if len(frame) > MOST:
         notes.append(f"{len(frame) - MOST} further cases are in sweep.csv.")
-    if len(told) > len(shown):
-        notes.append(f"Further columns are in sweep.csv: {', '.join(told[WIDEST:])}.")
+    if len(names) > len(shown):
+        notes.append(f"Further columns are in sweep.csv: {', '.join(names[WIDEST:])}.")
     failed = int((frame["error"] != "").sum())
     if failed:
         notes.append(f"{failed} cases failed; sweep.csv says why.")

@@ -293,8 +293,8 @@ class Experiment:
         By no more than ``DETUNING``. Joints and springs swing as in the mode, so both ends of the
         swing lie along its shape.
         """
-        here = natural_modes(self.machine.at(self.pose))
-        shape, frequency = here.shapes[0, :, self.mode], here.frequencies[0, self.mode]
+        modes = natural_modes(self.machine.at(self.pose))
+        shape, frequency = modes.shapes[0, :, self.mode], modes.frequencies[0, self.mode]
         way = shape[: len(self.pose)] * np.max(np.abs(swing) / np.abs(shape).max())
         share = 1.0
         for _ in range(20):

@@ -211,7 +211,7 @@ def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> Non
 
 
 def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
-    """What makes a free decay doubtful: a word, and why."""
+    """Doubts about a free decay: a word, and why."""
     remarks = {}
     grows = fit.damping_ratios < 0
     if np.any(fit.damping_ratios < -SURE * fit.damping_deviations):

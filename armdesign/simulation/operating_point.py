@@ -165,8 +165,8 @@ def _impossible(
             names = tuple(actuator.name for actuator in machine.actuators)
         share = float(shares[possible].max())
         pairs = zip(names, (share * values).tolist(), strict=True)
-        told = ", ".join(f"{name} {_inwards(value):g}" for name, value in pairs if value)
-        remedy = f"{share:.2g} of it can be: give {what} {told}"
+        words = ", ".join(f"{name} {_inwards(value):g}" for name, value in pairs if value)
+        remedy = f"{share:.2g} of it can be: give {what} {words}"
     fault = f"no steady motion at {pose_text(machine, pose.q[0])}: {why}"
     return SimulationError(f"{machine.name}: operating point", fault, remedy)
 

@@ -64,7 +64,7 @@ def _client(address: str) -> Any:
 
 
 def _plugin(study: Study) -> Any:
-    """What every worker does when it comes: it is given the study."""
+    """Task of every worker that comes: it takes the study."""
     from distributed import WorkerPlugin
 
     class Prepared(WorkerPlugin):  # type: ignore[misc]

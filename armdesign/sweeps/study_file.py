@@ -76,7 +76,7 @@ def _machine(name: Any, path: Path, allow_outside: bool) -> Machine:
 
 
 def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """What changes, as arguments of ``sweep``."""
+    """Changes of a study, as arguments of ``sweep``."""
     if "csv" in data:
         return {"changes": path.parent / data["csv"]}
     if "case" in data:

@@ -142,7 +142,7 @@ def sweep(
 
 @dataclass(frozen=True, kw_only=True)
 class _Run:
-    """How cases get their answers."""
+    """Means by which cases get their answers."""
 
     study: Study
     workers: int
@@ -213,7 +213,7 @@ def _study(
     workspace: Workspace | None,
     points: Any,
 ) -> Study:
-    """What all cases share, with its digest as name."""
+    """Data that all cases share, with their digest as name."""
     refuse_options(task, options)
     if not isinstance(points, int | None):
         points = [int(count) for count in points]

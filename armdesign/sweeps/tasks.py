@@ -1,4 +1,4 @@
-"""What a sweep can ask of every machine, each answered by numbers and words by name."""
+"""Tasks that a sweep can set for every machine, each answered by numbers and words by name."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def task_named(name: str) -> Task:
 
 
 def identity_of(task: str | Task) -> str:
-    """What a task is known by: its name, or a function's name and source.
+    """Identity of a task: its name, or a function's name and source.
 
     Raises:
         ArmDesignError: a function whose source does not say all that it does.

@@ -1,4 +1,4 @@
-"""What a worker does: it is given a study once, then answers its cases one by one."""
+"""Work of a worker: it is given a study once, then answers its cases one by one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WATCH = 1.0  # [s] between two looks at whether the parent lives
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Study:
-    """What all cases of a sweep share; it travels once to each worker.
+    """Data that all cases of a sweep share; it travels once to each worker.
 
     Attributes:
         name: digest of it.
@@ -52,7 +52,7 @@ class Study:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome(Entry):
-    """What became of a case.
+    """Outcome of a case.
 
     Attributes:
         final: whether the same would come out again.
@@ -100,7 +100,7 @@ def answer(name: str, case: Case) -> Outcome:
     with _one_at_a_time, threadpool_limits(1):
         start = time.perf_counter()
         try:
-            found = _answer(_studies[name], case)
+            numbers = _answer(_studies[name], case)
         except ArmDesignError as error:
             return Outcome(answer={}, seconds=time.perf_counter() - start, error=str(error))
         except Exception as error:
@@ -108,7 +108,7 @@ def answer(name: str, case: Case) -> Outcome:
             return Outcome(
                 answer={}, seconds=time.perf_counter() - start, error=words, final=False
             )
-        return Outcome(answer=found, seconds=time.perf_counter() - start)
+        return Outcome(answer=numbers, seconds=time.perf_counter() - start)
 
 
 def _answer(study: Study, case: Case) -> dict[str, Any]:

@@ -123,9 +123,9 @@ class _Film:
         lines = [printable(pose_words(self.view.machine, q))]
         for name, one in readings.items():
             before = f"{name}: " if len(readings) > 1 else ""
-            told = dict(rows(one))
+            values = dict(rows(one))
             for whats in FILMED:
-                words = ", ".join(f"{what} {told[what]}" for what in whats if what in told)
+                words = ", ".join(f"{what} {values[what]}" for what in whats if what in values)
                 lines += textwrap.wrap(printable(before + words), LINE) if words else []
         text = "\n".join(lines)
         if text != self.words.text:

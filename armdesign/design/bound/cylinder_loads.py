@@ -123,8 +123,8 @@ def _of_chart(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> Iterato
     held = _lifted(problem, bars, rigid, load, joint) / HYDRAULIC_SHARE
     arms = machine.linkages[i].actuation(rigid).moment_arm[:, joint]
     each, starts = np.unique(place, return_index=True)
-    asked = np.minimum.reduceat(held.max(axis=0) / np.abs(arms), starts)
-    chosen = np.isin(place, each[np.argsort(-asked)[:CHART_PLACES]])
+    needed = np.minimum.reduceat(held.max(axis=0) / np.abs(arms), starts)
+    chosen = np.isin(place, each[np.argsort(-needed)[:CHART_PLACES]])
     index = np.unique(place[chosen], return_inverse=True)[1]
     yield Loads(angle=rigid.q[chosen, joint], held=held[:, chosen], place=index)
 
@@ -135,8 +135,8 @@ def _lifted(
     """Torques (2, n) [N m], ≥ 0, that a load's own torques (n, nq) and the machine's ask for."""
     own = load[:, joint]
     bare = _with_bars(unloaded(problem.vector.bare, rigid)[:, joint], bars, rigid, joint)
-    asked = np.stack([bare.low + own, -bare.high - own])
-    return np.where(np.stack([own, -own]) > 0, np.maximum(asked, 0.0), 0.0)
+    needed = np.stack([bare.low + own, -bare.high - own])
+    return np.where(np.stack([own, -own]) > 0, np.maximum(needed, 0.0), 0.0)
 
 
 def _with_bars(

@@ -259,7 +259,7 @@ def _identity(search: Search, what: str, settings: Mapping[str, Any]) -> Any:
 
 
 def _form(searches: Sequence[Search]) -> Form[Search]:
-    """How what became of searches is kept: fields that changed, not the problem."""
+    """Form in which searches are kept: fields that changed, not the problem."""
 
     def read(k: int, answer: Mapping[str, Any]) -> Search:
         x, reference = np.array(answer["x"]), answer["reference"]

@@ -267,7 +267,7 @@ def of_how_many(section: str, key: str) -> str:
 
 
 def meaning(section: str, key: str) -> str:
-    """What a key of a section of the schema means, in words."""
+    """Meaning of a key of a section of the schema, in words."""
     return IN_SECTION.get(section, {}).get(key, DESCRIPTIONS.get(key, ""))
 
 

@@ -1,4 +1,4 @@
-"""What all tables of the machine file are made of: their base, and the ranges of common values."""
+"""Parts of all tables of the machine file: their base, and the ranges of common values."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ NO_ROOTS = np.zeros(0, dtype=complex)
 
 
 class Noise:
-    """What the modes leave of a record, and how to whiten it.
+    """Residual of a record without its modes, and how to whiten it.
 
     Attributes:
         colour: a_1 … a_p (p,); none for white noise.

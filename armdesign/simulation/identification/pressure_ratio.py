@@ -58,7 +58,7 @@ class PressureRatio:
 
     @property
     def verdict(self) -> str:
-        """What the swings say of the oil, in words."""
+        """State of the oil by the swings, in words."""
         if not all(self.swings):
             still, other = SIDES[::-1] if self.swings[0] else SIDES
             return (

@@ -55,10 +55,10 @@ def sweep_bias(
 def _row(periods: float, zeta: float) -> dict[str, float]:
     time = np.arange(0, periods, 1 / RATE)
     sweep = SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=periods)
-    asked = np.array([sweep(t) for t in time])
-    position, speed = _answer(zeta, time, asked)
+    command = np.array([sweep(t) for t in time])
+    position, speed = _answer(zeta, time, command)
     peaks = [_peak(time, answer) for answer in (speed, position)]
-    fitted = float(identify_forced_response(time, asked, speed, BAND).natural_frequencies[0])
+    fitted = float(identify_forced_response(time, command, speed, BAND).natural_frequencies[0])
     deviations = dict(
         zip(
             ("speed_peak", "position_peak", "speed_fit"),
