@@ -253,7 +253,7 @@ class FrequencyBand:
 
     scenarios: tuple[Scenario, ...]
     nominal: float
-    sample: Callable[[], tuple[float, ...]] = field(default=tuple, repr=False)
+    sample: Callable[[], tuple[float, ...]] = field(repr=False)
 
     @cached_property
     def between(self) -> tuple[float, ...]:

@@ -216,6 +216,7 @@ def test_least_gain_is_that_of_the_poorest_corner() -> None:
                 for f, soft in ((low, True), (high, False))
             ),
             nominal=nominal,
+            sample=tuple,
         )
         for low, nominal, high in ((0.5, 0.7, 1.0), (0.6, 0.8, 0.9))
     )
