@@ -25,7 +25,7 @@ from armdesign.design.requirements.lift_share import LiftShare, lift_share
 from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
 from armdesign.design.requirements.places import PinPlaces, clearances, outlines
 from armdesign.design.requirements.record import Concession, Evaluation
-from armdesign.design.requirements.stated import Frozen, Stated, check_numbers
+from armdesign.design.requirements.stated import Frozen, Stated, check_kind, check_numbers
 from armdesign.design.requirements.strength import (
     Buckling,
     CylinderMass,
@@ -68,6 +68,10 @@ class Requirements(
         for name, how in self._stated().items():
             object.__setattr__(self, name, how.completed(getattr(self, name)))
         super().__post_init__()
+        for field in fields(self):
+            if str(field.type).startswith("float"):
+                path, value = f"requirements.{field.name}", getattr(self, field.name)
+                check_kind(path, value, str(field.type))
         for name, value in vars(self).items():
             check_numbers(f"requirements.{name}", value)
         for name, value in vars(self).items():

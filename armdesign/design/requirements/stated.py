@@ -253,6 +253,16 @@ def check_word(name: str, word: str, allowed: tuple[str, ...]) -> None:
         raise ArmDesignError(f"requirements.{name}", f"{word!r} is not allowed", remedy)
 
 
+def check_kind(path: str, value: Any, kind: str) -> None:
+    """Raise for what is no number in a setting whose kind is one, or one for each actuator."""
+    if value is None and "None" in kind:
+        return
+    parts = value.values() if isinstance(value, Mapping) and "Mapping" in kind else [value]
+    for part in parts:
+        if isinstance(part, bool) or not isinstance(part, float | int | np.number):
+            raise ArmDesignError(path, f"{part!r} is not allowed", "give a number")
+
+
 def check_numbers(path: str, value: Any) -> None:
     """Raise for a number within a setting that is not finite."""
     if isinstance(value, float | int) and not np.isfinite(value):

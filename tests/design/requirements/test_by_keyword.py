@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 import armdesign as ad
+
+
+@pytest.mark.parametrize("value", ["x", True, None, [0.9], {"boom": "x"}, object()])
+def test_a_share_is_a_number(value: Any) -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"requirements.lift_share: .* give a number"):
+        ad.Requirements(lift_share=value)
 
 
 def test_a_keyword_is_the_key_of_the_file() -> None:
