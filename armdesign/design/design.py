@@ -331,6 +331,15 @@ def optimize(
             another machine; no catalogue, or one of no use.
         InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
             gives one: that was tried.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> limits = ad.Requirements.of(machine, oil_total_share=1.05)
+        >>> design = ad.optimize(machine, workspace, limits, vary=["areas"], starts=1)
+        >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
+        7.45 to 7.77 Hz
     """
     problem, sizes = formulate_with_sizes(
         machine, workspace, requirements, vary,
@@ -406,6 +415,14 @@ def size_cylinders(
 
     Raises:
         InfeasibleError: no sizes meet the requirements.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> design = ad.size_cylinders(machine, workspace, ad.Requirements(oil_total_share=1.05))
+        >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
+        7.45 to 7.77 Hz
     """
     if dead_volume not in ("fixed", "proportional"):
         remedy = 'give "fixed" or "proportional"'

@@ -152,6 +152,18 @@ def steps(
 
     Raises:
         InfeasibleError: no step has a design.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=2)
+        >>> which = ad.steps(machine, workspace)
+        >>> for step in which.steps:
+        ...     print(len(step.pins), f"{step.gain:+.1%}", *step.pins)
+        ...
+        0 +0.0%
+        1 +11.6% cylinder.lift.rod_end
+        2 +16.0% cylinder.lift.base cylinder.lift.rod_end
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)

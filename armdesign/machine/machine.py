@@ -202,6 +202,12 @@ class Machine:
         A mass sits where the case at work has its own; if that has none, where the first case has
         that has one. It is a load case beside the file's, and maps and designs count it
         too; the file itself does not change.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> print(machine.with_payload(100).payload.mass)
+            100.0
         """
         if isinstance(payload, str):
             case = case_named(payload, self.payloads, self.name)
@@ -237,6 +243,12 @@ class Machine:
 
         Raises:
             MachineFileError: a path or value that the file cannot have.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> print(machine.replace({"cylinder.lift.bore_mm": 70.0}).cylinders[0].bore)
+            0.07
         """
         source = self.source.name
         if not isinstance(changes, Mapping):
@@ -368,6 +380,13 @@ class Machine:
 
         Raises:
             PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> poses = machine.at([[-0.5], [0.0], [0.5]])
+            >>> print(poses.moment_arms.shape, poses.lengths[:, 0].round(3))
+            (3, 1, 1) [0.587 0.522 0.448]
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
         chunked = (self._reachable(q[rows]) for rows in with_bar(chunks(len(q)), len(q), "poses"))
