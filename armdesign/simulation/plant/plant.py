@@ -266,7 +266,7 @@ def _evaluate(
         for i in range(nc):
             actuator, drive = parameters.actuators[m, i], parameters.drives[m, i]
             output = evaluation.outputs[case, i]
-            spool, spool_speed = layout.spools + i, layout.spools + nc + i
+            spool, speed = layout.spools + i, layout.spools + nc + i
             length = _place_actuator(case, drive, parameters.joints[m], y, frames, pins, bars)
             moving = length, _sum_product(pins.arm, y[nq:])
             both = pressures[i], pressures[nc + i]
@@ -277,9 +277,8 @@ def _evaluate(
                 torque[case, j] += pins.arm[j] * force
             rates[layout.chambers + i] = cap_rate / bar
             rates[layout.chambers + nc + i] = annulus_rate / bar
-            rates[spool] = y[spool_speed]
-            demand = command[case, i]
-            rates[spool_speed] = spool_acceleration(actuator, y[spool], y[spool_speed], demand)
+            rates[spool] = y[speed]
+            rates[speed] = spool_acceleration(actuator, y[spool], y[speed], command[case, i])
             taken = taken + output.supplied[0] + output.supplied[1]
         pump = taken
         if has_line:
