@@ -112,8 +112,9 @@ class ConflictSearch(ElasticProgramme):
     ) -> Relaxation | None:
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
-        Least among what the search finds. None if that does not help. What no setting states, like a dead length, is not relaxed. It
-        is sought from several starts; from that one and today's machine if one is ``near``.
+        None if that does not help. What no setting states, like a dead length, is not relaxed. It
+        is sought from several starts, least among what they lead to; from that one and today's
+        machine if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets)

@@ -71,8 +71,9 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
         raise refusals[0]
     conflict = _all_together(problem, refusals, requirements)
     last = [] if settled else [c.name for c in refusals[-1].conflict]
-    words = (f"{WITH_SIZES}no design meets", OTHER_SIZES) if catalogue else ("no design meets", "")
-    none_meets, otherwise = words
+    none_meets, otherwise = "no design meets", ""
+    if catalogue:
+        none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
     raise conflict_error(
         problem.machine.name, conflict, none_meets, settled, otherwise, last, least=False
     )
