@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from armdesign.errors import ArmDesignError
+from armdesign.option_values import bands_to_use, grid_points, offered_sizes
 from armdesign.options import (
     CatalogueOption,
     FreeOption,
@@ -35,9 +36,6 @@ from armdesign.options import (
     StartsOption,
     UnitsOption,
     WorkersOption,
-    bands_to_use,
-    grid_points,
-    offered_sizes,
 )
 from armdesign.output import changed, check_out, command_line, kept, outputs, show, stops, tell
 from armdesign.progress import progress

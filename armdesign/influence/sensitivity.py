@@ -22,7 +22,7 @@ from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
 from armdesign.machine.file.numbers import Number, numbers_of
 from armdesign.machine.machine import Machine
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
@@ -134,7 +134,7 @@ class Sensitivity(ReadOnly):
         for rival in self.rivals:
             ends = ", ".join(end.words for end in rival.ends.ends) or "nothing"
             second = f"{rival.next_frequency:.3f}" if np.isfinite(rival.next_frequency) else "–"
-            where = pose_text(self.machine, rival.pose, units)
+            where = worst_pose_text(self.machine, rival.pose, units)
             rows.append((f"{rival.frequency:.3f}", second, rival.pose.cylinder, ends, where))
         return Sheet(
             title="Worst pose and its rivals [Hz]",

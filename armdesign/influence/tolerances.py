@@ -22,7 +22,7 @@ from armdesign.influence.rivals import Rival, rivals
 from armdesign.influence.slopes import mass_slopes, slopes
 from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
@@ -170,7 +170,7 @@ class Tolerances(ReadOnly):
             ),
             (
                 "as drawn",
-                f"{worst.frequency:.3f} Hz at {pose_text(self.machine, worst.pose, units)}",
+                f"{worst.frequency:.3f} Hz at {worst_pose_text(self.machine, worst.pose, units)}",
             ),
             ("deviation", spread),
             ("worst pose moves", f"to a rival in {100 * self.moved:.1f} % of the machines"),

@@ -19,7 +19,7 @@ from armdesign.drawing.swing import swung
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.machine.poses import Poses, refuse_unheld
-from armdesign.units import deg, mm
+from armdesign.units import mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -118,14 +118,6 @@ def rows(one: Reading) -> list[tuple[str, str]]:
         (DAMPED, f"{width.damped:.2g} Hz"),
         ("damping ratio", f"{width.damping:.2g}"),
     ]
-
-
-def pose_words(machine: Machine, q: Array) -> str:
-    """A pose (nq,) in deg and mm: ``boom 10.0°, stick -60.0°``."""
-    return ", ".join(
-        f"{joint.name} {x / deg:.1f}°" if joint.revolute else f"{joint.name} {x / mm:.0f} mm"
-        for joint, x in zip(machine.arm.joints, q, strict=True)
-    ).replace("-", "−")
 
 
 def swing_words(one: Reading, mode: int, amplitude: float) -> tuple[str, float]:
