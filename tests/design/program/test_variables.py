@@ -113,6 +113,7 @@ def test_pins_of_a_cylinder_across_two_joints_are_refused(path: str) -> None:
 # -------------------------------------------------------------------------------- one number alone
 
 
+@pytest.mark.slow
 def test_bore_alone_leaves_the_rod() -> None:
     """A rod that stays in mm takes a fixed area off the annulus; the rest of the machine file does
     not change.
