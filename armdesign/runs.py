@@ -210,7 +210,7 @@ class Run(Shown):
     out: OutOption = None
 
     def origin(self, *groups: Any, **more: Any) -> Origin:
-        """When and how the command was begun, with all options that decide its answer."""
+        """Date and words of the command, with all options that decide its answer."""
         from armdesign.report.provenance import Origin
 
         options = {p.name: getattr(one, p.name) for one in (self, *groups) for p in _options(one)}

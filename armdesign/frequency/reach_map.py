@@ -50,7 +50,7 @@ EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 @dataclass(frozen=True, eq=False)
 class ReachMap:
-    """What the user of a machine sees: the lowest frequency at each place of the tool.
+    """Lowest frequency at each place of the tool, as the user of a machine sees it.
 
     Attributes:
         reach: middles of the cells, from the root's z axis, forward positive (nx,) [m].

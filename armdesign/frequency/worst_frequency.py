@@ -112,7 +112,7 @@ def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, flo
 
 
 def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
-    """What there is to say of a pose (nq,) with a lowest frequency [Hz]."""
+    """Record of a pose (nq,) with a lowest frequency [Hz]."""
     machine = case.machine
     poses = machine.at(q)
     share = energy_shares(poses, natural_modes(poses))[0, 0]

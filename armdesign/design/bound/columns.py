@@ -114,7 +114,7 @@ class Columns:
 
     @property
     def place(self) -> Array:
-        """Where they lie in the drives' regions (c, 5)."""
+        """Points in the drives' regions (c, 5)."""
         return np.column_stack([self.design, self.volume])
 
     def within(self, k: int, drive: JointDrive) -> Columns:
