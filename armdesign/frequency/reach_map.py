@@ -113,7 +113,7 @@ class _Between:
     def lowest(self, reach: Array, height: Array) -> Array:
         """Reach, height and frequency (n, 3) of the lowest pose of each cell that has any.
 
-        Sought on interpolated frequencies; those of the poses found are computed.
+        Sought on interpolated frequencies; at the poses found they are computed.
         """
         cells, fixed = (reach, height), joints_without_effect(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)

@@ -63,7 +63,7 @@ def worst_frequency(
 ) -> Worst:
     """The worst frequency among a workspace's poses, not between them, and all load cases.
 
-    Shares of masses are those of ``load_cases``.
+    Shares of masses as in ``load_cases``.
 
     Raises:
         PoseError: a pose that this machine cannot take.

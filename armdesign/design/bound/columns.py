@@ -118,7 +118,7 @@ class Columns:
         return np.column_stack([self.design, self.volume])
 
     def within(self, k: int, drive: JointDrive) -> Columns:
-        """These without those of drive ``k`` that lie outside ``drive``'s region."""
+        """These without the columns of drive ``k`` that lie outside ``drive``'s region."""
         low, high = drive.region
         inside = np.all((self.place >= low) & (self.place <= high), axis=1)
         return self[(self.drive != k) | inside]

@@ -112,7 +112,7 @@ def at_speed(actuators: Records, system: Record, load: Load, speed: Array) -> St
 
 
 class _Line:
-    """Pressures of constant force, by that of the cap."""
+    """Pressures of constant force, by the cap's pressure."""
 
     def __init__(self, actuators: Records, system: Record, load: Load, spool: Array) -> None:
         self.a1, self.a2 = actuators["areas"][:, 0], -actuators["areas"][:, 1]
