@@ -78,7 +78,7 @@ class Arm:
 
     Attributes:
         joints: joints of poses, in the order of q (nq).
-        coordinates: all joints that move: those of poses, then springs (k).
+        coordinates: all joints that move: joints of poses, then springs (k).
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
@@ -383,7 +383,7 @@ class Arm:
     def bodies_apart(self) -> list[Arm]:
         """The arm with the mass of what one coordinate moves before the next, for each (k).
 
-        M, g and ∂g/∂q are linear in masses and inertias: those of the arm are their sums.
+        M, g and ∂g/∂q are linear in masses and inertias: the arm's are sums over its links.
         """
         model, _, index = self._pinocchio
         import pinocchio

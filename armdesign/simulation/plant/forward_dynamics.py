@@ -118,7 +118,7 @@ class ForwardDynamics:
 
 
 def _held(mass: float, point: VectorJet, velocity: Array) -> Array:
-    """What a point mass [kg] that moves at constant joint speeds (n, k) asks of the joints."""
+    """Joint torques of a point mass [kg] that moves at constant joint speeds (n, k)."""
     pull = curvature(point, velocity)
     pull[:, 2] += GRAVITY
     return np.asarray(mass * (point.first @ pull[:, :, None])[..., 0])
