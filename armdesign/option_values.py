@@ -127,7 +127,7 @@ def stated_priors(text: str) -> dict[str, tuple[float, float]]:
 
 
 def offered_sizes(catalogue: str, free: bool) -> str | Sizes | None:
-    """Sizes that ``--catalogue`` and ``--free`` ask for; None for those of the machine file."""
+    """Sizes that ``--catalogue`` and ``--free`` ask for; None for the machine file's."""
     from armdesign.design.catalogue.sizes import FREE, read_sizes
 
     if free:
@@ -138,7 +138,7 @@ def offered_sizes(catalogue: str, free: bool) -> str | Sizes | None:
 
 
 def bands_to_use(nominal: bool) -> Bands | None:
-    """None for those of the machine file; none at all if ``--nominal`` is given."""
+    """None for the machine file's bands; no bands if ``--nominal`` is given."""
     from armdesign.frequency.bands import Bands
 
     return Bands() if nominal else None

@@ -120,7 +120,7 @@ class SideView(ReadOnly):
         tool: place of the tool (n, 2) [m].
         loads: load cases with a mass, each with its places (n, 2) [m].
         arcs: ranges of the joints, in the plates of the bodies before them.
-        ground: height of the ground [m]: that of the root link's origin, or what stands lower.
+        ground: height of the ground [m]: of the root link's origin, or what stands lower.
     """
 
     bodies: tuple[Body, ...]

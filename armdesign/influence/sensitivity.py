@@ -160,7 +160,7 @@ class Sensitivity(ReadOnly):
             note=(
                 f"{more}{self.left_out} numbers of the file do not matter; up, down: by the"
                 " derivatives of worst pose and rivals; exact: by a search near them; of a"
-                " compliance the step is that of its stiffness; –: the file cannot have such a"
+                " compliance the step is a share of its stiffness; –: the file cannot have such a"
                 " number"
             ),
         )

@@ -48,7 +48,7 @@ class Tolerances(ReadOnly):
         of_rivals: frequencies of all machines at the rivals (n, r) [Hz], NaN where a machine
             cannot take the pose.
         least: worst frequency that a machine must reach [Hz].
-        stated: whether file or caller state it; else it is that of the file.
+        stated: whether file or caller state it; else it is the file's worst frequency.
         searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
     """
 
@@ -92,7 +92,7 @@ class Tolerances(ReadOnly):
 
     @property
     def moved(self) -> float:
-        """Share of machines whose worst pose is another than that of the file."""
+        """Share of machines whose worst pose is another than the file's."""
         return float(np.mean(np.nanargmin(self.of_rivals, axis=1) > 0))
 
     @property

@@ -101,7 +101,7 @@ def headline(
     Args:
         maps: of one machine, or of today's and the new one on one workspace.
         bands: what is not known exactly.
-        known: the worst frequencies within them of each machine; none: those of the maps.
+        known: the worst frequencies within them of each machine; none: taken from the maps.
         units: of the poses.
     """
     first, last = next(iter(maps.values())), list(maps.values())[-1]

@@ -135,7 +135,7 @@ class _Film:
 
 
 def legend(view: View) -> str:
-    """What is seen, in a corner of the page."""
+    """Words of what is seen, in a corner of the page."""
     machine = view.machine
     title = escaped(machine.section.title or machine.name)
     load = escaped(f"load case {machine.payload.name}")

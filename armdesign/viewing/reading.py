@@ -1,4 +1,4 @@
-"""What a machine at one pose oscillates with, and how fast it can be controlled, in words too.
+"""Frequencies of a machine at one pose and the bandwidth of its control, in words too.
 
 All of it is computed anew for each pose by the functions that make maps: some hundredths of a
 second. A pose that cannot be is said in words.
@@ -57,7 +57,7 @@ class Reading:
 
     @cached_property
     def limiting(self) -> tuple[str, float]:
-        """What has the largest share in the energy of the lowest mode, and that share."""
+        """Part with the largest share in the energy of the lowest mode, and that share."""
         if self.poses is None or self.modes is None:
             return "", 0.0
         shares = energy_shares(self.poses, self.modes)[0, 0]
@@ -66,7 +66,7 @@ class Reading:
 
     @cached_property
     def bandwidth(self) -> PoseBandwidth | str:
-        """What position loops reach at the pose; in words where they cannot be closed."""
+        """Bandwidth of position loops at the pose; in words where they cannot be closed."""
         if self.poses is None:
             return self.fault
         try:
@@ -86,7 +86,7 @@ class Reading:
 
 
 def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading:
-    """What a machine does at a pose q (nq,) [rad, m] under its load case at work."""
+    """Reading of a machine at a pose q (nq,) [rad, m] under its load case at work."""
     asked: dict[str, Any] = {"machine": machine, "q": q, "damping": damping}
     try:
         refuse_unheld(machine, q)

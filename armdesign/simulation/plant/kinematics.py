@@ -100,7 +100,7 @@ def new_pin_motion(nq: int) -> PinMotion:
 
 
 def joints_of(arm: Arm) -> Records:
-    """Joints, those of springs last, as records ``JOINT``."""
+    """Joints, springs last, as records ``JOINT``."""
     records = new_records(len(arm.coordinates), JOINT)
     for row, joint, following in zip(records, arm.coordinates, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute

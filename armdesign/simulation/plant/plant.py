@@ -6,7 +6,7 @@
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                              spool x, its command u in [−1, 1]
     C_s ṗ_s = Q_pump(p_s) − Σ Q                                 line of a flow-limited pump
 
-where q are the joints of poses and then those of springs, z; with s = ℓ − ℓ_closed + c (A1 p1 − A2
+where q are the joints of poses and then the springs, z; with s = ℓ − ℓ_closed + c (A1 p1 − A2
 p2 − k δ): the pins' compliance c in series lets the piston run ahead of the pins, under what oil
 and the spring k of an end stop, pressed in by δ(s), put on it. A damping force, of friction or of
 a stop, acts at the rate of the pins ℓ̇, beside c: through c it would need a mass of the piston, or
