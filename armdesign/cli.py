@@ -25,14 +25,13 @@ from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.cli_view import view
 from armdesign.errors import ArmDesignError
+from armdesign.option_values import grid_points, listed
 from armdesign.options import (
     FrequencyOption,
     LeastOption,
     MachineArgument,
     PointsOption,
     VaryOption,
-    grid_points,
-    listed,
 )
 from armdesign.output import tell, write_csv
 from armdesign.runs import DrawnSearch, OfMachines, OverWorkspace, Run, Shown, command

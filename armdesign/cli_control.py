@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from armdesign.option_values import grid_points
 from armdesign.options import (
     CornerOption,
     DampingOption,
@@ -12,7 +13,6 @@ from armdesign.options import (
     GainMarginOption,
     NewOption,
     PhaseMarginOption,
-    grid_points,
 )
 from armdesign.output import write_control_report
 from armdesign.runs import OverWorkspace, command

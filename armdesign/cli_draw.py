@@ -5,15 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from armdesign.errors import ArmDesignError
-from armdesign.options import (
-    FormatOption,
-    NewArgument,
-    PayloadOption,
-    PictureFormat,
-    PoseOption,
-    payload_of,
-    pose_of,
-)
+from armdesign.option_values import drawn_pose, loaded
+from armdesign.options import FormatOption, NewArgument, PayloadOption, PictureFormat, PoseOption
 from armdesign.runs import OfMachine, command
 
 
@@ -31,10 +24,7 @@ def draw(
     tool, and modes.png with the lowest modes; with NEW overlay.png, where arrows show the pins
     that moved, in mm. A machine that cannot be used is drawn too, and its faults are listed.
     """
-    import numpy as np
-
     from armdesign import plots
-    from armdesign.drawing.joint_arcs import middle_pose
     from armdesign.inspection.file_faults import faults
     from armdesign.machine.loading import find, load_unchecked
 
@@ -49,11 +39,9 @@ def draw(
         except ArmDesignError:
             run.refuse(wrong)
             raise
-        if not wrong and (load_case := payload_of(payload)) is not None:
-            model = model.with_payload(load_case)
-        q = middle_pose(model)
-        if pose:
-            q = np.array(pose_of(model, pose, "--pose", q.tolist()))
+        if not wrong:
+            model = loaded(model, payload)
+        q = drawn_pose(model, pose)
         pictures = {"machine": plots.machine_drawing(model, q).figure}
         if new:
             other = run.load(new)

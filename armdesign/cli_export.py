@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.options import ExportFormatOption, PoseOption, listed, pose_of
+from armdesign.option_values import drawn_pose, listed
+from armdesign.options import ExportFormatOption, PoseOption
 from armdesign.runs import OfMachine, command
 
 
@@ -15,7 +16,6 @@ def export(run: OfMachine, formats: ExportFormatOption = "csv", pose: PoseOption
     pose, and a sheet of pins for each link, in mm. urdf, sdf: links with barrels, rods and
     four-bars as bodies; of these only SDF holds the pose, and closed loops.
     """
-    from armdesign.drawing.joint_arcs import middle_pose
     from armdesign.exchange.files import FORMATS
     from armdesign.exchange.files import export as write
 
@@ -27,7 +27,7 @@ def export(run: OfMachine, formats: ExportFormatOption = "csv", pose: PoseOption
         raise ArmDesignError("--format", "names no format", choose("", FORMATS))
     with run.progress("reading the file"):
         model, out = run.open()
-        at = pose_of(model, pose, "--pose", middle_pose(model).tolist()) if pose else None
+        at = drawn_pose(model, pose) if pose else None
     with run.writing(out) as folder:
         for kind in kinds:
             write(model, folder / f"{model.name}{FORMATS[kind]}", at)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from armdesign.option_values import grid_points
 from armdesign.options import (
     BandwidthOption,
     ChangesArgument,
     CountOption,
     LeastFrequencyOption,
     SeedOption,
-    grid_points,
 )
 from armdesign.output import write_csv
 from armdesign.runs import OverWorkspace, command

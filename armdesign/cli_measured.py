@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armdesign import output
 from armdesign.errors import ArmDesignError
+from armdesign.option_values import listed, spans, stated_priors
 from armdesign.options import (
     BandOption,
     ExcitationOption,
@@ -15,9 +16,6 @@ from armdesign.options import (
     RecordingArgument,
     SignalOption,
     WindowsOption,
-    listed,
-    spans,
-    stated_priors,
 )
 from armdesign.runs import OfMachine, OfMachines, command
 

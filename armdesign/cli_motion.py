@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armdesign import output
+from armdesign.option_values import payload_of, pose_of
 from armdesign.options import (
     DampingOption,
     DurationOption,
@@ -13,8 +14,6 @@ from armdesign.options import (
     ShareOption,
     SpreadOption,
     ToOption,
-    payload_of,
-    pose_of,
 )
 from armdesign.runs import OfMachine, command
 

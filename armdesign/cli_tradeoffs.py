@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 
 from armdesign.errors import Stopped
-from armdesign.options import AgainstOption, ValuesOption, VaryOption, listed
+from armdesign.option_values import listed
+from armdesign.options import AgainstOption, ValuesOption, VaryOption
 from armdesign.output import write_csv
 from armdesign.runs import DrawnSearch, OverWorkspace, Search, command
 

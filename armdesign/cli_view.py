@@ -6,6 +6,7 @@ import sys
 import webbrowser
 from typing import TYPE_CHECKING
 
+from armdesign.option_values import drawn_pose, grid_points, loaded
 from armdesign.options import (
     DampingOption,
     HtmlOption,
@@ -14,9 +15,6 @@ from armdesign.options import (
     PayloadOption,
     PortOption,
     PoseOption,
-    grid_points,
-    payload_of,
-    pose_of,
 )
 from armdesign.output import tell
 from armdesign.runs import OverWorkspace, command
@@ -42,9 +40,6 @@ def view(
     motion, the region that the tool sweeps coloured by frequency, NEW over it. With --html writes
     view.html instead, a film of it. Needs armdesign[view].
     """
-    import numpy as np
-
-    from armdesign.drawing.joint_arcs import middle_pose
     from armdesign.frequency.workspace import Workspace
     from armdesign.viewing.stage import check_viser
     from armdesign.viewing.view import view_of
@@ -54,11 +49,8 @@ def view(
     with run.progress("frequencies of the swept region"):
         machine = run.load(run.machine)
         out = run.folder(machine.source) if html else None
-        if (load_case := payload_of(payload)) is not None:
-            machine = machine.with_payload(load_case)
-        q = middle_pose(machine)
-        if pose:
-            q = np.array(pose_of(machine, pose, "--pose", q.tolist()))
+        machine = loaded(machine, payload)
+        q = drawn_pose(machine, pose)
         other = run.load(new) if new else None
         seen = view_of(machine, other, q, Workspace.grid(machine, counts), damping)
     if out is None:

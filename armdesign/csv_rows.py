@@ -16,6 +16,7 @@ from armdesign import text_files
 from armdesign.errors import ArmDesignError
 
 Row = tuple[int, list[str]]
+DIGITS = 9  # significant, of numbers that are written
 DECIMAL = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)

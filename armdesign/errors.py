@@ -114,12 +114,11 @@ class Stopped(KeyboardInterrupt):
 
     Attributes:
         finished: result with these answers.
-        rest: what the others were to be for.
     """
 
-    def __init__(self, finished: Any, rest: Sequence[Any]) -> None:
+    def __init__(self, finished: Any) -> None:
         super().__init__()
-        self.finished, self.rest = finished, rest
+        self.finished = finished
 
 
 def raise_together(errors: Sequence[ArmDesignError]) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from armdesign.csv_rows import DIGITS
 from armdesign.errors import ArmDesignError
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from armdesign.report.sheet import Sheet
 
 Cell = int | float | str | bool | None
-DIGITS = 9  # significant, as in CSV files
 
 
 class Part(BaseModel):

@@ -1,23 +1,18 @@
-"""Options of the commands: their names and help texts, and how what they say is read."""
+"""Options of the commands: their names, kinds and help texts."""
 
 from __future__ import annotations
 
 import glob
-import math
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armdesign.errors import ArmDesignError, choose
-from armdesign.units import SI, WORKSHOP, Units, deg, mm
+from armdesign.units import SI, WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.design.catalogue.sizes import Sizes
-    from armdesign.frequency.bands import Bands
-    from armdesign.machine.machine import Machine
+    pass
 
 
 class Habit(StrEnum):
@@ -327,115 +322,3 @@ UnitsOption = Annotated[
 OutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Accept a URDF outside the machine file's folder.")
 ]
-
-
-def grid_points(points: str) -> int | list[int] | None:
-    """Value of ``--points``."""
-    try:
-        counts = [int(word) for word in points.split(",")] if points else None
-    except ValueError:
-        fault = f'"{points}" is not a list of numbers'
-        raise ArmDesignError("--points", fault, "give 21 or 21,21,61") from None
-    return counts[0] if counts and len(counts) == 1 else counts
-
-
-def pose_of(
-    machine: Machine, text: str, option: str, last: Sequence[float] = ()
-) -> tuple[float, ...]:
-    """Joint positions (nq,) [rad, m] as ``boom=-20,stick=-90`` or in order, in deg and mm.
-
-    ``last``: positions of joints that are not named, if there are any.
-    """
-    from armdesign.drawing.joint_arcs import drawn_ranges
-
-    joints = {joint.name: joint for joint in machine.arm.joints}
-    units = {
-        name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
-    }
-    remedy = f"give {','.join(f'{name}=… {unit}' for name, (unit, _) in units.items())}"
-    words = [word for word in listed(text) if word]
-    named = [word.partition("=")[::2] for word in words if "=" in word]
-    if not named and len(words) == len(joints):
-        named = list(zip(joints, words, strict=True))
-    elif len(named) < len(words) or not words:
-        fault = f'"{text}" is not one position per joint'
-        raise ArmDesignError(option, fault, remedy)
-    pose = dict(zip(joints, last, strict=False))
-    for name, number in ((name.strip(), number) for name, number in named):
-        if name not in joints:
-            fault = f'there is no joint "{name}" in q'
-            raise ArmDesignError(option, fault, choose(name, joints))
-        try:
-            pose[name] = float(number) * units[name][1]
-        except ValueError:
-            fault = f'"{number}" is no position of {name}'
-            raise ArmDesignError(option, fault, remedy) from None
-    if missing := [name for name in joints if name not in pose]:
-        raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
-    for name, (low, high) in zip(joints, drawn_ranges(machine).tolist(), strict=True):
-        if (value := pose[name]) < low or value > high:
-            unit, factor = units[name]
-            fault = f"{name} {value / factor:g} {unit} is outside its range"
-            ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10
-            nearest = f"the nearest that its stroke allows is {ends[value > high]:g} {unit}"
-            raise ArmDesignError(option, f"{fault} [{ends[0]:g}, {ends[1]:g}] {unit}", nearest)
-    return tuple(pose[name] for name in joints)
-
-
-def payload_of(text: str) -> str | float | None:
-    """Value of ``--payload``: a mass [kg], or the name of a load case."""
-    try:
-        return float(text) if text else None
-    except ValueError:
-        return text
-
-
-def spans(text: str, option: str) -> list[tuple[float, float]]:
-    """Pairs of numbers as ``1.9:4.5,4:7``."""
-    pairs = []
-    for word in listed(text):
-        try:
-            low, high = map(float, word.split(":"))
-        except ValueError:
-            raise ArmDesignError(option, f'"{word}" is no span', "give it as 1.9:4.5") from None
-        pairs.append((low, high))
-    return pairs
-
-
-def listed(text: str) -> tuple[str, ...]:
-    """Words of an option that are separated by commas."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def stated_priors(text: str) -> dict[str, tuple[float, float]]:
-    """Value of ``--prior``: value and standard deviation by key path."""
-    priors = {}
-    for word in listed(text):
-        path, _, numbers = word.partition("=")
-        try:
-            value, deviation = (float(number) for number in numbers.split(":"))
-        except ValueError:
-            remedy = "give PATH=VALUE:DEVIATION, as fluid.bulk_modulus_MPa=1200:240"
-            raise ArmDesignError("--prior", f'"{word}" is not understood', remedy) from None
-        if path.strip() in priors:
-            raise ArmDesignError("--prior", f"{path.strip()} is there twice", "leave one out")
-        priors[path.strip()] = value, deviation
-    return priors
-
-
-def offered_sizes(catalogue: str, free: bool) -> str | Sizes | None:
-    """Sizes that ``--catalogue`` and ``--free`` ask for; None for those of the machine file."""
-    from armdesign.design.catalogue.sizes import FREE, read_sizes
-
-    if free:
-        if catalogue:
-            raise ArmDesignError("--free", "contradicts --catalogue", "give one of them")
-        return FREE
-    return read_sizes(catalogue) if catalogue.lower().endswith(".csv") else catalogue or None
-
-
-def bands_to_use(nominal: bool) -> Bands | None:
-    """None for those of the machine file; none at all if ``--nominal`` is given."""
-    from armdesign.frequency.bands import Bands
-
-    return Bands() if nominal else None

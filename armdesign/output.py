@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from armdesign import text_files, transaction
-from armdesign.csv_rows import plain_text
+from armdesign.csv_rows import DIGITS, plain_text
 from armdesign.errors import ArmDesignError, printable
 from armdesign.text_files import LARGEST_MACHINE_FILE
 
@@ -58,7 +58,8 @@ def _cells(column: pd.Series[Any]) -> list[Any]:
     """Cells of a column, empty where there is none."""
     missing = column.isna().to_numpy()
     if column.dtype.kind == "f":
-        cells: list[Any] = ("%.9g\n" * len(column) % tuple(column.tolist())).split("\n")[:-1]
+        lines = f"%.{DIGITS}g\n" * len(column) % tuple(column.tolist())
+        cells: list[Any] = lines.split("\n")[:-1]
     else:
         cells = list(map(_plain, column.tolist()))
     return ["" if none else cell for cell, none in zip(cells, missing, strict=True)]

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from armdesign.errors import ArmDesignError
+from armdesign.option_values import bands_to_use, grid_points, offered_sizes
 from armdesign.options import (
     CatalogueOption,
     FreeOption,
@@ -35,9 +36,6 @@ from armdesign.options import (
     StartsOption,
     UnitsOption,
     WorkersOption,
-    bands_to_use,
-    grid_points,
-    offered_sizes,
 )
 from armdesign.output import changed, check_out, command_line, kept, outputs, show, stops, tell
 from armdesign.progress import progress
@@ -58,7 +56,7 @@ SHOWING = ("quiet", "json")  # options that decide no answer
 def command(function: Command) -> Command:
     """A command of a function: parameters that are groups become the options in them.
 
-    Arguments come first, then the function's own options, then those of groups.
+    Arguments come first, then the function's own options, then options of groups.
     """
     name = function.__name__.removesuffix("_command").replace("_", "-")
     groups: dict[str, type[Any]] = {}
@@ -212,7 +210,7 @@ class Run(Shown):
     out: OutOption = None
 
     def origin(self, *groups: Any, **more: Any) -> Origin:
-        """When and how the command was begun, with all options that decide its answer."""
+        """Date and words of the command, with all options that decide its answer."""
         from armdesign.report.provenance import Origin
 
         options = {p.name: getattr(one, p.name) for one in (self, *groups) for p in _options(one)}
@@ -220,7 +218,7 @@ class Run(Shown):
         return Origin(command=command_line(), options=deciding | more, begun=self.begun)
 
     def go_on(self, out: Path) -> None:
-        """Keep finished pieces until the command has ended well, and go on with those of another.
+        """Keep finished pieces until the command has ended well, and go on with another's pieces.
 
         Their journal is a file in the folder for files, named after the command.
         """

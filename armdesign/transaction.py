@@ -69,7 +69,11 @@ def mend(place: Path) -> None:
 
 @contextlib.contextmanager
 def undisturbed() -> Iterator[None]:
-    """Postpone what ends the program, Ctrl-C or a signal, until after the block."""
+    """Postpone what ends the program, Ctrl-C or a signal, until after the block.
+
+    Imports of libraries in C++ need it, too: an exception in the Python that they run as they are
+    loaded ends the process, or is taken for a missing library and lost.
+    """
     if threading.current_thread() is not threading.main_thread():  # it alone runs handlers
         yield
         return

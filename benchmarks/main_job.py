@@ -64,6 +64,12 @@ def main() -> None:
     seconds, _ = best_of(lambda: ad.size_cylinders(machine, poses))
     report(f"sizing over {len(poses.q)} given poses", f"{seconds:.2f} s", "< 0.5 s", seconds < 0.5)
 
+    identified(design)
+    commands()
+
+
+def identified(design: ad.Design) -> None:
+    """Frequencies identified in simulations beside linear ones."""
     for label, frequencies in (("before", design.before), ("after", design.after)):
         worst = frequencies.worst
         case = frequencies.machine.with_payload(worst.payload)
@@ -78,6 +84,9 @@ def main() -> None:
             deviation < 0.02,
         )
 
+
+def commands() -> None:
+    """Times of commands, each in a process of its own."""
     with tempfile.TemporaryDirectory() as out:
         seconds = command_time("-m", "armdesign.cli", "design", MACHINE, "--out", out)
     report("armdesign design", f"{seconds:.1f} s", "< 60 s", seconds < 60)

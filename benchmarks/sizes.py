@@ -71,6 +71,13 @@ def main() -> None:
     took, _ = best_of(lambda: ad.size_cylinders(machine, many))
     print(f"sizing over {len(many.q)} given poses: {took}; target < 2 s")
 
+    enumeration(machine)
+    catalogues(machine, workspace)
+    least_amounts(machine, workspace)
+
+
+def enumeration(machine: ad.Machine) -> None:
+    """Sizes of a catalogue beside all combinations of them."""
     small = ad.Workspace.grid(machine, points=(5, 5, 9))
     limits = replace(
         ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
@@ -84,12 +91,18 @@ def main() -> None:
     )
     print(f"  enumeration: {wanted:.9f} Hz, {slow}")
 
+
+def catalogues(machine: ad.Machine, workspace: ad.Workspace) -> None:
+    """Sizes, and sizes and pins, of the catalogues."""
     for catalogue in ("iso", "5mm"):
         for label, action in (("sizes", ad.size_cylinders), ("sizes and pins", ad.optimize)):
             took, design = best_of(partial(action, machine, workspace, catalogue=catalogue), 1)
             gain = design.after.frame["f1_hz"].min() / design.before.frame["f1_hz"].min() - 1
             print(f"{catalogue}, {label}: {gain:+.1%}, {took}")
 
+
+def least_amounts(machine: ad.Machine, workspace: ad.Workspace) -> None:
+    """Least oil, flow and mass for today's frequency."""
     today = ad.frequency_map(machine, workspace).frame["f1_hz"].min()
     for amount, name in (
         ("oil", "oil_total_share"),

@@ -28,6 +28,18 @@ TOLERANCE = 1e-6  # relative, for "satisfied"
 RANGE_TOLERANCE = 20e-6  # [m], the rounding of lengths in a machine file
 
 
+class Checks(dict):
+    """{name: (value, limit, satisfied)} of requirements, within a tolerance of their limits."""
+
+    def at_most(self, name, value, limit, slack=TOLERANCE):
+        satisfied = value <= limit + slack * max(abs(limit), 1)
+        self[name] = (float(value), float(limit), bool(satisfied))
+
+    def at_least(self, name, value, limit, slack=TOLERANCE):
+        satisfied = value >= limit - slack * max(abs(limit), 1)
+        self[name] = (float(value), float(limit), bool(satisfied))
+
+
 class Reference(PlanarArm):
     """One machine: its worst frequencies, and its requirements against an original machine."""
 
@@ -184,84 +196,62 @@ class Reference(PlanarArm):
 
         Shares are relative to today's, lengths [m], angles [deg]. Names end with the cylinder.
         """
-        table, ranges, checks = original.requirement_table, original.ranges, {}
-
-        def at_most(name, value, limit, slack=TOLERANCE):
-            checks[name] = (
-                float(value),
-                float(limit),
-                bool(value <= limit + slack * max(abs(limit), 1)),
-            )
-
-        def at_least(name, value, limit, slack=TOLERANCE):
-            checks[name] = (
-                float(value),
-                float(limit),
-                bool(value >= limit - slack * max(abs(limit), 1)),
-            )
-
-        today = {cylinder.name: cylinder for cylinder in original.cylinders}
+        table, ranges, checks = original.requirement_table, original.ranges, Checks()
         for cylinder in self.cylinders:
-            name, old = cylinder.name, today[cylinder.name]
-            q, length, arm = self.joint_scan(cylinder, ranges)
-            short = max(
-                cylinder.closed - length.min(), length.max() - cylinder.closed - cylinder.stroke
-            )
-            at_most(f"range {name}", short, 0.0, RANGE_TOLERANCE)
-            at_least(
-                f"dead_length {name}",
-                cylinder.closed - cylinder.stroke,
-                old.closed - old.stroke,
-                RANGE_TOLERANCE,
-            )
-            for side in ("bore_area", "annulus_area"):
-                swept = (
-                    getattr(cylinder, side) * cylinder.stroke / (getattr(old, side) * old.stroke)
-                )
-                at_most(f"oil_each {side} {name}", swept, table["oil_each_share"])
-            thrust = (
-                self.supply_pressure
-                * cylinder.bore_area
-                / (original.supply_pressure * old.bore_area)
-            )
-            at_most(f"thrust {name}", thrust, table["thrust_share"])
-            at_least(
-                f"moment_arm {name}",
-                _smallest_arm(arm) / _smallest_arm(original.joint_scan(old, ranges)[2]),
-                table["moment_arm_share"],
-            )
-            if cylinder.four_bar:
-                angle, old_angle = (
-                    np.degrees(machine.transmission_angles(q, part).min())
-                    for machine, part in ((self, cylinder), (original, old))
-                )
-                at_least(f"transmission {name}", angle, min(table["transmission_deg"], old_angle))
-            at_least(
-                f"buckling {name}", self.buckling_safety(cylinder), original.buckling_safety(old)
-            )
-            box = table.get("pin_box_mm", original.default_pin_box_mm()) / 1000
-            at_most(
-                f"pin_box {name}",
-                max(abs(a - b) for a, b in zip(_pins(cylinder), _pins(old), strict=True)),
-                box,
-            )
+            self._sizes_and_buckling(checks, original, cylinder)
+            self._linkage(checks, original, cylinder)
         for side in ("bore_area", "annulus_area"):
             swept, before = (
                 sum(getattr(c, side) * c.stroke for c in m.cylinders) for m in (self, original)
             )
-            at_most(f"oil_total {side}", swept / before, table["oil_total_share"])
-        for (direction, name), share in self.holding_shares(
-            original, table["end_margin"], points
-        ).items():
-            at_most(f"holding {direction} {name}", share, table["holding_share"])
+            checks.at_most(f"oil_total {side}", swept / before, table["oil_total_share"])
+        shares = self.holding_shares(original, table["end_margin"], points)
+        for (direction, name), share in shares.items():
+            checks.at_most(f"holding {direction} {name}", share, table["holding_share"])
         if digging := table.get("digging"):
             now, before = (m.digging(digging["cylinders"], ranges) for m in (self, original))
             for name in digging["cylinders"]:
-                at_least(f"digging {name}", now[name][0] / before[name][0], digging["share"])
-                at_least(
-                    f"digging_torque {name}", now[name][1] / before[name][1], digging["share"]
-                )
+                force, torque = (now[name][k] / before[name][k] for k in range(2))
+                checks.at_least(f"digging {name}", force, digging["share"])
+                checks.at_least(f"digging_torque {name}", torque, digging["share"])
         return checks
+
+    def _sizes_and_buckling(self, checks, original, cylinder):
+        """Of one cylinder: its dead length, oil of both sides, thrust and safety from buckling."""
+        name, table = cylinder.name, original.requirement_table
+        old = next(c for c in original.cylinders if c.name == name)
+        dead, dead_today = (c.closed - c.stroke for c in (cylinder, old))
+        checks.at_least(f"dead_length {name}", dead, dead_today, RANGE_TOLERANCE)
+        for side in ("bore_area", "annulus_area"):
+            swept, swept_today = (getattr(c, side) * c.stroke for c in (cylinder, old))
+            checks.at_most(f"oil_each {side} {name}", swept / swept_today, table["oil_each_share"])
+        thrust = self.supply_pressure * cylinder.bore_area
+        thrust_today = original.supply_pressure * old.bore_area
+        checks.at_most(f"thrust {name}", thrust / thrust_today, table["thrust_share"])
+        safety, safety_today = self.buckling_safety(cylinder), original.buckling_safety(old)
+        checks.at_least(f"buckling {name}", safety, safety_today)
+
+    def _linkage(self, checks, original, cylinder):
+        """Of one cylinder: lengths within its stroke, moment arms, four-bar and pins."""
+        name, table, ranges = cylinder.name, original.requirement_table, original.ranges
+        old = next(c for c in original.cylinders if c.name == name)
+        q, length, arm = self.joint_scan(cylinder, ranges)
+        beyond = length.max() - cylinder.closed - cylinder.stroke
+        checks.at_most(
+            f"range {name}", max(cylinder.closed - length.min(), beyond), 0.0, RANGE_TOLERANCE
+        )
+        arm_share = _smallest_arm(arm) / _smallest_arm(original.joint_scan(old, ranges)[2])
+        checks.at_least(f"moment_arm {name}", arm_share, table["moment_arm_share"])
+        if cylinder.four_bar:
+            angle, old_angle = (
+                np.degrees(machine.transmission_angles(q, part).min())
+                for machine, part in ((self, cylinder), (original, old))
+            )
+            least = min(table["transmission_deg"], old_angle)
+            checks.at_least(f"transmission {name}", angle, least)
+        box = table.get("pin_box_mm", original.default_pin_box_mm()) / 1000
+        moved = max(abs(a - b) for a, b in zip(_pins(cylinder), _pins(old), strict=True))
+        checks.at_most(f"pin_box {name}", moved, box)
 
     def default_pin_box_mm(self):
         """2.5 % of the largest distance from the first joint to the tool over the joint ranges

@@ -8,6 +8,8 @@ from armdesign import Machine
 from armdesign.machine.file import toml_writing
 from tests.machines import words
 
+VOLUMES = ("cap", "annulus", "cap_l", "annulus_l")
+
 
 def scaled(
     machine: Machine, *, length: float = 1.0, mass: float = 1.0, modulus: float = 1.0
@@ -15,11 +17,39 @@ def scaled(
     """The same machine with all lengths, all masses and the moduli of oil and hoses times a factor
     each.
     """
-    robot = ET.fromstring(machine.urdf_text)
+    changes: dict[str, object] = {}
+
+    def factor_of(key: str, path: str) -> float | None:
+        """Of a number with a key in a table; None where it stays."""
+        if path.endswith(("dead_volume_l.", "hose.")) and key in VOLUMES:
+            return length**3
+        if key == "compliance_m_per_N":  # keeps its share of the oil's compliance
+            return 1 / (length * modulus)
+        others = {"mass_kg": mass, "bulk_modulus_MPa": modulus}
+        return others.get(key, length if key.endswith("_mm") else None)
+
+    def visit(table: dict[str, object], path: str) -> None:
+        for key, value in table.items():
+            factor = factor_of(key, path)
+            if isinstance(value, dict):
+                visit(value, f"{path}{key}.")
+            elif factor is not None and isinstance(value, list):
+                changes[f"{path}{key}"] = [factor * x for x in value]
+            elif factor is not None and isinstance(value, int | float):
+                changes[f"{path}{key}"] = factor * value
+
+    kept = {"tool", "payload", "fluid", "cylinder"}
+    visit(machine.section.model_dump(include=kept, exclude_unset=True), "")
+    text = toml_writing.edit(machine.text, changes, "scaled.toml")
+    robot = _scaled_robot(machine.urdf_text, length, mass)
+    return Machine.from_text(text, ET.tostring(robot, encoding="unicode"), machine.source)
+
+
+def _scaled_robot(urdf: str, length: float, mass: float) -> ET.Element:
+    robot = ET.fromstring(urdf)
     for origin in robot.iter("origin"):
-        origin.set(
-            "xyz", words(tuple(length * float(x) for x in origin.get("xyz", "0 0 0").split()))
-        )
+        place = tuple(length * float(x) for x in origin.get("xyz", "0 0 0").split())
+        origin.set("xyz", words(place))
     for element in robot.iter("mass"):
         element.set("value", repr(mass * float(element.get("value", "0"))))
     for element in robot.iter("inertia"):
@@ -30,41 +60,4 @@ def scaled(
             for limit in joint.iter("limit"):
                 for key in ("lower", "upper"):
                     limit.set(key, repr(length * float(limit.get(key, "0"))))
-    changes: dict[str, object] = {}
-
-    def visit(table: dict[str, object], path: str) -> None:
-        for key, value in table.items():
-            where = f"{path}{key}"
-            volume = path.endswith(("dead_volume_l.", "hose.")) and key in (
-                "cap",
-                "annulus",
-                "cap_l",
-                "annulus_l",
-            )
-            factor = (
-                length**3
-                if volume
-                else mass
-                if key == "mass_kg"
-                else modulus
-                if key == "bulk_modulus_MPa"
-                else length
-            )
-            if isinstance(value, dict):
-                visit(value, f"{where}.")
-            elif key == "compliance_m_per_N" and value:
-                # keeps its share of the oil's compliance
-                changes[where] = value / (length * modulus)
-            elif (
-                volume
-                or key in ("mass_kg", "bulk_modulus_MPa")
-                or (key.endswith("_mm") and value is not None)
-            ):
-                changes[where] = (
-                    [factor * x for x in value] if isinstance(value, list) else factor * value
-                )
-
-    kept = {"tool", "payload", "fluid", "cylinder"}
-    visit(machine.section.model_dump(include=kept, exclude_unset=True), "")
-    text = toml_writing.edit(machine.text, changes, "scaled.toml")
-    return Machine.from_text(text, ET.tostring(robot, encoding="unicode"), machine.source)
+    return robot

@@ -10,8 +10,8 @@ import pytest
 from armdesign import Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.multistart import formulate
-from benchmarks import against_optimisers
 from benchmarks.__main__ import ALLOWED, table
+from benchmarks.rivals import Judge
 from tests import machines
 
 
@@ -22,7 +22,7 @@ def test_rivals_see_the_same(name: str) -> None:
     problem = formulate(machine, Workspace.grid(machine, points=4), None, ("areas", "pins"))
     shift = np.random.default_rng(0).uniform(-0.05, 0.05, len(problem.vector.start))
     x = np.clip(problem.vector.start + shift, *problem.bounds)
-    squared, forces, missed = against_optimisers.Judge(problem).at(x)
+    squared, forces, missed = Judge(problem).at(x)
     np.testing.assert_allclose(
         squared, problem.dynamics.omega_squared_and_forces(x)[0], rtol=1e-12
     )

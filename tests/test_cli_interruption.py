@@ -86,6 +86,46 @@ def test_ended_in_the_middle(
     assert not list(tmp_path.iterdir())
 
 
+IMPORTING = """
+import builtins, os, sys
+from armdesign import cli
+library, number, *sys.argv = sys.argv[1:]
+real = builtins.__import__
+def signalled(name, *rest, **named):
+    if name == library and name not in sys.modules:
+        os.kill(os.getpid(), int(number))
+        module = real(name, *rest, **named)
+        os.write(1, b"loaded")
+        return module
+    return real(name, *rest, **named)
+builtins.__import__ = signalled
+cli.main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "library",
+    [
+        "pinocchio",
+        pytest.param("cvxpy", marks=pytest.mark.slow),
+        pytest.param("matplotlib.backends.backend_agg", marks=pytest.mark.slow),
+    ],
+)
+def test_ended_while_a_library_is_loaded(
+    library: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    """An exception in the Python that its C++ runs as it is loaded ended in a fault of memory, an
+    abort or a traceback, or was lost: the command went on.
+    """
+    words = ["armdesign", "optimize", "paper_1dof", "--points", "5", "--vary", "areas"]
+    command = [sys.executable, "-c", IMPORTING, library, str(int(number)), *words]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (run.returncode, run.stdout) == (128 + number, "loaded")
+    assert run.stderr.startswith("armdesign: interrupted; ")
+    assert run.stderr.count("\n") == 1
+
+
 @pytest.mark.slow
 def test_ended_while_files_move(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

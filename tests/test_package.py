@@ -34,7 +34,7 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "motion"),
     *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
-    *("output", "options", "json_document", "runs"),
+    *("output", "options", "option_values", "json_document", "runs"),
     *(
         "cli_control",
         "cli_draw",

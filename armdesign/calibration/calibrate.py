@@ -38,7 +38,7 @@ class Calibration:
         measured: the measurements.
         unknowns: what was to be found, in the order asked for.
         of_all: the fit of all unknowns, from which follows what cannot be told apart.
-        fit: that of the unknowns which are determined; None if none is.
+        fit: the fit of the unknowns which are determined; None if none is.
         loose: relative standard deviations of the unknowns that are not, by key path.
         before: answers of today's machine at the measurements.
         after: of the calibrated one.
@@ -102,7 +102,7 @@ class Calibration:
     def frame(self) -> pd.DataFrame:
         """A row for each measurement: pose, frequencies before and after, errors, loads.
 
-        Errors are relative, computed over measured less one; ``left_out_error`` that of a fit
+        Errors are relative, computed over measured less one; ``left_out_error`` the error of a fit
         without the measurement.
         """
         import pandas as pd

@@ -186,7 +186,7 @@ def fitted(problem: Problem, start: Array | None = None) -> Fit:
 
 
 def determined(problem: Problem) -> tuple[Fit, Fit | None, dict[str, float]]:
-    """The fit of all unknowns, and that of those which the measurements determine.
+    """The fit of all unknowns, and the fit of what the measurements determine.
 
     The second is None if they determine none. Beside them the relative deviation of every unknown
     that is not determined, by key path, when it was the least certain one.

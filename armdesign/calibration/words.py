@@ -36,7 +36,7 @@ def findings(
 
     Args:
         of_all: the fit of all unknowns.
-        fit: that of those which are determined; None if none is.
+        fit: the fit of the unknowns which are determined; None if none is.
         loose: relative deviations of the others by key path.
         frame: measurements and answers, see ``Calibration``.
         warnings: of the measurements.

@@ -79,7 +79,7 @@ class ClosedLoopRun(ReadOnly):
 class _ControlledArm:
     """The nonlinear plant of one machine with its controller; states of high-passes after its own.
 
-    Moment arms in the controller are those of the pose, as swings are small.
+    Moment arms in the controller are taken at the pose, as swings are small.
     """
 
     plant: Plant

@@ -16,7 +16,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import joint_positions
 from armdesign.short_repr import short_repr
 
-MOST = 4  # joints between which gains are linear; beyond, those of the nearest pose
+MOST = 4  # joints between which gains are linear; beyond, gains of the nearest pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainS
 
     Args:
         bandwidths: the map.
-        payload: the load case whose gains are taken; None: at each pose those of the load case
+        payload: the load case whose gains are taken; None: at each pose the gains of the load case
             with the smallest position gains.
 
     Raises:

@@ -133,7 +133,7 @@ class LoopFigures(NamedTuple):
     peak: Array  # of the sensitivity S of all loops (n,)
 
     def where(self, flags: Flags, other: LoopFigures) -> LoopFigures:
-        """These figures at flagged poses (n,), at the rest those of other controllers."""
+        """These figures at flagged poses (n,), at the rest the figures of other controllers."""
         pairs = zip(self, other, strict=True)
         return LoopFigures(*(np.where(flags, one.T, two.T).T for one, two in pairs))
 

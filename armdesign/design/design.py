@@ -311,7 +311,7 @@ def optimize(
         workers: processes that share the starts. The answer does not depend on it; a process takes
             some seconds to set up, so that it pays from about ten starts, or three with four-bars.
         start: a design of the same machine under other limits, where the first start is then made.
-        bands: what is not known exactly; those of the machine's file if None, ``Bands()`` for the
+        bands: what is not known exactly; the machine file's bands if None, ``Bands()`` for the
             file's values alone. Requirements are judged at the values of the file. Structure in
             series with a cylinder stays as it is [m/N], whatever the new cylinder.
         objective: what rises within bands: "gain", the least of f_new/f_today over their corners,
@@ -373,7 +373,7 @@ def design_of(
     command: str,
     given: tuple[Array, ChosenSizes] | None = None,
 ) -> Design:
-    """The best design of a problem; its arguments are those of ``optimize``.
+    """The best design of a problem; arguments as in ``optimize``.
 
     ``given`` is a design to start from, and the sizes that it has of a catalogue.
 
@@ -407,7 +407,7 @@ def size_cylinders(
     "fixed" each step replaces the convex stiffness by its tangent, so frequencies rise from step
     to step; ``bound`` comes from its chord over all areas that are allowed.
 
-    With a ``catalogue`` (as in ``optimize``, that of the file by default) every cylinder has one
+    With a ``catalogue`` (as in ``optimize``, the file's by default) every cylinder has one
     of its sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that
     is proved, and lies above it by the gap that is left where the combinations are too many.
 

@@ -213,8 +213,7 @@ def _front(
     except KeyboardInterrupt as stop:
         if not designs:
             raise
-        rest = [limit for limit in limits if limit not in designs and limit not in left_out]
-        stopped = Stopped(front(), rest)
+        stopped = Stopped(front())
         note_rounds(stopped)
         raise stopped from stop
     if not designs:

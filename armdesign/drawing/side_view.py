@@ -26,12 +26,14 @@ from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine import parts
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.units import bar
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 EYE = 0.8  # of the bore: length of an eye with the end of barrel or rod that carries it
 STRAY = 0.02  # of the drawn size: how far outside its body a pin counts as out of place
+THICKEST = 1000 * bar  # beyond which no wall is drawn thicker: a file in psi is drawn, too
 BEYOND = 1e-6  # [m] by which a length may miss a stroke
 
 
@@ -118,7 +120,7 @@ class SideView(ReadOnly):
         tool: place of the tool (n, 2) [m].
         loads: load cases with a mass, each with its places (n, 2) [m].
         arcs: ranges of the joints, in the plates of the bodies before them.
-        ground: height of the ground [m]: that of the root link's origin, or what stands lower.
+        ground: height of the ground [m]: of the root link's origin, or what stands lower.
     """
 
     bodies: tuple[Body, ...]
@@ -322,7 +324,8 @@ def shown_cylinders(machine: Machine) -> Iterator[tuple[Cylinder, Linkage, bool]
 def _shape(
     machine: Machine, cylinder: Cylinder, ends: tuple[int, int], idle: bool
 ) -> CylinderShape:
-    outer = barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure)
+    pressure = min(machine.supply.pressure, THICKEST)
+    outer = barrel_outer(cylinder.bore, cylinder.barrel_wall, pressure)
     eye = max(min(EYE * cylinder.bore, cylinder.dead_length / 3), 0.0)
     return CylinderShape(
         name=cylinder.name,

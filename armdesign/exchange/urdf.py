@@ -38,8 +38,8 @@ def reference(machine: Machine) -> Array:
 def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
     """Positions of every movable joint of the machine's exported URDF, a row for each pose.
 
-    Columns are joints of the URDF that move: those of poses, frozen ones, springs at rest, and
-    those of barrels, rods, rockers and couplers, as ``boom_rod`` [rad, m].
+    Columns are joints of the URDF that move: joints of poses, frozen ones, springs at rest, and
+    joints of barrels, rods, rockers and couplers, as ``boom_rod`` [rad, m].
 
     Args:
         machine: the machine.

@@ -178,6 +178,9 @@ class FrequencyMap(ReadOnly):
         cell inside is blank; up to the ends of the joint ranges and to the pitch limits of the
         load cases, where the lowest often are. A reach-plane workspace brings its own cells.
 
+        Values are sought, not proved: within 2 % of brute force in tests. A cell may be blank into
+        which the tool reaches less than 1/500 of its size deep (none to two of some 3000 cells).
+
         Args:
             cells: number of cells along the longer side; default 90, fewer where scattered poses
                 would leave gaps.

@@ -50,7 +50,7 @@ EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 @dataclass(frozen=True, eq=False)
 class ReachMap:
-    """What the user of a machine sees: the lowest frequency at each place of the tool.
+    """Lowest frequency at each place of the tool, as the user of a machine sees it.
 
     Attributes:
         reach: middles of the cells, from the root's z axis, forward positive (nx,) [m].
@@ -113,7 +113,7 @@ class _Between:
     def lowest(self, reach: Array, height: Array) -> Array:
         """Reach, height and frequency (n, 3) of the lowest pose of each cell that has any.
 
-        Sought on interpolated frequencies; those of the poses found are computed.
+        Sought on interpolated frequencies; at the poses found they are computed.
         """
         cells, fixed = (reach, height), joints_without_effect(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)

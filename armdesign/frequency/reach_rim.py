@@ -99,7 +99,7 @@ def _step(slopes: Array, error: Array, q: Array, ranges: Array, size: float) -> 
 
 
 def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
-    """How far a load case's link is out of its pitch range (n,), and the slopes (n, nq).
+    """Angle by which a load case's link is out of its pitch range (n,), and its slopes (n, nq).
 
     An angle of one radian counts as a cell's size, in which places are measured.
     """

@@ -63,7 +63,7 @@ def worst_frequency(
 ) -> Worst:
     """The worst frequency among a workspace's poses, not between them, and all load cases.
 
-    Shares of masses are those of ``load_cases``.
+    Shares of masses as in ``load_cases``.
 
     Raises:
         PoseError: a pose that this machine cannot take.
@@ -112,7 +112,7 @@ def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, flo
 
 
 def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
-    """What there is to say of a pose (nq,) with a lowest frequency [Hz]."""
+    """Record of a pose (nq,) with a lowest frequency [Hz]."""
     machine = case.machine
     poses = machine.at(q)
     share = energy_shares(poses, natural_modes(poses))[0, 0]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.errors import ArmDesignError
-from armdesign.units import MPa
+from armdesign.units import bar
 
 BARREL_STRESS = 355e6 / 1.5  # [Pa] yield strength of E355 tube (EN 10305-1) over a safety of 1.5
 
@@ -29,9 +29,9 @@ def barrel_ratio(pressure: Any) -> Any:
     """
     if np.any(np.real(pressure) < 0) or np.any(2 * np.real(pressure) >= BARREL_STRESS):
         raise ArmDesignError(
-            "supply.pressure",
-            f"no steel barrel carries {np.max(np.real(pressure)) / MPa:.4g} MPa",
-            f"give 0 to {BARREL_STRESS / 2 / MPa:.4g} MPa",
+            "supply.pressure_bar",
+            f"no steel barrel carries {np.max(np.real(pressure)) / bar:.5g} bar",
+            f"give less than {BARREL_STRESS / 2 / bar:.0f} bar",
         )
     return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
 

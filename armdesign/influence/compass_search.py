@@ -1,4 +1,4 @@
-"""Compass search: the worst pose of every member of a family near to that of its machine.
+"""Compass search: the worst pose of every member of a family near to its machine's worst pose.
 
 A number that changes by much may move the worst pose off its end stop, or a stop away from it.
 Every member tries all directions at once: a joint alone, two against each other, along which a

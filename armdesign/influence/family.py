@@ -1,7 +1,7 @@
 """A family: n machines that differ in numbers of their file, as one machine.
 
 Its numbers are arrays (n,), and axis 0 of its poses is the machine: the formulas of the package
-are elementwise, so that inertia and stiffness of ten thousand machines cost as much as those of
+are elementwise, so that inertia and stiffness of ten thousand machines cost as much as for
 ten thousand poses. Numbers may be complex: a complex step (Squire and Trapp 1998) gives exact
 derivatives, whatever key path it goes along.
 """

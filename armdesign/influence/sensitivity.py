@@ -22,7 +22,7 @@ from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
 from armdesign.machine.file.numbers import Number, numbers_of
 from armdesign.machine.machine import Machine
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
@@ -134,7 +134,7 @@ class Sensitivity(ReadOnly):
         for rival in self.rivals:
             ends = ", ".join(end.words for end in rival.ends.ends) or "nothing"
             second = f"{rival.next_frequency:.3f}" if np.isfinite(rival.next_frequency) else "–"
-            where = pose_text(self.machine, rival.pose, units)
+            where = worst_pose_text(self.machine, rival.pose, units)
             rows.append((f"{rival.frequency:.3f}", second, rival.pose.cylinder, ends, where))
         return Sheet(
             title="Worst pose and its rivals [Hz]",
@@ -160,7 +160,7 @@ class Sensitivity(ReadOnly):
             note=(
                 f"{more}{self.left_out} numbers of the file do not matter; up, down: by the"
                 " derivatives of worst pose and rivals; exact: by a search near them; of a"
-                " compliance the step is that of its stiffness; –: the file cannot have such a"
+                " compliance the step is a share of its stiffness; –: the file cannot have such a"
                 " number"
             ),
         )

@@ -22,7 +22,7 @@ from armdesign.influence.rivals import Rival, rivals
 from armdesign.influence.slopes import mass_slopes, slopes
 from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units
 
@@ -48,7 +48,7 @@ class Tolerances(ReadOnly):
         of_rivals: frequencies of all machines at the rivals (n, r) [Hz], NaN where a machine
             cannot take the pose.
         least: worst frequency that a machine must reach [Hz].
-        stated: whether file or caller state it; else it is that of the file.
+        stated: whether file or caller state it; else it is the file's worst frequency.
         searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
     """
 
@@ -92,7 +92,7 @@ class Tolerances(ReadOnly):
 
     @property
     def moved(self) -> float:
-        """Share of machines whose worst pose is another than that of the file."""
+        """Share of machines whose worst pose is another than the file's."""
         return float(np.mean(np.nanargmin(self.of_rivals, axis=1) > 0))
 
     @property
@@ -170,7 +170,7 @@ class Tolerances(ReadOnly):
             ),
             (
                 "as drawn",
-                f"{worst.frequency:.3f} Hz at {pose_text(self.machine, worst.pose, units)}",
+                f"{worst.frequency:.3f} Hz at {worst_pose_text(self.machine, worst.pose, units)}",
             ),
             ("deviation", spread),
             ("worst pose moves", f"to a rival in {100 * self.moved:.1f} % of the machines"),

@@ -1,6 +1,6 @@
 """What if: all that matters of a machine before and after a change, linear and exact.
 
-The linear estimate of the worst frequency is that of its exact derivatives at worst pose and
+The linear estimate of the worst frequency comes from its exact derivatives at worst pose and
 rivals; of all other quantities the central difference of a hundredth of the change.
 """
 

@@ -128,7 +128,7 @@ def all_finished(
         what: the word for one of them.
         count: how many.
         identity: of each, by its number.
-        compute: gives those of some numbers as they come, each with its number.
+        compute: gives the pieces of some numbers as they come, each with its number.
         form: how they are kept.
     """
     if not _open:

@@ -167,7 +167,7 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
 
 
 def lift_chart_if_any(machine: Machine, like: LiftChart | None = None) -> LiftChart | None:
-    """As ``lift_chart``; None without a point on the default grid, or on that of ``like``.
+    """As ``lift_chart``; None without a point on the default grid, or on the grid of ``like``.
 
     Raises:
         MachineFileError: as ``lift_chart``, where the file has the table.

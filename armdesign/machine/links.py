@@ -44,7 +44,7 @@ def centre(link: LinkSection) -> tuple[float, ...]:
 def inertia(link: LinkSection) -> tuple[float, ...]:
     """Inertia [kg m²] about the centre of mass: xx, yy, zz, xy, xz, yz.
 
-    Its own, else that of a uniform box, else of a slender bar along x as long as the link.
+    Its own, else of a uniform box, else of a slender bar along x as long as the link.
     """
     if link.inertia_kg_m2 is not None:
         return (*link.inertia_kg_m2, 0.0, 0.0, 0.0)[:6]
@@ -54,7 +54,7 @@ def inertia(link: LinkSection) -> tuple[float, ...]:
 
 
 def place(link: LinkSection, parent: LinkSection) -> tuple[float, ...]:
-    """Origin of a link's frame [m] in that of its parent: its own, or the end of the parent."""
+    """Origin of a link's frame [m] in its parent's frame: its own, or the end of the parent."""
     return tuple(x * mm for x in link.at_mm or (parent.length_mm or 0.0, 0.0, 0.0))
 
 

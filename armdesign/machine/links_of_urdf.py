@@ -54,7 +54,7 @@ def _of_joint(link: str, joint: ET.Element, parent: str) -> dict[str, Any]:
 
 
 def _of_mass(link: ET.Element) -> dict[str, Any]:
-    """Mass, centre, and inertia about axes parallel to those of the link."""
+    """Mass, centre, and inertia about axes parallel to the link's."""
     inertial = link.find("inertial")
     mass = 0.0 if inertial is None else float(numbers(inertial.find("mass"), "value", "0")[0])
     if inertial is None or mass == 0:

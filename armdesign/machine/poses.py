@@ -26,7 +26,7 @@ from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.short_repr import short_repr
-from armdesign.units import deg, outward
+from armdesign.units import SI, Units, deg, outward
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -302,10 +302,10 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     raise PoseError(part, fault, "choose another pose or load case")
 
 
-def pose_text(machine: Machine, q: Array) -> str:
+def pose_text(machine: Machine, q: Array, units: Units = SI) -> str:
     """Joint positions (nq,) in words."""
     return ", ".join(
-        f"{joint.name} {value:.4f} {joint.unit}"
+        f"{joint.name} {units.text(value, joint.unit)}"
         for joint, value in zip(machine.arm.joints, q, strict=True)
     )
 

@@ -49,7 +49,7 @@ def new(name: str, *, links: int = 2, like: str = "", four_bar: bool = False) ->
         raise ArmDesignError("name", f'"{name:.70}" is not allowed', remedy)
     if like:
         source = load(like)
-        data, origin = _like(source, name), f"the numbers are those of {source.name}"
+        data, origin = _like(source, name), f"the numbers are from {source.name}"
     else:
         data, origin = scaffold.data_of(name, links), f"a boom of {links} links"
     text = _text(name, data, origin)
@@ -78,7 +78,7 @@ def _text(name: str, data: Mapping[str, Any], origin: str) -> str:
         "#:schema ./machine.schema.json",
         f"# {name}, made by `armdesign new`: {origin}.",
         f"# {PLACEHOLDERS}",
-        "# Units are in the keys. A link's frame is that of the joint that carries it: x along",
+        "# Units are in the keys. A link's frame lies in the joint that carries it: x along",
         "# the link, z up at 0; at_mm is x, y, z there. What could be of each parallel cylinder",
         "# or of all together says which.",
         f"# Then: armdesign check {name}.toml    armdesign map {name}.toml",

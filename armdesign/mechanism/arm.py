@@ -23,6 +23,7 @@ from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import read_urdf, rotations, turned
+from armdesign.transaction import undisturbed
 from armdesign.units import GRAVITY
 
 
@@ -77,7 +78,7 @@ class Arm:
 
     Attributes:
         joints: joints of poses, in the order of q (nq).
-        coordinates: all joints that move: those of poses, then springs (k).
+        coordinates: all joints that move: joints of poses, then springs (k).
 
     Raises:
         MachineFileError: XML, link, joint or inertia that cannot be used.
@@ -336,7 +337,8 @@ class Arm:
     @cached_property
     def _pinocchio(self) -> tuple[Any, Any, Array]:
         """Model, scratch data, and the index of each coordinate in the model."""
-        import pinocchio
+        with undisturbed():
+            import pinocchio
 
         try:
             model = pinocchio.buildModelFromXML(self.xml)
@@ -353,9 +355,9 @@ class Arm:
         return stacked((self._rigid_poses(q[rows]) for rows in chunks(len(q))), len(q))
 
     def _rigid_poses(self, q: Array) -> RigidPoses:
+        model, data, index = self._pinocchio
         import pinocchio
 
-        model, data, index = self._pinocchio
         n, k = len(q), len(index)
         mass, gravity, stiffness = np.empty((n, k, k)), np.empty((n, k)), np.empty((n, k, k))
         ordered = np.empty((n, k))
@@ -381,11 +383,11 @@ class Arm:
     def bodies_apart(self) -> list[Arm]:
         """The arm with the mass of what one coordinate moves before the next, for each (k).
 
-        M, g and ∂g/∂q are linear in masses and inertias: those of the arm are their sums.
+        M, g and ∂g/∂q are linear in masses and inertias: the arm's are sums over its links.
         """
+        model, _, index = self._pinocchio
         import pinocchio
 
-        model, _, index = self._pinocchio
         arms = []
         for joint in self.coordinates:
             own, twin = pinocchio.Model(model), copy.copy(self)

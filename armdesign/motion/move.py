@@ -76,7 +76,7 @@ class Move(ReadOnly):
 
     @property
     def stop_time(self) -> float:
-        """When the commands of the shaped move end [s]."""
+        """Time at which the commands of the shaped move end [s]."""
         return self.lead + self.planned.duration
 
     @cached_property

@@ -67,7 +67,7 @@ def path_limits(
     inertia = poses.mass_matrix[:, :nq, :nq] @ along
     areas = machine.bore_areas
     by_a = static_forces(arms, inertia, areas, nq)
-    by_b = static_forces(arms, _velocity_torque(machine, poses, along), areas, nq)
+    by_b = static_forces(arms, velocity_torque(machine, poses, along), areas, nq)
     rows = [
         row
         for i, actuator in enumerate(machine.actuators)
@@ -96,7 +96,7 @@ def _most(machine: Machine, travel: Array, share: float) -> Array:
         return np.asarray((share * machine.supply.flow / taken) ** 2)
 
 
-def _velocity_torque(machine: Machine, poses: Poses, along: Array) -> Array:
+def velocity_torque(machine: Machine, poses: Poses, along: Array) -> Array:
     """Coriolis and centrifugal torques c(q, Δ) (n, nq) at unit σ̇: Ṁ Δ − ½ ∇(Δᵀ M Δ)."""
     nq = len(machine.joints)
     slopes = []

@@ -28,7 +28,7 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
 from armdesign.short_repr import short_repr
 
-TOLERATED = 0.05  # residual vibration, over that of the step
+TOLERATED = 0.05  # residual vibration, over the vibration after a step
 MOST_IMPULSES = 200
 SEARCHED = 4001  # frequencies at which a residual over a band is looked at
 ROUNDING = 1e-9  # of the sum of amplitudes

@@ -1,4 +1,4 @@
-"""Measured frequencies beside those of a machine before and after its calibration."""
+"""Measured frequencies beside a machine's own before and after its calibration."""
 
 from __future__ import annotations
 

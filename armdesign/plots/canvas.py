@@ -20,6 +20,7 @@ from armdesign import user_folders
 from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
 from armdesign.errors import ArmDesignError, printable
+from armdesign.transaction import undisturbed
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -74,8 +75,9 @@ def figure(
         ArmDesignError: no folder can be written, and matplotlib needs one for its fonts.
     """
     choose_font_cache()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with undisturbed():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     size = WIDTH, height * rows * WIDTH / (width * columns)
     with style():
@@ -119,7 +121,8 @@ def below(ax: Any, inches: float) -> Any:
 def colours_between(values: Array, least: float, most: float) -> Array:
     """Red, green and blue (n, 3) of numbers on the scale of maps, from 0 to 1."""
     choose_font_cache()
-    from matplotlib import colormaps
+    with undisturbed():
+        from matplotlib import colormaps
 
     share = np.clip((np.asarray(values) - least) / (most - least), 0.0, 1.0)
     return np.asarray(colormaps[COLOURS](share)[:, :3])

@@ -9,23 +9,19 @@ import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import SideView
+from armdesign.machine.poses import pose_text
 from armdesign.plots.canvas import INK, MARK, below, joint_values
 from armdesign.plots.labels import Label
-from armdesign.units import mm
+from armdesign.units import WORKSHOP, mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 
 def pose_words(machine: Machine, view: SideView) -> str:
-    """Positions of all joints of poses, in degrees and metres."""
-    joints = zip(machine.arm.joints, view.coordinates[0], strict=False)
-    words = []
-    for joint, value in joints:
-        drawn = float(joint_values(joint, np.array(value)))
-        shown = f"{drawn:.1f}°" if joint.revolute else f"{drawn:.3f} m"
-        words.append(f"{joint.name} {number(shown)}")
-    return ", ".join(words)
+    """Positions of all joints of the first pose, in degrees and mm."""
+    q = view.coordinates[0][: len(machine.arm.joints)]
+    return number(pose_text(machine, q, WORKSHOP))
 
 
 def faults(machine: Machine, view: SideView) -> list[str]:

@@ -71,7 +71,7 @@ def widths(machine: Machine, bands: Bands) -> str:
 
 
 def is_assumed(machine: Machine, bands: Bands) -> bool:
-    """Whether the bands are those of a machine whose file states none."""
+    """Whether the bands belong to a machine whose file states none."""
     return bands == Bands.shown(machine) != Bands.of(machine)
 
 

@@ -100,7 +100,7 @@ def _valve_note(bandwidths: BandwidthMap) -> str:
 
 
 def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
-    """The worst pose of bandwidth beside that of frequency."""
+    """The worst pose of bandwidth beside the worst pose of frequency."""
     rows = [("lowest frequency", *_row_of(bandwidths, bandwidths.softest, units))]
     for scheme, name in NAMES.items():
         rows.append((f"worst, {name}", *_row_of(bandwidths, bandwidths.worst(scheme), units)))

@@ -13,11 +13,12 @@ from armdesign.frequency.workspace import MARGIN_TOLERANCE, Workspace
 from armdesign.machine.file import machine_file
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import coordinates
+from armdesign.machine.poses import pose_text
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import figures, performance_sheet
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ class Comparison:
                 if payload in m.worst_of
             ]
             for label, m, worst in cases:
-                where = pose_text(m.machine, worst, units).rpartition(", payload ")[0]
+                where = pose_text(m.machine, worst.q, units)
                 case = payload if label == cases[0][0] else ""
                 rows.append((case, label, f"{worst.frequency:.3f}", worst.cylinder, where))
             if len(cases) == 2 and cases[0][2].frequency > 0:

@@ -12,7 +12,7 @@ from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
-from armdesign.report.sheet import Sheet, dimensions, pose_text, spring_note
+from armdesign.report.sheet import Sheet, dimensions, spring_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -44,7 +44,12 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     before, after = design.before.worst, design.after.worst
     pair = (("today", design.today, before), ("new", design.machine, after))
     rows = [
-        (label, f"{worst.frequency:.3f} Hz", worst.cylinder, pose_text(machine, worst, units))
+        (
+            label,
+            f"{worst.frequency:.3f} Hz",
+            worst.cylinder,
+            worst_pose_text(machine, worst, units),
+        )
         for label, machine, worst in pair
     ]
     own = design.in_own_workspace.worst.frequency

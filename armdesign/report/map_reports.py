@@ -12,7 +12,7 @@ from armdesign.frequency.worst_frequency import WorstPose, worst_pose
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import Number, Picture, Report, Section
 from armdesign.report.scene import scene_of
-from armdesign.report.sheet import Sheet, pose_text
+from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def map_report(
         title=head.title,
         lead=(
             f"The lowest natural frequency in the workspace is {worst.frequency:.3f} Hz, at"
-            f" {pose_text(machine, worst, units)}; the {worst.cylinder} limits it there."
+            f" {worst_pose_text(machine, worst, units)}; the {worst.cylinder} limits it there."
         ),
         headline=numbers,
         sections=(
@@ -101,7 +101,7 @@ def headline(
     Args:
         maps: of one machine, or of today's and the new one on one workspace.
         bands: what is not known exactly.
-        known: the worst frequencies within them of each machine; none: those of the maps.
+        known: the worst frequencies within them of each machine; none: taken from the maps.
         units: of the poses.
     """
     first, last = next(iter(maps.values())), list(maps.values())[-1]
@@ -152,7 +152,7 @@ def _number(
     gain = ""
     if len(found) == 2 and found[0] and found[0].frequency > 0:
         gain = f"{100 * (worst.frequency / found[0].frequency - 1):+.1f} %: "
-    where = f"{pose_text(machine, worst, units)}; limited by {worst.cylinder}"
+    where = f"{worst_pose_text(machine, worst, units)}; limited by {worst.cylinder}"
     return Number(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
 
 

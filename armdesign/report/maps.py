@@ -9,7 +9,7 @@ from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
-from armdesign.report.sheet import Sheet, pose_text, spring_note
+from armdesign.report.sheet import Sheet, spring_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
             ("worst frequency", frequency),
-            ("at", pose_text(machine, worst, units)),
+            ("at", worst_pose_text(machine, worst, units)),
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.errors import printable
 from armdesign.hydraulics.actuator import Cylinder
+from armdesign.machine.poses import pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -50,13 +51,9 @@ class Sheet:
         object.__setattr__(self, "rows", rows)
 
 
-def pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
+def worst_pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP) -> str:
     """The worst pose in words: every joint, the load case."""
-    parts = [
-        f"{joint.name} {units.text(value, joint.unit)}"
-        for joint, value in zip(machine.arm.joints, worst.q, strict=True)
-    ]
-    return f"{', '.join(parts)}, payload {worst.payload}"
+    return f"{pose_text(machine, worst.q, units)}, payload {worst.payload}"
 
 
 def spring_note(machine: Machine, limiting: str) -> str:

@@ -1,6 +1,6 @@
 """Damped modes of a linear model: poles, shapes of joints and tool, and who takes part.
 
-The energy of a mode in its actuators is that of the oil in both chambers and of the structure in
+The energy of a mode in its actuators lies in the oil of both chambers and in the structure in
 series, Σ C |δp|² + c |A1 δp1 − A2 δp2|², in its springs κ |z|²: with trapped oil the k (r·v)² of
 ``frequency.modes``. The participation of a state is |w v| of the left and right eigenvectors w and
 v of a pole (Pérez-Arriaga et al. 1982), which does not depend on units.

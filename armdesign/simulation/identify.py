@@ -37,6 +37,7 @@ from armdesign.simulation.identification.swings import Swings, swings
 from armdesign.simulation.identification.windows import PER_PERIOD as FEWEST_SAMPLES
 from armdesign.simulation.identification.windows import (
     found_windows,
+    refuse_slow_sampling,
     stated_windows,
     strongest,
     strongest_beyond,
@@ -140,11 +141,13 @@ def _windows_of(
     given = stated_windows(whole.source, windows)
     if given or excitation:
         return given or [(whole.time[0], whole.time[-1])]
+    values = whole.sampled(name)
+    step = float((whole.time[-1] - whole.time[0]) / (len(whole.time) - 1))
+    refuse_slow_sampling(whole.source, step)
     try:
-        return found_windows(whole.source, whole.time, whole.sampled(name))
+        return found_windows(whole.source, whole.time, values)
     except SimulationError:
         values = whole.signal(name)  # says what spoils it
-        step = float((whole.time[-1] - whole.time[0]) / (len(whole.time) - 1))
         _refuse_coarse(whole, name, step, detrended(values[:, None], TRENDS[0])[:, 0])
         raise
 

@@ -25,7 +25,7 @@ from armdesign.units import bar
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StateSpace(ReadOnly):
-    """What one linear model and a stack of them share; a stack's arrays have axis 0 = pose.
+    """Base of one linear model and of a stack, whose arrays have axis 0 = pose.
 
     Attributes:
         A: over the states (…, ns, ns).

@@ -326,7 +326,7 @@ class _At:
 def _springs(machine: Machine, poses: Poses) -> tuple[Array, Array]:
     """Stiffness and damping of the springs on all coordinates (k, k), (n, k, k).
 
-    The damping is that of each pose, d = 2 ζ √(K M), see ``Spring.settled``.
+    The damping differs by pose, d = 2 ζ √(K M), see ``Spring.settled``.
     """
     nq, k = len(machine.joints), poses.gravity_torque.shape[1]
     stiffness, damping = np.zeros((k, k)), np.zeros((len(poses), k, k))

@@ -64,7 +64,7 @@ def at_rest(plant: Plant, rigid: RigidPoses, preloaded: bool | None = None) -> O
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What is commanded at n poses: spool positions, or else speeds of joints and pistons."""
+    """Commands at n poses: spool positions, or else speeds of joints and pistons."""
 
     opening: Array  # (n, nc), NaN where a speed is wanted instead
     velocity: Array  # of joints (n, nq) [rad/s, m/s]; 0 where openings make it
@@ -75,7 +75,7 @@ class Motion:
 
 
 def motion_of(plant: Plant, n: int, opening: Openings, speed: ArrayLike | None) -> Motion | None:
-    """What is commanded at n poses; None: rest.
+    """Commands at n poses; None: rest.
 
     Raises:
         SimulationError: both are given, an opening is beyond ±1, an actuator is unknown, or there
@@ -249,7 +249,7 @@ class _Steady:
         return falling_root(self._supply_excess, np.full_like(full, LOWEST), full)
 
     def _supply_excess(self, line: Array) -> tuple[Array, Array]:
-        """What a limited pump gives beyond what is taken (n, 1) [m³/s], and its slope."""
+        """Flow of a limited pump beyond what is taken (n, 1) [m³/s], and its slope."""
         given, slope = slopes.pump(self._system, line)
         flow = self._flow_at(line)
         taken, steep = (

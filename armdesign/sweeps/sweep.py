@@ -259,7 +259,7 @@ def files_of(machines: Iterable[Machine]) -> dict[str, str]:
 def _with_requirements(
     chosen: Sequence[Changes], requirements: Sequence[Changes] | None
 ) -> list[Changes]:
-    """Every change with every set of requirements, whose keys are those of ``[requirements]``."""
+    """Every change with every set of requirements, by the keys of ``[requirements]``."""
     sets = [
         {f"requirements.{name}": value for name, value in rules.items()}
         for rules in requirements or [{}]

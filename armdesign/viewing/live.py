@@ -54,7 +54,7 @@ class Viewer:
 
     @property
     def address(self) -> str:
-        """Where a browser finds it."""
+        """Address in a browser."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def wait(self) -> None:
@@ -225,7 +225,7 @@ class Viewer:
     def _at(
         frames: dict[str, tuple[Array, Array]], periods: float
     ) -> dict[str, tuple[Array, Array]]:
-        """Where frames are after so many periods."""
+        """Places of the frames after so many periods."""
         return {
             frame: (
                 turn[int(periods * len(turn)) % len(turn)],

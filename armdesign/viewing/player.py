@@ -15,6 +15,8 @@ from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.swing import round_amplitude
 from armdesign.errors import printable
+from armdesign.machine.poses import pose_text
+from armdesign.units import WORKSHOP
 from armdesign.viewing.page_words import escaped, scale_words
 from armdesign.viewing.reading import (
     ALONE,
@@ -24,7 +26,6 @@ from armdesign.viewing.reading import (
     LOWEST,
     PHASES,
     Reading,
-    pose_words,
     reading,
     rows,
     swing_words,
@@ -120,7 +121,7 @@ class _Film:
             name: reading(machine, q, self.view.damping)
             for name, machine in self.view.machines.items()
         }
-        lines = [printable(pose_words(self.view.machine, q))]
+        lines = [printable(pose_text(self.view.machine, q, WORKSHOP))]
         for name, one in readings.items():
             before = f"{name}: " if len(readings) > 1 else ""
             values = dict(rows(one))
@@ -134,7 +135,7 @@ class _Film:
 
 
 def legend(view: View) -> str:
-    """What is seen, in a corner of the page."""
+    """Words of what is seen, in a corner of the page."""
     machine = view.machine
     title = escaped(machine.section.title or machine.name)
     load = escaped(f"load case {machine.payload.name}")

@@ -1,4 +1,4 @@
-"""What a machine at one pose oscillates with, and how fast it can be controlled, in words too.
+"""Frequencies of a machine at one pose and the bandwidth of its control, in words too.
 
 All of it is computed anew for each pose by the functions that make maps: some hundredths of a
 second. A pose that cannot be is said in words.
@@ -19,7 +19,7 @@ from armdesign.drawing.swing import swung
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.machine.poses import Poses, refuse_unheld
-from armdesign.units import deg, mm
+from armdesign.units import mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -57,7 +57,7 @@ class Reading:
 
     @cached_property
     def limiting(self) -> tuple[str, float]:
-        """What has the largest share in the energy of the lowest mode, and that share."""
+        """Part with the largest share in the energy of the lowest mode, and that share."""
         if self.poses is None or self.modes is None:
             return "", 0.0
         shares = energy_shares(self.poses, self.modes)[0, 0]
@@ -66,7 +66,7 @@ class Reading:
 
     @cached_property
     def bandwidth(self) -> PoseBandwidth | str:
-        """What position loops reach at the pose; in words where they cannot be closed."""
+        """Bandwidth of position loops at the pose; in words where they cannot be closed."""
         if self.poses is None:
             return self.fault
         try:
@@ -86,7 +86,7 @@ class Reading:
 
 
 def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading:
-    """What a machine does at a pose q (nq,) [rad, m] under its load case at work."""
+    """Reading of a machine at a pose q (nq,) [rad, m] under its load case at work."""
     asked: dict[str, Any] = {"machine": machine, "q": q, "damping": damping}
     try:
         refuse_unheld(machine, q)
@@ -118,14 +118,6 @@ def rows(one: Reading) -> list[tuple[str, str]]:
         (DAMPED, f"{width.damped:.2g} Hz"),
         ("damping ratio", f"{width.damping:.2g}"),
     ]
-
-
-def pose_words(machine: Machine, q: Array) -> str:
-    """A pose (nq,) in deg and mm: ``boom 10.0°, stick -60.0°``."""
-    return ", ".join(
-        f"{joint.name} {x / deg:.1f}°" if joint.revolute else f"{joint.name} {x / mm:.0f} mm"
-        for joint, x in zip(machine.arm.joints, q, strict=True)
-    ).replace("-", "−")
 
 
 def swing_words(one: Reading, mode: int, amplitude: float) -> tuple[str, float]:

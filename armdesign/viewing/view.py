@@ -1,4 +1,4 @@
-"""What is to be looked at: a machine, another one over it, a pose, and the region it sweeps."""
+"""Contents of the view: a machine, another one over it, a pose, and the region it sweeps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class View:
-    """What is to be looked at.
+    """Contents of the view.
 
     Attributes:
         machine: today's machine, under the load case to begin with.

@@ -17,6 +17,7 @@ def excavator_answer() -> ad.Sensitivity:
     return ad.sensitivity(machine, ad.Workspace.grid(machine, points=7))
 
 
+@pytest.mark.slow
 def test_the_worst_pose_is_that_of_the_map(excavator_answer: ad.Sensitivity) -> None:
     machine = excavator_answer.machine
     worst = ad.frequency_map(machine, ad.Workspace.grid(machine, points=7)).worst

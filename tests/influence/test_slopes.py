@@ -39,9 +39,10 @@ def by_differences(machine: ad.Machine, rival: Rival, number: Number) -> float:
     "name",
     [
         "crossing",
-        "redundant",
-        "rotator",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in MANY_NUMBERS),
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("redundant", "rotator", *MANY_NUMBERS)
+        ),
     ],
 )
 def test_slopes_are_those_of_differences(name: str) -> None:

@@ -75,6 +75,7 @@ def test_machines_touch_their_own_end_stops(answer: ad.Tolerances) -> None:
     np.testing.assert_allclose(rival.ends.room(family, poses), 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_machine_searched_anew_is_what_the_batch_says() -> None:
     """With its file changed, its own ranges and its own workspace: not only at that pose."""
     machine = toleranced("excavator_20t", ALL.replace("link_mass_percent = 5\n", ""))
@@ -137,6 +138,7 @@ def test_normal_widths_are_two_deviations() -> None:
     assert np.mean(air == 0.0) == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_least_frequency_is_stated_or_that_of_the_file() -> None:
     widths = "pin_mm = 1.0\nleast_hz = 0.75"
     machine = toleranced("excavator_20t", widths)

@@ -27,6 +27,7 @@ def row(answer: ad.WhatIf, quantity: str) -> pd.Series:
     return answer.frame.set_index("quantity").loc[quantity]
 
 
+@pytest.mark.slow
 def test_exact_is_the_map_of_the_changed_file(answer: ad.WhatIf) -> None:
     machine = ad.load("excavator_20t")
     changes = {"cylinder.boom.bore_mm": 125.0, "payload.full.mass_kg": 2000.0}

@@ -105,7 +105,7 @@ def test_one_joint_by_hand() -> None:
         assert z / chart.poses.step == pytest.approx(round(z / chart.poses.step), abs=1e-9)
 
 
-def _two_elbows() -> Machine:
+def two_elbows() -> Machine:
     """A boom on a cylinder and a stick on a motor without end: two ways to most places."""
     boom = replace(BOOM, limits=(-0.7, 0.6))
     stick = replace(STICK, kind="continuous", rpy=(0, 0, 0))
@@ -118,7 +118,7 @@ def _two_elbows() -> Machine:
 
 def test_of_several_poses_the_one_that_lifts_most() -> None:
     """Both elbows by the law of cosines, with links of 2.5 m and 1 m from (0.1, 0.5) m."""
-    machine = _two_elbows()
+    machine = two_elbows()
     chart = ad.lift_chart(machine)
     low, high = machine.ranges.T
     choices = 0

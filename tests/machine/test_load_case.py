@@ -44,6 +44,7 @@ def test_variants_keep_it_and_another_mass_takes_its_place(loaded: ad.Machine) -
     assert loaded.with_payload("full").payload.mass == 1600  # the file's
 
 
+@pytest.mark.slow
 def test_a_design_is_made_for_it(loaded: ad.Machine) -> None:
     design = ad.size_cylinders(loaded, ad.Workspace.grid(loaded, points=7))
     assert design.after.worst.payload == "2500 kg"

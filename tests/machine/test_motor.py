@@ -143,6 +143,7 @@ def test_full_valve_turns_at_the_speed_of_its_flow(slewing: ad.Machine) -> None:
     assert_allclose(late, flow / motor.bore_area, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_designs_leave_the_motor_as_it_is(slewing: ad.Machine) -> None:
     workspace = ad.Workspace.grid(slewing, points=[2, 6, 6, 8])
     any_torque = replace(ad.Requirements.of(slewing), **machines.ANY_LIFT_AND_TORQUE)

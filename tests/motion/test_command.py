@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.options import payload_of, pose_of
+from armdesign.option_values import payload_of, pose_of
 from tests import machines
 from tests.commands import Refused, main
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.motion.path_limits import PathLimits, _velocity_torque, path_limits
+from armdesign.motion.path_limits import PathLimits, path_limits, velocity_torque
 from armdesign.motion.time_law import fastest
 from armdesign.motion.trajectory import fastest_leg, trajectory
 from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
@@ -75,7 +75,7 @@ def test_velocity_torques_are_those_of_newton_and_euler(name: str) -> None:
     free = dynamics.acceleration(q, np.tile(along, (len(q), 1)), np.zeros(q.shape))
     inertia = np.einsum("nij,nj->ni", poses.mass_matrix, free)
     expected = -inertia - poses.gravity_torque
-    torque = _velocity_torque(machine, poses, along)
+    torque = velocity_torque(machine, poses, along)
     np.testing.assert_allclose(torque, expected, atol=1e-6 * np.abs(inertia).max())
 
 

@@ -20,7 +20,14 @@ def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
 
 
 @pytest.mark.parametrize("plane", ["joints", "reach"])
-@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing", "spatial"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "excavator_20t",
+        "paper_1dof",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("crossing", "spatial")),
+    ],
+)
 def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     """Without a display and without a warning (warnings are errors)."""
     fig, (ax,) = plots.figure()

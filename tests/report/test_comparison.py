@@ -66,6 +66,7 @@ def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:
     assert found.sheets()[0].note == "each in its own workspace"
 
 
+@pytest.mark.slow
 def test_two_machines_with_other_joints_cylinders_and_load_cases() -> None:
     found = compare(machines.named("paper_1dof"), EXCAVATOR, 5)
     assert not found.same_workspace

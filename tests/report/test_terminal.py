@@ -7,6 +7,7 @@ import unicodedata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.text import Text
 
@@ -14,10 +15,12 @@ import armdesign as ad
 from armdesign import plots
 from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_together
 from armdesign.machine import template
+from armdesign.machine.poses import pose_text
 from armdesign.output import show, tell
 from armdesign.report.contents import Number, Report, Section
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
+from armdesign.units import WORKSHOP, deg
 from tests import machines
 from tests.commands import assert_one_line, main
 
@@ -223,3 +226,9 @@ def test_a_long_word_is_folded_and_numbers_stay_whole(capsys: pytest.CaptureFixt
     printed = capsys.readouterr().out
     assert number in printed
     assert path in "".join(printed.replace(number, "").split())
+
+
+def test_a_pose_in_words_has_the_units_of_a_workshop_or_si() -> None:
+    machine = machines.named("paper_1dof")
+    assert pose_text(machine, np.array([-10 * deg])) == "boom -0.1745 rad"
+    assert pose_text(machine, np.array([-10 * deg]), WORKSHOP) == "boom -10.0°"

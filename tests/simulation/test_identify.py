@@ -145,6 +145,30 @@ def test_a_window_beyond_the_recording_is_said() -> None:
     assert "the recording holds 0–3.99 s, not all of -5–4 s" in found.findings[0]
 
 
+def of(frequency: float, rate: float, duration: float, noise: float = 0.05) -> dict[str, Any]:
+    """A free decay of 5 bar with ζ = 0.03."""
+    time, random = np.arange(0, duration, 1 / rate), np.random.default_rng(0)
+    omega = 2 * math.pi * frequency
+    swing = 5 * np.exp(-0.03 * omega * time) * np.cos(omega * time)
+    return {"time_s": time, "boom_cap_bar": 100 + swing + noise * random.normal(size=len(time))}
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (of(20, 50, 10), r"no free decay of 3 periods between 0.3 and 6.2 Hz, where 50 samples"),
+        (of(20, 50, 1), r"only 2.5 samples in a period .*about 20 Hz.*; record 8 .*, at 160 Hz"),
+        (of(2, 50, 0.8), r"in 6 periods or more; 0.78 s hold 1.2 of .*give windows of two per"),
+        (of(2, 50, 10) | {"time_s": np.arange(500) * 20}, r"a sample every 20 s .*; .*time_ms"),
+        (of(2, 50, 10) | {"time_s": np.arange(499) / 50}, r"bar holds 500 values, time_s 499;"),
+        ({n: v * 1e200 for n, v in of(2, 50, 10).items()}, r"sample every .*|holds .*e\+2"),
+    ],
+)
+def test_what_cannot_ring_is_told_with_its_cause(columns: dict[str, Any], message: str) -> None:
+    with pytest.raises(SimulationError, match=message):
+        ad.identify(columns)
+
+
 def test_the_motion_of_a_machine_is_told_beside_its_swings() -> None:
     time, pressure = ring(8.0)
     columns = {"time_s": time, "boom_cap_bar": pressure, "boom_length_mm": 900 + 10 * time}

@@ -26,6 +26,14 @@ SHIPPED = (
 )
 ODD = ("heavy_bars", "slewing", "rocking", *machines.ODD)
 RANDOM = tuple(f"random_{seed}" for seed in range(6))
+MORE = (*RANDOM[2:], "sprung_1", "sprung_2")
+ALL = (
+    *SHIPPED,
+    *ODD,
+    *RANDOM[:2],
+    "sprung_0",
+    *(pytest.param(n, marks=pytest.mark.slow) for n in MORE),
+)
 
 
 def named(name: str) -> Machine:
@@ -34,7 +42,7 @@ def named(name: str) -> Machine:
     return helpers.with_valves(machines.named(name))
 
 
-@pytest.mark.parametrize("name", [*SHIPPED, *ODD, *RANDOM, "sprung_0", "sprung_1", "sprung_2"])
+@pytest.mark.parametrize("name", ALL)
 def test_linear_models_are_differences_of_the_plant(name: str) -> None:
     """Every entry of A, B and the pistons' C, one pose at a time and all at once."""
     machine = named(name)
@@ -128,7 +136,7 @@ def test_bad_poses_are_told() -> None:
         ad.linear_models(machine, np.zeros((0, 3)))
 
 
-@pytest.mark.parametrize("name", [*SHIPPED, *ODD, *RANDOM, "sprung_0", "sprung_1", "sprung_2"])
+@pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("by", ["speed", "opening"])
 def test_steady_motion_is_steady_and_its_model_the_plants(name: str, by: str) -> None:
     """The plant accelerates neither joints nor driven pressures, and differences agree."""

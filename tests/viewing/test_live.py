@@ -86,6 +86,7 @@ def test_sliders_change_pose_and_reading() -> None:
         assert viewer.mass.value == machine.payload.mass
 
 
+@pytest.mark.slow
 def test_the_worst_pose_is_exact_though_it_lies_on_a_limit() -> None:
     """Sliders have steps; a pose beside the limit would drop the load."""
     machine = named("excavator_20t")

@@ -114,11 +114,11 @@ class Columns:
 
     @property
     def place(self) -> Array:
-        """Where they lie in the drives' regions (c, 5)."""
+        """Points in the drives' regions (c, 5)."""
         return np.column_stack([self.design, self.volume])
 
     def within(self, k: int, drive: JointDrive) -> Columns:
-        """These without those of drive ``k`` that lie outside ``drive``'s region."""
+        """These without the columns of drive ``k`` that lie outside ``drive``'s region."""
         low, high = drive.region
         inside = np.all((self.place >= low) & (self.place <= high), axis=1)
         return self[(self.drive != k) | inside]

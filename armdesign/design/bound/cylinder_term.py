@@ -133,7 +133,7 @@ class CylinderTerm:
     def spring(self, e: Enclosure, scale: Interval, volume: Array, costs: Array) -> Spring:
         """Oil and structure over cells of some scales (m,) and volumes (m, v, 2) of costs (m, 2).
 
-        The tangent is that of the volumes that are best at the centre.
+        The tangent is taken at the volumes that are best at the centre.
         """
         stiffening = self._stiffening(e, volume)
         if self.structure is None:

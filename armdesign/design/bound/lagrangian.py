@@ -243,7 +243,7 @@ class LagrangianDual:
 
     @cached_property
     def _place(self) -> Array:
-        """Where each drive's joint is among the free coordinates."""
+        """Place of each drive's joint among the free coordinates."""
         return np.array([self._free.index(d.joint) for d in self.drives])
 
     def scaled_bases(self, rows: Array) -> tuple[Array, Array]:

@@ -125,7 +125,7 @@ def with_sizes(
 
 
 def _missing_least(search: Search, sizes: Sizes) -> Search:
-    """Sizes near those of a search, the largest cylinder first, that miss requirements least.
+    """Sizes near a search's own, the largest cylinder first, that miss requirements least.
 
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
     """

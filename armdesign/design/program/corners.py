@@ -28,7 +28,7 @@ from armdesign.machine.machine import Machine
 
 
 class Pistons(NamedTuple):
-    """Where the pistons of n rows stand, what they carry, and their sizes."""
+    """Places of the pistons in n rows, their loads and sizes."""
 
     extension: Array  # (…, n, nc) [m]
     stroke: Array  # (…, nc) [m], broadcast

@@ -115,7 +115,7 @@ class Dynamics:
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def forces_of_nominal(self, forces: Array) -> Array | None:
-        """Of static forces (n, nc) of all rows those of ``nominal_rows``; None if not known."""
+        """Static forces (·, nc) of ``nominal_rows`` out of all (n, nc); None if not known."""
         masses = {corner[1:] for corner in self.corners.all}
         return forces[: len(self.nominal_rows)] if masses == {(1.0, 1.0)} else None
 

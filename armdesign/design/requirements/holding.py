@@ -152,7 +152,7 @@ def masses_held(
 ) -> tuple[Array, Array]:
     """Mass [kg] that each actuator of a candidate lifts at n poses, and force per mass [N/kg].
 
-    Both (b, n, nc); ``torque`` (n, nq) is that of a kilogram [N m/kg].
+    Both (b, n, nc); ``torque`` (n, nq) is the torque of a kilogram [N m/kg].
     """
     arms = new.moment_arms(rigid)
     bare, per_mass = (

@@ -133,10 +133,12 @@ class Concession(Requirement):
     """Amount by which one requirement of a conflict must be relaxed, in its unit.
 
     Attributes:
-        together: amount if all requirements of the conflict are relaxed, so that the largest share
-            is least, rounding to a drawing's grid or a catalogue's sizes included; 0 where it is
-            in conflict but need not, or cannot, be relaxed.
-        alone: amount if no other of its part is relaxed; None where that does not help.
+        together: amount that is enough if all requirements of the conflict are relaxed, rounding
+            to a drawing's grid or a catalogue's sizes included; 0 where it is in conflict but need
+            not, or cannot, be relaxed. The largest share is least among all combinations of a
+            catalogue with given pins; else it is what a local search finds.
+        alone: amount that is enough if no other of its part is relaxed; None where that does not
+            help.
         part: number of the conflict that it belongs to, of several without a common requirement;
             each of them must be relaxed.
         value: of the setting that relaxes it by ``together``, in the key's unit, as a factor for

@@ -122,14 +122,14 @@ class Requirements(
     def setting(self, path: str) -> float:
         """A number by its key under ``[requirements]`` of a machine file, in that key's unit.
 
-        ``thrust_share.NAME`` is the share of one actuator, its own or that of all. 1 for
+        ``thrust_share.NAME`` is the share of one actuator, its own or the common one. 1 for
         ``speed.NAME``: see ``with_setting``.
         """
         name, how, rest = self._field(path)
         return how.number(getattr(self, name), rest)
 
     def stated_at(self, path: str) -> str:
-        """Key of the number at a key path: that of all actuators where one has none of its own."""
+        """Key of the number at a key path: the common one where an actuator has no own number."""
         name, how, rest = self._field(path)
         return how.key if rest and not how.own(getattr(self, name), rest) else path
 

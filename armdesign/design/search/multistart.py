@@ -94,7 +94,7 @@ def formulate_with_sizes(
 ) -> tuple[Problem, Sizes | None]:
     """The design problem on the grid of a catalogue, and its sizes; None where any may be.
 
-    Where no size varies those of the machine stay, whatever its file would choose from.
+    Where no size varies the machine's sizes stay, whatever its file would choose from.
     """
     sizes, grid = sizes_and_grid(machine, catalogue)
     problem = formulate(

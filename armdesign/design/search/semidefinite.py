@@ -16,6 +16,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import InfeasibleError
+from armdesign.transaction import undisturbed
 
 PENALTY = 100.0  # of λ per unit of violated constraint, in a step from an infeasible x
 # share by which a bound may lie below a design that misses requirements by as little as is allowed
@@ -42,7 +43,8 @@ class StepProgramme:
     """
 
     def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
-        import cvxpy as cp
+        with undisturbed():
+            import cvxpy as cp
         from scipy.sparse import eye_array, kron
 
         self.shape = (n, nq, m, nx)

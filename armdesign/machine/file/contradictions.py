@@ -88,7 +88,7 @@ def _of_lift_chart(machine: MachineSection) -> Iterator[Fault]:
 
 
 def _of_bands(machine: MachineSection) -> Iterator[Fault]:
-    """Bands run from their lower end to their upper end, those of structures at actuators."""
+    """Bands run from their lower to their upper end, and bands of structures name actuators."""
     several, actuators = machine.bands.structures, (*machine.cylinder, *machine.motor)
     bands = {key: band for key, band in machine.bands if key != "structures"}
     for key, band in (bands | {f"structures.{name}": several[name] for name in several}).items():

@@ -190,7 +190,7 @@ IN_SECTION = {  # where a key means something else than in most tables
     },
     "TolerancesSection": {
         "distribution": "uniform: within the widths; normal: the width is two deviations",
-        "least_hz": "worst frequency that a machine must reach; default: that of this file",
+        "least_hz": "worst frequency that a machine must reach; default: this file's own",
         "pin_mm": "of every coordinate of a cylinder's pins in their link's plane, either way",
         "bar_mm": "of rockers and couplers of four-bars, either way",
         "payload_percent": "of the mass of every load case, either way",

@@ -111,7 +111,7 @@ def _of_joint_names(links: Mapping[str, LinkSection]) -> Iterator[Fault]:
         joint = joint_of(name, link)
         if joint in carriers:
             other = carriers[joint]
-            remedy = "give joint another name: default is that of its link"
+            remedy = "give joint another name: default is the name of its link"
             yield f"links.{name}.joint", f'"{joint}" carries "{other}" already', remedy
         carriers.setdefault(joint, name)
 

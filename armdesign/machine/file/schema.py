@@ -40,7 +40,7 @@ def _form(value: Any) -> str:
     return TABLE if isinstance(value, Mapping) else NUMBER
 
 
-# one number for all actuators; or a table by actuator, with that of the others as its default
+# one number for all actuators; or a table by actuator, whose default is the number of the others
 ByActuator = Annotated[
     Annotated[Number, Tag(NUMBER)] | Annotated[dict[Name, Number], Tag(TABLE)],
     Discriminator(_form),
@@ -49,7 +49,7 @@ Shares: TypeAlias = float | Mapping[str, float]
 
 
 def share_of(shares: Shares, actuator: str) -> float:
-    """The share of one actuator: its own where a table gives it, else that of all others."""
+    """The share of one actuator: its own where a table gives it, else the common one."""
     if isinstance(shares, Mapping):
         return float(shares.get(actuator, shares[DEFAULT]))
     return shares

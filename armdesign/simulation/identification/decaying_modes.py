@@ -58,7 +58,7 @@ class Noise:
             length: n.
             colour: a_1 … a_p (p,).
             hidden: λ Δt of modes that may be hidden (h,), complex.
-            ratio: standard deviation of b relative to that of the white noise.
+            ratio: standard deviation of b relative to the white noise's.
             trend: degree of the polynomial that is projected out; -1 for none.
         """
         self.length, self.colour, self.trend = length, colour, trend

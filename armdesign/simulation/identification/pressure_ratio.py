@@ -53,7 +53,7 @@ class PressureRatio:
 
     @property
     def ratio(self) -> float:
-        """Swing of the cap pressure over that of the annulus pressure."""
+        """Swing of the cap pressure over the swing of the annulus pressure."""
         return self.cap / self.annulus if self.annulus > 0 else math.inf
 
     @property

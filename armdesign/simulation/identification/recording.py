@@ -22,6 +22,7 @@ TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_m
 GAP = 1.5  # intervals without a sample
 STUCK = 0.5  # share of a window in which a signal does not move at all
 LIMITED = 3  # equal samples at a signal's own limit
+LARGEST = 1e50  # of any signal in any unit: squares of it are numbers too
 QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was cut there
 
 
@@ -76,9 +77,12 @@ class Recording(ReadOnly):
         """A signal that can be fitted (n,).
 
         Raises:
-            SimulationError: see ``sampled``; or it is constant, stuck or clipped.
+            SimulationError: see ``sampled``; or it is constant, stuck, clipped or no measurement.
         """
         values, time = self.sampled(name), self.time
+        if (largest := float(np.abs(values).max())) > LARGEST:
+            fault, remedy = f"{name} holds {largest:g}", "give values in the unit of its name"
+            raise SimulationError(self.source, fault, remedy)
         if np.ptp(values) == 0:
             remedy = "choose another column or window"
             raise SimulationError(self.source, f"{name} is constant ({values[0]:g})", remedy)
@@ -133,7 +137,7 @@ def recording_of(columns: Mapping[str, Array], source: str = "recording") -> Rec
     """A recording from columns, of which one is time.
 
     Raises:
-        SimulationError: no column is time, or time is blank somewhere.
+        SimulationError: no column is time, time is blank somewhere, or columns differ in length.
     """
     given = [name for name in TIMES if name in columns]
     if not given:
@@ -144,6 +148,10 @@ def recording_of(columns: Mapping[str, Array], source: str = "recording") -> Rec
         row = int(np.argmax(~np.isfinite(time))) + 1
         raise SimulationError(source, f"{given[0]} is blank in row {row}", "give every instant")
     others = {n: np.array(v, dtype=float) for n, v in columns.items() if n != given[0]}
+    for name, values in others.items():
+        if values.shape != time.shape or time.ndim != 1:
+            fault = f"{name} holds {values.size} values, {given[0]} {time.size}"
+            raise SimulationError(source, fault, "give a value of every column at every instant")
     if not others:
         raise SimulationError(source, "has no signal beside time", "add columns")
     return Recording(source, time, others)

@@ -178,19 +178,21 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
         fits += group
         if _exact(signals, group[0]):
             break
+    remedy = "ask for fewer, or " if modes > 1 else ""
     fewer = [one for one in fits if one.rings.sum() < modes]
     fits = [one for one in fits if one.rings.sum() >= modes]
     likelihoods = [max(map(_likelihood, some), default=-math.inf) for some in (fits, fewer)]
     if not fits or likelihoods[0] < likelihoods[1] + STANDS_OUT:
         fault = f"holds {most} modes, not {modes}"
         if most >= modes:
-            fault = f"holds fewer than {modes} that ring for two periods or more"
-        raise SimulationError(part, fault, "ask for fewer, or record longer")
+            few = "no mode rings" if modes == 1 else f"fewer than {modes} modes ring"
+            fault = f"{few} in it for two periods or more"
+        raise SimulationError(part, fault, f"{remedy}choose a longer window")
     if not _exact(signals, fits[0]):
         likeliest = max(fits, key=_likelihood)
         if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
-            fault = f"noise hides the weakest of {modes} mode{'s' * (modes > 1)}"
-            raise SimulationError(part, fault, "ask for fewer, or record longer or louder")
+            fault = f"noise hides {'its mode' if modes == 1 else f'the weakest of {modes} modes'}"
+            raise SimulationError(part, fault, f"{remedy}record longer or louder")
         fits += _with_hidden(signals, likeliest, modes)
     return fits, of_all
 

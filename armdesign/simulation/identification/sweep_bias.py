@@ -3,7 +3,7 @@
     x'' + 2ζω x' + ω² x = ω² u(t)
 
 u is the ``SweptSine`` over half to 1.6 times the natural frequency. The
-peak of the piston's speed and that of its position are read off spectra so finely interpolated
+peaks of the piston's speed and of its position are read off spectra so finely interpolated
 that no line width is in them (in a plain spectrum up to half a line, 1/2T, comes on top), and the
 speed's response is fitted as ``validate`` does it.
 

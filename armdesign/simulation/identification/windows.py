@@ -50,6 +50,14 @@ def stated_windows(part: str, windows: Iterable[tuple[float, float]]) -> list[tu
     return given
 
 
+def refuse_slow_sampling(part: str, step: float) -> None:
+    """Raise where the fewest samples in a period are not had at any frequency of a boom."""
+    if PER_PERIOD * step * LOWEST > 1:
+        fault = f"a sample every {step:.3g} s shows no oscillation of {LOWEST:g} Hz or more"
+        remedy = f"record {PER_PERIOD} in a period; name time in milliseconds time_ms"
+        raise SimulationError(part, fault, remedy)
+
+
 def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, float]]:
     """Where a signal rings freely: begin and end [s] of every window.
 
@@ -65,8 +73,11 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
 
     step = float(np.median(np.diff(time)))
     frequency, _ = strongest(step, signal)
-    if frequency * (time[-1] - time[0]) < 2 * LEAST:
-        raise SimulationError(part, "is too short to find windows in", "give windows")
+    length = float(time[-1] - time[0])
+    if frequency * length < 2 * LEAST:
+        fault = f"windows are found in {2 * LEAST:g} periods or more; {length:.3g} s hold"
+        fault += f" {frequency * length:.2g} of what is strongest (about {frequency:.2g} Hz)"
+        raise SimulationError(part, fault, "give windows of two periods or more, or record longer")
     edges = np.array([frequency / 1.6, min(1.6 * frequency, 0.45 / step)])
     band = butter(2, edges, "bandpass", fs=1 / step, output="sos")
     envelope = np.abs(hilbert(sosfiltfilt(band, signal - signal.mean())))
@@ -74,7 +85,10 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
     # a recording that rings from begin to end shows no noise
     windows = _decays(time, envelope, period, floor) or _decays(time, envelope, period, 0.0)
     if not windows:
-        raise SimulationError(part, "rings nowhere for three periods", "give windows")
+        most = min(HIGHEST, 1 / (PER_PERIOD * step))
+        fault = f"shows no free decay of {LEAST:g} periods between {LOWEST:g} and {most:.2g} Hz"
+        fault += f", where {1 / step:.3g} samples a second can show one"
+        raise SimulationError(part, fault, "give windows, or record faster or louder")
     return windows
 
 

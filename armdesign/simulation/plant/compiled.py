@@ -50,7 +50,22 @@ for module in (fluid, friction, valve):
 
 def compiled(function: F) -> F:
     """The function, compiled when first called or loaded from where an earlier process kept it."""
-    dispatcher: Any = numba.njit(error_model="numpy")(function)
+    return _compiled(function, counts=True)
+
+
+def borrowing(function: F) -> F:
+    """A compiled function that makes no arrays and keeps none: it counts no references to them.
+
+    numba leaves out the counting by itself where all arguments are arrays, but not where tuples
+    hold them; there it took a quarter of the time. Within, no memory can be asked for: no new
+    arrays, and no array assigned to a slice of another.
+    """
+    return _compiled(function, counts=False)
+
+
+def _compiled(function: F, *, counts: bool) -> F:
+    njit: Any = numba.njit  # its types lack the switch of reference counts, which is not public
+    dispatcher = njit(error_model="numpy", _nrt=counts)(function)
     if hasattr(dispatcher, "compile"):  # numba is not switched off
         module, name = function.__module__.rpartition(".")[2], cast(Any, function).__qualname__
         dispatcher._cache = _Kept(f"{module}.{name}")

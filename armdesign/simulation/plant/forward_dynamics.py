@@ -13,6 +13,7 @@ from armdesign.mechanism.arm import LoadedArm
 from armdesign.mechanism.jets import VectorJet
 from armdesign.simulation.plant.compiled import compiled
 from armdesign.simulation.plant.kinematics import BarLoads
+from armdesign.transaction import undisturbed
 from armdesign.units import GRAVITY
 
 COMPLEX_STEP = 1e-30
@@ -26,7 +27,8 @@ class ForwardDynamics:
     """
 
     def __init__(self, arms: Sequence[LoadedArm]) -> None:
-        import pinocchio
+        with undisturbed():
+            import pinocchio
 
         self._library, self._arm = pinocchio, arms[0]
         models = [loaded.model() for loaded in arms]
@@ -116,7 +118,7 @@ class ForwardDynamics:
 
 
 def _held(mass: float, point: VectorJet, velocity: Array) -> Array:
-    """What a point mass [kg] that moves at constant joint speeds (n, k) asks of the joints."""
+    """Joint torques of a point mass [kg] that moves at constant joint speeds (n, k)."""
     pull = curvature(point, velocity)
     pull[:, 2] += GRAVITY
     return np.asarray(mass * (point.first @ pull[:, :, None])[..., 0])

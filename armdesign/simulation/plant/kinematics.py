@@ -27,7 +27,7 @@ from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.four_bar import FourBar
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
-from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
+from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
 from armdesign.units import GRAVITY
 
@@ -100,7 +100,7 @@ def new_pin_motion(nq: int) -> PinMotion:
 
 
 def joints_of(arm: Arm) -> Records:
-    """Joints, those of springs last, as records ``JOINT``."""
+    """Joints, springs last, as records ``JOINT``."""
     records = new_records(len(arm.coordinates), JOINT)
     for row, joint, following in zip(records, arm.coordinates, arm.outwards, strict=True):
         row["next"], row["parent"], row["revolute"] = following, joint.parent, joint.revolute
@@ -148,7 +148,7 @@ def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
 # ------------------------------------------------------------------------------------------ motion
 
 
-@compiled
+@borrowing
 def place_joints(joints: Records, q: Array, frames: Frames) -> None:
     """Write the joint frames in the world at q (nq,)."""
     rotation, origin, axis = frames
@@ -178,17 +178,17 @@ def place_joints(joints: Records, q: Array, frames: Frames) -> None:
         _write(axis, j, turned(rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])))
 
 
-@compiled
+@borrowing
 def _vector(rows: Array, index: int) -> Vector:
     return (rows[index, 0], rows[index, 1], rows[index, 2])
 
 
-@compiled
+@borrowing
 def _write(rows: Array, index: int, vector: Vector) -> None:
     rows[index, 0], rows[index, 1], rows[index, 2] = vector
 
 
-@compiled
+@borrowing
 def _position(pin: Record, frames: Frames) -> Vector:
     """A pin in the world."""
     at = (pin.at[0], pin.at[1], pin.at[2])
@@ -197,14 +197,14 @@ def _position(pin: Record, frames: Frames) -> Vector:
     return plus(_vector(frames.origin, pin.frame), turned(frames.rotation[pin.frame], at), 1.0)
 
 
-@compiled
+@borrowing
 def _direction(frame: int, along: Array, frames: Frames) -> Vector:
     """A direction of a joint's frame in the world."""
     given = (along[0], along[1], along[2])
     return given if frame < 0 else turned(frames.rotation[frame], given)
 
 
-@compiled
+@borrowing
 def _moved(
     joints: Records,
     frames: Frames,
@@ -299,7 +299,7 @@ def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving
     return _sum(pivot, _sum(_times(across, right), _times(height, up), 1.0), 1.0)
 
 
-@compiled
+@borrowing
 def place_drive(
     drive: Record, joints: Records, frames: Frames, speed: Array, pins: PinMotion
 ) -> tuple[float, Vector]:
@@ -313,7 +313,8 @@ def place_drive(
     if drive.kind == FOUR_BAR:
         end = _place_four_bar(drive, joints, frames, speed, far, pins)
     else:
-        slope[END] = slope[FAR]
+        for j in range(len(joints)):
+            _write(slope[END], j, _vector(slope[FAR], j))
     _write(coriolis, BASE, base[2])
     _write(coriolis, FAR, far[2])
     _write(coriolis, END, end[2])
@@ -325,7 +326,7 @@ def place_drive(
     return length, span
 
 
-@compiled
+@borrowing
 def _place_four_bar(
     drive: Record, joints: Records, frames: Frames, speed: Array, lug: Moving, pins: PinMotion
 ) -> Moving:
@@ -350,7 +351,7 @@ def _place_four_bar(
     return _folded(drive, pivot, lug, right, up)
 
 
-@compiled
+@borrowing
 def add_bars(
     drive: Record,
     length: float,
@@ -393,7 +394,7 @@ def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vec
     return share, -share * first / length, share * (2 * first * first / length - curve) / length
 
 
-@compiled
+@borrowing
 def _add_bar(
     weight: float, one: int, other: int, pins: PinMotion, mass: Array, force: Array
 ) -> None:

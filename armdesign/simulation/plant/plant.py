@@ -6,7 +6,7 @@
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                              spool x, its command u in [−1, 1]
     C_s ṗ_s = Q_pump(p_s) − Σ Q                                 line of a flow-limited pump
 
-where q are the joints of poses and then those of springs, z; with s = ℓ − ℓ_closed + c (A1 p1 − A2
+where q are the joints of poses and then the springs, z; with s = ℓ − ℓ_closed + c (A1 p1 − A2
 p2 − k δ): the pins' compliance c in series lets the piston run ahead of the pins, under what oil
 and the spring k of an end stop, pressed in by δ(s), put on it. A damping force, of friction or of
 a stop, acts at the rate of the pins ℓ̇, beside c: through c it would need a mass of the piston, or
@@ -28,7 +28,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, compiled, resolved
+from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved
 from armdesign.simulation.plant.energy_book import book_powers
 from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
 from armdesign.simulation.plant.hydraulics import (
@@ -93,6 +93,14 @@ class Layout(NamedTuple):
     size: int  # of the state
 
 
+class Scratch(NamedTuple):
+    """Arrays for intermediate values, written anew in every case: a plant serves one thread."""
+
+    frames: Frames
+    pins: PinMotion
+    pressures: Array  # of caps, then of annuli (2 nc,) [Pa]
+
+
 class Plant:
     """Machines of one shape under their payloads as one system of first-order equations.
 
@@ -121,6 +129,7 @@ class Plant:
         self.nq, self.nc = nq, nc = len(self.machine.arm.coordinates), len(self.machine.actuators)
         self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
+        self._scratch = Scratch(new_frames(nq), new_pin_motion(nq), np.empty(2 * nc))
         self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
@@ -210,7 +219,8 @@ class Plant:
         torque, bars = np.empty((n, nq)), self._no_bars
         if self._weighs:
             bars = BarLoads(np.zeros((n, nq, nq)), np.zeros((n, nq)))
-        arguments = state, command, self.parameters, self._layout, evaluation, torque, bars
+        constants = self.parameters, self._layout, self._scratch
+        arguments = state, command, *constants, evaluation, torque, bars
         if self._kernel is None:
             self._kernel = resolved(_evaluate, *arguments)
         self._kernel(*arguments)
@@ -228,33 +238,35 @@ def stack_shape(machine: Machine) -> Hashable:
     return order, counts, machine.has_bars, machine.supply.flow_limited
 
 
-@compiled
+@borrowing
 def _evaluate(
     state: Array,
     command: Array,
     parameters: Parameters,
     layout: Layout,
+    scratch: Scratch,
     evaluation: PlantInstant,
     torque: Array,
     bars: BarLoads,
 ) -> None:
     """Everything of an evaluation but the accelerations; torques (n, nq) and bars are written."""
     nq, nc = parameters.joints.shape[1], parameters.drives.shape[1]
-    frames, pins = new_frames(nq), new_pin_motion(nq)
-    pressures = np.empty(2 * nc)
+    frames, pins, pressures = scratch
     for case in range(len(state)):
         m = case if len(parameters.systems) > 1 else 0
         system, y, rates = parameters.systems[m], state[case], evaluation.rates[case]
         has_line = layout.spools > layout.line
         supply = y[layout.line] * bar if has_line else system.pressure
-        rates[:nq], torque[case], taken = y[nq : 2 * nq], 0.0, 0.0
+        torque[case], taken = 0.0, 0.0
+        for j in range(nq):
+            rates[j] = y[nq + j]
         place_joints(parameters.joints[m], y[:nq], frames)
         for i in range(2 * nc):
             pressures[i] = y[layout.chambers + i] * bar
         for i in range(nc):
             actuator, drive = parameters.actuators[m, i], parameters.drives[m, i]
             output = evaluation.outputs[case, i]
-            spool, spool_speed = layout.spools + i, layout.spools + nc + i
+            spool, speed = layout.spools + i, layout.spools + nc + i
             length = _place_actuator(case, drive, parameters.joints[m], y, frames, pins, bars)
             moving = length, _sum_product(pins.arm, y[nq:])
             both = pressures[i], pressures[nc + i]
@@ -265,9 +277,8 @@ def _evaluate(
                 torque[case, j] += pins.arm[j] * force
             rates[layout.chambers + i] = cap_rate / bar
             rates[layout.chambers + nc + i] = annulus_rate / bar
-            rates[spool] = y[spool_speed]
-            demand = command[case, i]
-            rates[spool_speed] = spool_acceleration(actuator, y[spool], y[spool_speed], demand)
+            rates[spool] = y[speed]
+            rates[speed] = spool_acceleration(actuator, y[spool], y[speed], command[case, i])
             taken = taken + output.supplied[0] + output.supplied[1]
         pump = taken
         if has_line:
@@ -280,7 +291,7 @@ def _evaluate(
         evaluation.springs[case] = stored + add_springs(springs, y, torque[case], power)
 
 
-@compiled
+@borrowing
 def _sum_product(a: Array, b: Array) -> float:
     """Scalar product of short arrays."""
     total = 0.0
@@ -289,7 +300,7 @@ def _sum_product(a: Array, b: Array) -> float:
     return total
 
 
-@compiled
+@borrowing
 def _place_actuator(
     case: int,
     drive: Record,

@@ -30,7 +30,7 @@ HIGHEST = 3.0  # pressures that are looked at, over the larger of supply and rel
 
 
 class Load(NamedTuple):
-    """What actuators move against."""
+    """Loads of the actuators in motion."""
 
     force: Array  # of the oil, A1 p1 − A2 p2 (n, nc) [N]
     closed: Flags  # (n, nc): tight valves that stay shut, where any numbers do
@@ -112,7 +112,7 @@ def at_speed(actuators: Records, system: Record, load: Load, speed: Array) -> St
 
 
 class _Line:
-    """Pressures of constant force, by that of the cap."""
+    """Pressures of constant force, by the cap's pressure."""
 
     def __init__(self, actuators: Records, system: Record, load: Load, spool: Array) -> None:
         self.a1, self.a2 = actuators["areas"][:, 0], -actuators["areas"][:, 1]
@@ -131,11 +131,11 @@ class _Line:
         return np.asarray((self.a1 * cap - self._load.force) / self.a2)
 
     def ports(self, cap: Array) -> tuple[slopes.Slope, slopes.Slope, slopes.Slope]:
-        """What the cap gains, what both take from the supply, and A2 Q1 + A1 Q2."""
+        """Flow into the cap, flow from the supply, and A2 Q1 + A1 Q2."""
         return self._flows(slopes.independent(self._numbers(cap)))
 
     def _numbers(self, cap: Array) -> Array:
-        """What ports depend on (n, nc, NUMBERS); lengths and their rates do not count."""
+        """Numbers of the ports (n, nc, NUMBERS); lengths and their rates do not count."""
         still, line = np.zeros_like(cap), np.broadcast_to(self._load.supply, cap.shape)
         return np.stack([still, still, cap, self.annulus(cap), self._spool, line], axis=-1)
 

@@ -131,7 +131,9 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
 
 
 @pytest.mark.usefixtures("few_cells")
-@pytest.mark.parametrize("name", ODD)
+@pytest.mark.parametrize(
+    "name", [*ODD[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in ODD[2:])]
+)
 @pytest.mark.parametrize("vary", MIXED, ids="+".join)
 def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str, ...]) -> None:
     """Slides, skew axes, air, four-bars: a size that varies alone, with pins."""

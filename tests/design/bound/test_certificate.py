@@ -303,9 +303,14 @@ def test_branching_against_dense_sampling(name: str) -> None:
     [
         {"pin_box": 0.02},
         {"oil_each_share": 1.0},
-        {"thrust_share": 1.02},
-        {"moment_arm_share": 0.98},
-        {"holding_share": 0.5},
+        *(
+            pytest.param({name: share}, marks=pytest.mark.slow)
+            for name, share in (
+                ("thrust_share", 1.02),
+                ("moment_arm_share", 0.98),
+                ("holding_share", 0.5),
+            )
+        ),
     ],
     ids=lambda change: next(iter(change)),
 )

@@ -25,7 +25,9 @@ from tests.design.bound.shapes import (
 )
 
 
-@pytest.mark.parametrize("soft", [0.0, 0.4, pytest.param(3.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "soft", [0.4, *(pytest.param(soft, marks=pytest.mark.slow) for soft in (0.0, 3.0))]
+)
 @pytest.mark.parametrize("name", CYLINDERS)
 @settings(max_examples=60)
 @given(seed=designs, width=box_shares, place=box_shares)

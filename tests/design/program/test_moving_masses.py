@@ -355,6 +355,7 @@ def test_worth_is_the_gain_of_more_oil() -> None:
 # ---------------------------------------------------------------------------- a limit, a neighbour
 
 
+@pytest.mark.slow
 def test_light_bars_are_nearly_none() -> None:
     """A thousandth of the masses moves the optimum by their share: masses held at today's then
     make no difference.

@@ -22,7 +22,7 @@ from armdesign.machine.lifting import liftable_masses
 from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, problem_of, solved, some_x, workspace_of
 from tests.design.requirements.shared import judged, own
-from tests.machine.test_lift_chart import _two_elbows
+from tests.machine.test_lift_chart import two_elbows
 from tests.machines import ANY_LIFT_AND_TORQUE, named
 
 
@@ -67,7 +67,7 @@ def test_least_share_is_that_of_the_charts(changes: dict[str, Any]) -> None:
 
 def test_the_new_machine_may_take_its_own_best_pose() -> None:
     """Where two elbows reach a place, the ratio of charts with either, not of today's pose."""
-    today = _two_elbows()
+    today = two_elbows()
     new = today.replace({"motor.turn.displacement_cm3": 40.0})
     old = ad.lift_chart(today)
     chart = ad.lift_chart(new, like=old)

@@ -85,7 +85,9 @@ def test_torque_of_every_actuator_by_virtual_work(name: str) -> None:
     assert {n.split(".", 2)[2] for n in checks if n.startswith("torque.")} == names
 
 
-@pytest.mark.parametrize("name", ["double", "odd", "excavator"])
+@pytest.mark.parametrize(
+    "name", ["double", "odd", pytest.param("excavator", marks=pytest.mark.slow)]
+)
 def test_derivatives(name: str) -> None:
     """Every torque by every variable against central differences of the value itself."""
     problem = problem_of(name, **SHARES)

@@ -84,6 +84,7 @@ def test_saved_and_read_again_it_meets_the_same_checks(tmp_path: Path) -> None:
     assert {c.name: c.slack for c in design.checks} == design.slacks
 
 
+@pytest.mark.slow
 def test_strokes_cover_todays_ranges() -> None:
     """Every pose of today's workspace is in stroke of the new machine, and its own ranges hold
     today's.

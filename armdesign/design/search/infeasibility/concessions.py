@@ -13,6 +13,7 @@ from armdesign.units import WORKSHOP, outward
 
 DIGITS = 6  # of a setting that gives
 WITHIN = 0.999  # of what a file allows it to give
+ENOUGH = ", which is enough but not proved least"
 HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
 
 
@@ -93,6 +94,7 @@ def conflict_error(
     settled: bool = True,
     otherwise: str = "",
     left: Sequence[str] = (),
+    least: bool = True,
 ) -> InfeasibleError:
     """The error that says a conflict in one line, and several requirements in a table.
 
@@ -103,22 +105,26 @@ def conflict_error(
         settled: whether what they give is enough for all requirements to be met.
         otherwise: what else helps.
         left: names of those that conflict still when all before are granted.
+        least: whether no smaller amounts are enough.
     """
     parts = [
         [c for c in conflict if c.part == part] for part in dict.fromkeys(c.part for c in conflict)
     ]
     if len(conflict) == 1:
-        names, amount = _with_limit(conflict[0]), f" by at least {_amount(conflict[0])}"
+        by = "by at least" if least else "by"
+        names, amount = _with_limit(conflict[0]), f" {by} {_amount(conflict[0])}"
     else:
         names = ", nor ".join(" together with ".join(c.name for c in one) for one in parts)
         amount = ""
     more = "" if settled else "; others conflict besides"
     if left:
         more = f"; when all before was granted, {', '.join(left)} conflicted still"
+    settings = _settings(conflict)
+    enough = ENOUGH if settings and settled and not least else ""
     return InfeasibleError(
         machine,
         f"{none_meets} {names}{more}",
-        f"relax {'it' if amount else 'them'}{amount}{_settings(conflict)}{otherwise}",
+        f"relax {'it' if amount else 'them'}{amount}{settings}{enough}{otherwise}",
         tuple(conflict),
         "" if amount else conflict_table(conflict),
     )

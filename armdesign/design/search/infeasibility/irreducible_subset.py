@@ -113,7 +113,8 @@ class ConflictSearch(ElasticProgramme):
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
-        is sought from several starts; from that one and today's machine if one is ``near``.
+        is sought from several starts, least among what they lead to; from that one and today's
+        machine if one is ``near``.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets)

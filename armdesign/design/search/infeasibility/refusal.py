@@ -38,7 +38,7 @@ DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
-OTHER_SIZES = ", which is enough but not proved least, or offer other sizes"
+OTHER_SIZES = ", or offer other sizes"
 
 T = TypeVar("T")
 
@@ -71,8 +71,12 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
         raise refusals[0]
     conflict = _all_together(problem, refusals, requirements)
     last = [] if settled else [c.name for c in refusals[-1].conflict]
-    words = (f"{WITH_SIZES}no design meets", OTHER_SIZES) if catalogue else ("no design meets", "")
-    raise conflict_error(problem.machine.name, conflict, words[0], settled, words[1], last)
+    none_meets, otherwise = "no design meets", ""
+    if catalogue:
+        none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
+    raise conflict_error(
+        problem.machine.name, conflict, none_meets, settled, otherwise, last, least=False
+    )
 
 
 def _all_together(
@@ -144,7 +148,7 @@ def _grid(problem: Problem) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Conflict:
-    """Conflicts near a search, and their least relaxation; None if none helps."""
+    """Conflicts near a search, and the least relaxation that a local search finds, if any."""
 
     search: Search
     subsets: tuple[tuple[str, ...], ...]
@@ -178,7 +182,7 @@ class _Conflict:
         return self.relaxation.x if self.relaxation else self.among.x
 
     def error(self, none_meets: str) -> InfeasibleError:
-        """The error that names the conflict and the least relaxation, together and alone."""
+        """The error that names the conflict and what relaxation is enough, together and alone."""
         search, amounts = self.search, self.among.amounts(self.among.x)
         of = {name: condition for name, (condition, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
@@ -191,8 +195,9 @@ class _Conflict:
         otherwise = ""
         if search.problem.sizes:
             none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
+        settled = self.relaxation is not None
         return conflict_error(
-            search.problem.machine.name, given, none_meets, self.relaxation is not None, otherwise
+            search.problem.machine.name, given, none_meets, settled, otherwise, least=False
         )
 
     def _alone(
