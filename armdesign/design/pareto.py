@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.design.catalogue.sizes import sizes_and_grid
-from armdesign.design.design import Design, optimize
+from armdesign.design.design import Design
+from armdesign.design.optimize import optimize
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations

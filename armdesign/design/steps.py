@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.design import Design, design_of
+from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
+from armdesign.design.optimize import design_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.provenance import call

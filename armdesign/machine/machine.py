@@ -202,12 +202,6 @@ class Machine:
         A mass sits where the case at work has its own; if that has none, where the first case has
         that has one. It is a load case beside the file's, and maps and designs count it
         too; the file itself does not change.
-
-        Example:
-            >>> import armdesign as ad
-            >>> machine = ad.load("paper_1dof")
-            >>> print(machine.with_payload(100).payload.mass)
-            100.0
         """
         if isinstance(payload, str):
             case = case_named(payload, self.payloads, self.name)
@@ -243,12 +237,6 @@ class Machine:
 
         Raises:
             MachineFileError: a path or value that the file cannot have.
-
-        Example:
-            >>> import armdesign as ad
-            >>> machine = ad.load("paper_1dof")
-            >>> print(machine.replace({"cylinder.lift.bore_mm": 70.0}).cylinders[0].bore)
-            0.07
         """
         source = self.source.name
         if not isinstance(changes, Mapping):
