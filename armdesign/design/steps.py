@@ -100,6 +100,12 @@ class Steps:
     steps: tuple[DesignStep, ...]
     left_out: dict[int, str]
 
+    def plot(self, ax: Any = None) -> Any:
+        """Gain by pins moved, and which they are; returns the axes."""
+        from armdesign import plots
+
+        return plots.design_steps(self, ax)
+
     @cached_property
     def frame(self) -> pd.DataFrame:
         """A row for each step.

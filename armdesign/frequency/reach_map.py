@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,12 @@ class ReachMap:
     reach: Array
     height: Array
     frequency: Array
+
+    def plot(self, ax: Any = None) -> Any:
+        """Lowest frequency by reach and height; returns the axes."""
+        from armdesign import plots
+
+        return plots.reach_map(self, ax)
 
 
 def reach_map(cases: Sequence[CasePoses], points: Array, cells: int | None = None) -> ReachMap:

@@ -3,7 +3,13 @@
 from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps
 from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save, title_of
-from armdesign.plots.designs import before_after, moment_arm_curves, moment_arms, trade_off
+from armdesign.plots.designs import (
+    before_after,
+    design_steps,
+    moment_arm_curves,
+    moment_arms,
+    trade_off,
+)
 from armdesign.plots.lift_charts import lift_chart, lift_charts
 from armdesign.plots.machine_overlays import machine_overlay
 from armdesign.plots.machines import machine_drawing
@@ -13,12 +19,13 @@ from armdesign.plots.maps import (
     holding_pressure,
     joint_plane,
     map_figure,
+    reach_map,
     side_by_side,
 )
 from armdesign.plots.mode_shapes import mode_shapes
 from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
 from armdesign.plots.recordings import identified_figure
-from armdesign.plots.responses import frequency_responses
+from armdesign.plots.responses import frequency_responses, measured_response, modal_fit
 from armdesign.plots.sensitivities import distribution, linear_against_exact, tornado
 from armdesign.plots.simulations import simulation_figure
 
@@ -30,6 +37,7 @@ __all__ = [
     "bandwidth_maps",
     "before_after",
     "calibration_figure",
+    "design_steps",
     "distribution",
     "drawn_joints",
     "figure",
@@ -44,10 +52,13 @@ __all__ = [
     "machine_drawing",
     "machine_overlay",
     "map_figure",
+    "measured_response",
+    "modal_fit",
     "mode_shapes",
     "moment_arm_curves",
     "moment_arms",
     "move_figure",
+    "reach_map",
     "save",
     "sensitivity_curves",
     "shaper_figure",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
     from armdesign.design.requirements.performance import Performance
+    from armdesign.design.steps import Steps
     from armdesign.machine.machine import Machine
 
 ACROSS = 3  # actuators in a row
@@ -99,6 +100,30 @@ def _curves(machine: Machine) -> dict[tuple[str, str], Performance]:
         (machine.actuators[at.actuator].name, machine.joints[at.joint]): at
         for at in performances(machine)
     }
+
+
+@literal
+def design_steps(steps: Steps, ax: Any = None) -> Any:
+    """Least gain within the bands by number of pins moved, with their names; returns the axes."""
+    count = len(steps.steps)
+    ax = figure(height=max(1.2 + 0.5 * count, 2.2))[1][0] if ax is None else ax
+    gains = [100 * step.gain for step in steps.steps]
+    places = range(count)
+    ax.barh(places, gains, color=MARK, height=0.6)
+    names = [
+        ", ".join(pin.removeprefix("cylinder.").replace("_", "-") for pin in step.pins)
+        for step in steps.steps
+    ]
+    labels = [f"{len(step.pins)} pin{'s' * (len(step.pins) > 1)}" for step in steps.steps]
+    ax.set_yticks(places, [label if label[0] != "0" else "no pin" for label in labels])
+    ax.invert_yaxis()  # fewest above
+    for place, gain, words in zip(places, gains, names, strict=True):
+        shown = f"{gain:+.1f} %" + (f"   {words}" if words else "   cylinders alone")
+        ax.annotate(shown, (max(gain, 0), place), (4, 0), textcoords="offset points", va="center")
+    ax.set(xlabel="least gain of the worst frequency within the bands [%]")
+    ax.set_xlim(min(0.0, *gains), 2.2 * max(*gains, 1.0))
+    ax.set_title(title_of(steps.today), fontsize=11)
+    return ax
 
 
 @literal

@@ -27,6 +27,7 @@ from armdesign.plots.machines import draw_machine
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.reach_map import ReachMap
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
 
@@ -55,11 +56,7 @@ def frequency_map(
     machine, worst = frequencies.machine, frequencies.worst
     drawn = drawn_joints(machine)
     if plane == "reach":
-        reach_map = frequencies.reach_map()
-        heatmap(ax, reach_map.reach, reach_map.height, reach_map.frequency, limits)
-        silhouette(ax, machine, worst)
-        ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
-        ax.set_title("lowest over all poses that bring the tool there")
+        silhouette(reach_map(frequencies.reach_map(), ax, **limits), machine, worst)
     elif len(drawn) == 1:
         _frequency_curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint")
@@ -68,6 +65,16 @@ def frequency_map(
         ax.set_title(f"lowest over {_others(machine)}{_steps(machine)}")
         x, y = (float(joint_values(machine.arm.joints[j], worst.q[j])) for j in drawn)
         mark(ax, x, y, worst.frequency)
+    return ax
+
+
+@literal
+def reach_map(lowest: ReachMap, ax: Any = None, **limits: float) -> Any:
+    """Lowest frequency by place of the tool; returns the axes. ``limits`` as in the map's own."""
+    ax = figure()[1][0] if ax is None else ax
+    heatmap(ax, lowest.reach, lowest.height, lowest.frequency, limits)
+    ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
+    ax.set_title("lowest over all poses that bring the tool there")
     return ax
 
 

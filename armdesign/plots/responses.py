@@ -1,4 +1,4 @@
-"""Frequency responses that nonlinear runs have shown."""
+"""Frequency responses: measured, and that nonlinear runs have shown, beside their fits."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
+    from armdesign.simulation.identification.frequency_response import FrequencyResponse
+    from armdesign.simulation.identification.modal_fit import ModalFit
     from armdesign.simulation.validation import Validation
 
 
@@ -32,4 +34,39 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
     axes[0].set_ylabel("cylinder speed / command")
     if runs:
         axes[0].legend(frameon=False, loc="lower center", fontsize=8)
+    return fig
+
+
+@literal
+def measured_response(measured: FrequencyResponse) -> Any:
+    """Figure of magnitude, within two standard deviations, phase and coherence."""
+    fig, (size, phase, share) = figure(rows=3, height=1.9)
+    lines, magnitude, spread = measured.frequency, np.abs(measured.response), measured.deviations
+    low = np.maximum(magnitude - 2 * spread, magnitude / 100)
+    size.fill_between(lines, low, magnitude + 2 * spread, color=COMPUTED, alpha=0.3, lw=0)
+    size.semilogy(lines, magnitude, color=INK, lw=1.2)
+    phase.plot(lines, np.degrees(np.angle(measured.response)), ".", color=INK, ms=3)
+    share.plot(lines, measured.coherence, color=INK, lw=1.2)
+    size.set_ylabel("output / input")
+    phase.set(ylabel="phase [°]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
+    share.set(ylabel="coherence", ylim=(-0.05, 1.05), xlabel="frequency [Hz]")
+    for ax in (size, phase, share):
+        ax.grid(alpha=0.3)
+        ax.set_xlim(lines[0], lines[-1])
+    return fig
+
+
+@literal
+def modal_fit(fit: ModalFit) -> Any:
+    """Figure of the measured lines, the fitted curve and the natural frequencies."""
+    fig, (ax,) = figure()
+    ax.semilogy(fit.frequency, np.abs(fit.response), ".", color=INK, ms=5, label="measured")
+    ax.semilogy(*fit.curve, "-", color=MARK, lw=1.5, label="fit")
+    for frequency in fit.natural_frequencies:
+        ax.axvline(frequency, ls="--", lw=1.2, color=COMPUTED)
+    modes = zip(fit.natural_frequencies, fit.damping_ratios, strict=True)
+    ax.set_title("; ".join(f"{f:.3f} Hz, ζ = {zeta:.3g}" for f, zeta in modes), fontsize=11)
+    ax.set(xlabel="frequency [Hz]", ylabel="output / input")
+    ax.legend(frameon=False)
+    ax.grid(alpha=0.3)
     return fig

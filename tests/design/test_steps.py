@@ -76,6 +76,8 @@ def test_many_pins_are_added_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None
     """Where the sets are too many, those that add a pin to the best set before."""
     monkeypatch.setattr("armdesign.design.steps.SETS", 4)
     answer = ad.steps(double(), workspace_of("double"))
+    bars = [bar.get_width() for bar in answer.plot().patches]
+    assert bars == pytest.approx([100 * step.gain for step in answer.steps])
     first, second = answer.steps[1], answer.steps[2]
     assert (second.searched, second.sets) == (3, 6)
     assert set(first.pins) < set(second.pins)

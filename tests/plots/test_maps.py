@@ -35,6 +35,13 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
+def test_a_reach_map_draws_its_own_cells() -> None:
+    reach_map = mapped("crossing", 3).reach_map()
+    (mesh,) = reach_map.plot().collections
+    drawn = np.ma.filled(mesh.get_array(), np.nan).reshape(reach_map.frequency.T.shape)
+    np.testing.assert_array_equal(drawn, reach_map.frequency.T)
+
+
 @pytest.mark.parametrize("plane", ["joints", "reach"])
 def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
     pair = {"one": mapped("excavator_20t", 3), "other": mapped("crossing", 3)}

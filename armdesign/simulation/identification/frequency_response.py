@@ -7,6 +7,7 @@ response the excitation explains.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +50,12 @@ class FrequencyResponse(ReadOnly):
         return np.asarray(
             np.abs(self.response) * np.sqrt(unexplained / (2 * self.averages * coherence))
         )
+
+    def plot(self) -> Any:
+        """Magnitude with its deviation, phase and coherence over frequency; returns the figure."""
+        from armdesign import plots
+
+        return plots.measured_response(self)
 
     def fit(self, modes: int = 1, part: str = "response") -> ModalFit:
         """Natural frequencies and damping ratios; lines with little coherence count little.

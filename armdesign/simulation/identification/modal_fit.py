@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,6 +85,12 @@ class ModalFit(ReadOnly):
     fitted: Array
     curve: Array
     residual: float
+
+    def plot(self) -> Any:
+        """Measured and fitted magnitude over frequency; returns the figure."""
+        from armdesign import plots
+
+        return plots.modal_fit(self)
 
 
 def identify_forced_response(

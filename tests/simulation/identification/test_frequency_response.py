@@ -25,6 +25,10 @@ def test_settled_multisine_gives_the_exact_response() -> None:
     fit = found.fit()
     assert fit.natural_frequencies == pytest.approx([1.03], rel=1e-4)
     assert fit.damping_ratios == pytest.approx([0.05], rel=1e-2)
+    size, phase, share = (ax.lines[0].get_ydata() for ax in found.plot().axes)
+    np.testing.assert_allclose(size * np.exp(1j * np.radians(phase)), found.response)
+    np.testing.assert_allclose(share, found.coherence)
+    np.testing.assert_allclose(fit.plot().axes[0].lines[0].get_ydata(), np.abs(fit.response))
 
 
 def test_coherence_is_the_share_explained() -> None:
